@@ -1,0 +1,252 @@
+"""Input checks that more than one module needs: trials, ratings, sparsity.
+
+A *trial* is one touch of one object: an array of shape ``(n_times,
+n_channels)``, or ``(n_times, height, width)`` for tactile images. Trials
+differ in length, so a collection of them is a sequence of arrays. A *table* is
+scikit-learn's ordinary two-dimensional input; every transformer takes both.
+"""
+
+import warnings
+
+import numpy as np
+from scipy import sparse
+from sklearn.utils.multiclass import check_classification_targets
+from sklearn.utils.validation import check_array, column_or_1d
+
+
+class Sequences(list):
+    """What a sequence step returns: a list of arrays that know their columns.
+
+    Parameters
+    ----------
+    arrays : iterable of ndarray of shape (n_times_i, n_columns)
+        One array a trial.
+    feature_names : sequence of str
+        The name of each column, which pooling carries into its own names.
+    """
+
+    def __init__(self, arrays, feature_names):
+        super().__init__(arrays)
+        self.feature_names = np.asarray(feature_names, dtype=object)
+
+
+def is_table(X):
+    """Whether ``X`` is ordinary 2-D input rather than a collection of trials.
+
+    Anything that is not clearly a collection of trials counts as a table, so
+    that scikit-learn's own validation words the errors.
+    """
+    if isinstance(X, Sequences):
+        return False
+    if sparse.issparse(X) or isinstance(X, (str, bytes)) or not hasattr(X, "__len__"):
+        return True
+    if hasattr(X, "to_numpy"):  # DataFrame or Series, of pandas or polars
+        cells = _column_cells(X)
+        return cells is None or not any(np.ndim(cell) >= 1 for cell in cells)
+    if isinstance(X, np.ndarray) and X.dtype != object:
+        return X.ndim <= 2
+    if isinstance(X, np.ndarray) and X.ndim != 1:
+        return True
+    if len(X) == 0:
+        return True
+    ndims = {_ndim(trial) for trial in X}
+    if ndims == {1}:  # rows of a table, unless their lengths differ
+        return len({len(row) for row in X}) == 1 and not isinstance(X, np.ndarray)
+    return ndims == {0}
+
+
+def check_trials(X, *, ndims=(2,), n_channels=None, min_times=1):
+    """Validate a collection of trials; return a list of floating-point arrays.
+
+    Parameters
+    ----------
+    X : collection of array-like
+        List, tuple, object array, Series or one-column DataFrame of arrays, or
+        one array with the trials along its first axis. A one-dimensional trial
+        is one channel.
+    ndims : tuple of int, default=(2,)
+        Numbers of dimensions that a trial may have.
+    n_channels : int or tuple of int, default=None
+        Required shape of one time sample; by default that of the first trial.
+    min_times : int, default=1
+        Fewest time samples that a trial may have.
+
+    Returns
+    -------
+    trials : list of ndarray of shape (n_times_i, ...)
+        All float32 if every trial is float32, else all float64. Inputs that
+        are already so are not copied.
+
+    Raises
+    ------
+    ValueError
+        If there is no trial, or one is too short, not finite, not numeric or
+        of another shape than the rest; the message names the trial.
+    """
+    cells = _column_cells(X) if hasattr(X, "to_numpy") else X
+    if cells is None:
+        raise ValueError(
+            "X has several columns of trials; choose one with ColumnTransformer, a "
+            "transformer for each sensor."
+        )
+    if len(cells) == 0:
+        raise ValueError("X holds no trials; at least one is required.")
+    trials = [_check_trial(cell, i, ndims, min_times) for i, cell in enumerate(cells)]
+    shape = trials[0].shape[1:] if n_channels is None else n_channels
+    shape = (shape,) if np.ndim(shape) == 0 else tuple(shape)
+    for i, trial in enumerate(trials):
+        if trial.shape[1:] != shape:
+            raise ValueError(
+                f"Trial {i} of X has {_samples(trial.shape[1:])}, but "
+                f"{_samples(shape)} {'is' if len(shape) > 1 else 'are'} expected, as "
+                f"in {'the first trial' if n_channels is None else 'fit'}."
+            )
+    if len({trial.dtype for trial in trials}) > 1:
+        trials = [trial.astype(np.float64, copy=False) for trial in trials]
+    return trials
+
+
+def check_sparsity(n_nonzero_coefs, n_atoms):
+    """Clip the number of atoms a code may use to the number there are."""
+    if n_nonzero_coefs > n_atoms:
+        warnings.warn(
+            f"n_nonzero_coefs={n_nonzero_coefs} exceeds n_atoms={n_atoms}; codes use "
+            f"at most {n_atoms} atoms.",
+            UserWarning,
+            stacklevel=3,
+        )
+    return min(n_nonzero_coefs, n_atoms)
+
+
+def check_ratings(y, levels=None, *, name="y"):
+    """Validate ratings in either form; return them as counts per level.
+
+    Parameters
+    ----------
+    y : array-like of shape (n_trials,) or (n_trials, n_levels)
+        One rating a trial, or how many people chose each level. Counts may be
+        any non-negative weights.
+    levels : array-like of shape (n_levels,), default=None
+        The ordered levels. By default the sorted labels of one-dimensional
+        ``y``, and 1, 2, …, n_levels for counts.
+    name : str, default="y"
+        What error messages call ``y``.
+
+    Returns
+    -------
+    counts : ndarray of shape (n_trials, n_levels)
+        Counts as float64.
+    levels : ndarray of shape (n_levels,)
+        The ordered levels.
+
+    Raises
+    ------
+    ValueError
+        If a rating is not among the levels, a count is negative or not finite,
+        the number of columns is not that of the levels, or a trial has no
+        ratings at all; the message names the trial.
+    """
+    y = check_array(y, ensure_2d=False, dtype=None, input_name=name)
+    if y.ndim == 2 and y.shape[1] == 1:
+        y = column_or_1d(y, warn=True)
+    if levels is not None:
+        levels = _check_levels(levels)
+    if y.ndim == 1:
+        check_classification_targets(y)
+        return _count_labels(y, levels, name)
+    counts = check_array(y, dtype=np.float64, input_name=name)
+    if levels is None:
+        levels = np.arange(1, counts.shape[1] + 1)
+    if counts.shape[1] != len(levels):
+        raise ValueError(
+            f"{name} has {counts.shape[1]} columns of counts, but there are "
+            f"{len(levels)} levels: give one column a level."
+        )
+    if (counts < 0).any():
+        trial = int(np.argmax((counts < 0).any(axis=1)))
+        raise ValueError(
+            f"{name} has a negative count in trial {trial}; counts of ratings are 0 "
+            "or more."
+        )
+    if not (counts > 0).any(axis=1).all():
+        trial = int(np.argmin((counts > 0).any(axis=1)))
+        raise ValueError(
+            f"{name} has no ratings in trial {trial}; remove trials whose object "
+            "nobody rated."
+        )
+    return counts, levels
+
+
+def _check_levels(levels):
+    levels = column_or_1d(np.asarray(levels))
+    if len(levels) == 0 or len(np.unique(levels)) != len(levels):
+        raise ValueError(
+            f"levels={levels.tolist()} must be distinct and at least one; list each "
+            "level once, lowest first."
+        )
+    return levels
+
+
+def _count_labels(y, levels, name):
+    if levels is None:
+        levels = np.unique(y)
+    matches = y[:, None] == levels
+    known = matches.any(axis=1)
+    if not known.all():
+        trial = int(np.argmin(known))
+        raise ValueError(
+            f"{name} has the rating {y[trial]!r} in trial {trial}, which is not among "
+            f"levels={levels.tolist()}; add it to levels or mend the rating."
+        )
+    return matches.astype(np.float64), levels
+
+
+def _column_cells(X):
+    """Return the cells of a Series or one-column frame; None for several columns."""
+    if getattr(X, "ndim", len(getattr(X, "shape", ()))) == 2:
+        if X.shape[1] != 1:
+            return None
+        X = X[X.columns[0]]
+    return list(X)
+
+
+def _ndim(trial):
+    return trial.ndim if hasattr(trial, "ndim") else np.ndim(trial)
+
+
+def _samples(shape):
+    if len(shape) == 1:
+        return f"{shape[0]} channel{'s' * (shape[0] != 1)}"
+    return "frames of " + " × ".join(map(str, shape))
+
+
+def _check_trial(trial, i, ndims, min_times):
+    try:
+        trial = np.asarray(trial)
+        if trial.dtype not in (np.float32, np.float64):
+            trial = trial.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"Trial {i} of X is not an array of numbers ({error}); give each trial as "
+            "an array of shape (n_times, n_channels)."
+        ) from error
+    if trial.ndim == 1 and 2 in ndims:
+        trial = trial[:, None]
+    if trial.ndim not in ndims:
+        wanted = " or ".join(
+            {2: "(n_times, n_channels)", 3: "(n_times, height, width)"}[n]
+            for n in ndims
+        )
+        raise ValueError(
+            f"Trial {i} of X has shape {trial.shape}; it must be {wanted}."
+        )
+    if len(trial) < min_times:
+        raise ValueError(
+            f"Trial {i} of X has {len(trial)} time samples, but at least {min_times} "
+            "are required; remove it or use shorter windows or fewer cells."
+        )
+    if not np.isfinite(trial).all():
+        raise ValueError(
+            f"Trial {i} of X contains NaN or infinity; impute or remove those samples."
+        )
+    return trial
