@@ -1,0 +1,18 @@
+"""Fixtures that several test modules use."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def shared_data():
+    """Folder of real recordings and ratings; tests that need it skip without."""
+    default = Path(__file__).resolve().parents[2] / "shared"
+    folder = Path(os.environ.get("SKLEARN_HAPTIC_SHARED", default)) / "data"
+    if not folder.is_dir():
+        pytest.skip(
+            "no shared data: set SKLEARN_HAPTIC_SHARED to the folder that holds it"
+        )
+    return folder
