@@ -1,0 +1,477 @@
+"""The neural-network proportional odds model as an estimator."""
+
+import warnings
+from numbers import Integral, Real
+
+import numpy as np
+from sklearn.base import BaseEstimator, ClassifierMixin, _fit_context
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.model_selection import GroupShuffleSplit
+from sklearn.utils import check_random_state
+from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils.validation import (
+    _check_sample_weight,
+    check_consistent_length,
+    check_is_fitted,
+    validate_data,
+)
+
+from ._proportional_odds import (
+    forward,
+    initial_params,
+    level_probabilities,
+    monotone_bounds,
+    network_loss,
+    rotate_inputs,
+    row_space,
+    thresholds_from,
+    unpack,
+)
+from ._solvers import Monitor, irprop_plus, lbfgs
+from ._validation import check_ratings
+
+
+def macro_mae(predicted, level, weight):
+    """Mean over trials of the absolute error averaged over the levels present.
+
+    Equation 3 of Richardson & Kuchenbecker (2020), on level indices of shape
+    (n_trials, n_observations); observations of weight 0 do not count.
+    """
+    error = np.abs(predicted - level)
+    total, n_present = np.zeros(len(weight)), np.zeros(len(weight))
+    for k in np.unique(level):
+        at_level = (level == k) & (weight > 0)
+        count = at_level.sum(axis=1)
+        total += np.sum(error * at_level, axis=1) / np.maximum(count, 1)
+        n_present += count > 0
+    return np.mean(total / n_present)
+
+
+def validation_split(n_trials, groups, fraction, random_state):
+    """Hold out a fraction of the groups, or of the trials where there are none."""
+    groups = np.arange(n_trials) if groups is None else groups
+    splitter = GroupShuffleSplit(1, test_size=fraction, random_state=random_state)
+    return next(splitter.split(np.empty(n_trials), groups=groups))
+
+
+class NNPOM(ClassifierMixin, BaseEstimator):
+    """Proportional-odds ordinal regression on one layer of logistic units.
+
+    The neural-network proportional odds model of Gutiérrez et al. [1]_, with a
+    log-likelihood that neither cancels nor overflows. It is trained on single
+    ratings or on the counts of many people's ratings, which equals training on
+    each rating in turn. ``n_hidden=0`` is the linear proportional odds model.
+
+    Scale the features first (`sklearn.preprocessing.StandardScaler`).
+
+    Parameters
+    ----------
+    n_hidden : int, default=10
+        Number of hidden units; 0 for the linear model.
+    alpha : float, default=1.0
+        L2 penalty (lambda in the paper) of all weights but the hidden biases
+        and thresholds, beside the *sum* of the observations' negative
+        log-likelihoods: repeating every observation weakens it.
+    solver : {"lbfgs", "irprop+"}, default="lbfgs"
+        "irprop+" is the paper's. "lbfgs" reaches the same cost in fewer
+        iterations, and first rotates the features to the space their rows span,
+        which the penalty does not notice, where there are more features than
+        trials.
+    max_iter : int, default=500
+        Most iterations of the solver.
+    tol : float, default=1e-5
+        Largest component of the gradient of the mean cost at convergence.
+    early_stopping : bool, default=False
+        Hold out some trials, measure their error every 10 iterations, stop when
+        it has not decreased in ``n_iter_no_change`` iterations, and keep the
+        best model. The error is the per-trial macro-averaged absolute error of
+        the most probable level.
+    n_iter_no_change : int, default=150
+        Patience of early stopping, in iterations.
+    validation_fraction : float, default=0.1
+        Share of the trials (of the groups, if ``fit`` is given any) held out
+        for early stopping.
+    levels : array-like of shape (n_levels,), default=None
+        All ordered levels, so that one absent from the training data keeps its
+        column. By default the levels found by ``fit``.
+    random_state : int, RandomState instance or None, default=None
+        Start values of the weights and the validation trials. Without hidden
+        units and early stopping nothing is random.
+
+    Attributes
+    ----------
+    levels_, classes_ : ndarray of shape (n_levels,)
+        The ordered levels.
+    coefs_ : list of ndarray
+        Weights of shape (n_features, n_hidden) into the hidden units and of
+        shape (n_hidden,) out of them; one array of shape (n_features,) if
+        there are none.
+    intercepts_ : ndarray of shape (n_hidden,)
+        Biases of the hidden units.
+    thresholds_ : ndarray of shape (n_levels - 1,)
+        Thresholds between the levels; infinite or equal around levels that no
+        training rating has.
+    loss_ : float
+        Final cost: penalised mean negative log-likelihood.
+    loss_curve_ : list of float
+        Cost after each iteration.
+    n_iter_ : int
+        Iterations run.
+    n_features_in_ : int
+        Number of features.
+    feature_names_in_ : ndarray of shape (n_features_in_,)
+        Names of the features, if they have any.
+
+    See Also
+    --------
+    DistributionalOrdinalRegressor : Predicts distributions through this network.
+
+    References
+    ----------
+    .. [1] Gutiérrez, P. A., Pérez-Ortiz, M., Sánchez-Monedero, J.,
+       Fernández-Navarro, F. & Hervás-Martínez, C. (2016). Ordinal regression
+       methods: survey and experimental study. IEEE Transactions on Knowledge and
+       Data Engineering 28(1), 127–146. :doi:`10.1109/TKDE.2015.2457911`
+
+    Examples
+    --------
+    Five people rate each of four objects; two features describe an object.
+
+    >>> import numpy as np
+    >>> from sklearn_haptic import NNPOM
+    >>> X = np.array([[-1.0, 0.2], [-0.4, -1.0], [0.3, 0.9], [1.1, -0.1]])
+    >>> counts = np.array([[4, 1, 0], [2, 3, 0], [0, 3, 2], [0, 1, 4]])
+    >>> model = NNPOM(n_hidden=0).fit(X, counts)
+    >>> model.predict_proba([[0.0, 0.0]]).round(2)
+    array([[0.2, 0.6, 0.2]])
+    >>> model.predict([[-2.0, 0.0], [2.0, 0.0]])
+    array([1, 3])
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "n_hidden": [Interval(Integral, 0, None, closed="left")],
+        "alpha": [Interval(Real, 0, None, closed="left")],
+        "solver": [StrOptions({"lbfgs", "irprop+"})],
+        "max_iter": [Interval(Integral, 1, None, closed="left")],
+        "tol": [Interval(Real, 0, None, closed="left")],
+        "early_stopping": ["boolean"],
+        "n_iter_no_change": [Interval(Integral, 1, None, closed="left")],
+        "validation_fraction": [Interval(Real, 0, 1, closed="neither")],
+        "levels": ["array-like", None],
+        "random_state": ["random_state"],
+    }
+
+    def __init__(
+        self,
+        n_hidden=10,
+        alpha=1.0,
+        *,
+        solver="lbfgs",
+        max_iter=500,
+        tol=1e-5,
+        early_stopping=False,
+        n_iter_no_change=150,
+        validation_fraction=0.1,
+        levels=None,
+        random_state=None,
+    ):
+        self.n_hidden = n_hidden
+        self.alpha = alpha
+        self.solver = solver
+        self.max_iter = max_iter
+        self.tol = tol
+        self.early_stopping = early_stopping
+        self.n_iter_no_change = n_iter_no_change
+        self.validation_fraction = validation_fraction
+        self.levels = levels
+        self.random_state = random_state
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.classifier_tags.poor_score = True  # on classes that have no order
+        return tags
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X, y, sample_weight=None, *, groups=None):
+        """Fit the network to ratings.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+        y : array-like of shape (n_trials,) or (n_trials, n_levels)
+            One rating a trial, or how many people gave each rating.
+        sample_weight : array-like of shape (n_trials,), default=None
+            Weight of each trial; 2 equals the trial given twice.
+        groups : array-like of shape (n_trials,), default=None
+            The object of each trial. Early stopping holds out whole objects.
+
+        Returns
+        -------
+        self : NNPOM
+            The fitted network.
+        """
+        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True)
+        counts, self.levels_ = check_ratings(y, self.levels)
+        weight = counts * _check_sample_weight(
+            sample_weight, X, dtype=np.float64, ensure_non_negative=True
+        ).reshape(-1, 1)
+        if np.ndim(y) == 1:  # a single observation a trial
+            level = counts.argmax(axis=1)[:, None]
+            weight = np.take_along_axis(weight, level, axis=1)
+        else:
+            level = np.arange(len(self.levels_))[None, :]
+        rng = check_random_state(self.random_state)
+        if not self.early_stopping:
+            return self._fit(X, None, level, weight, None, rng)
+        check_consistent_length(X, groups)
+        train, held_out = validation_split(
+            len(X), groups, self.validation_fraction, rng
+        )
+        level = np.broadcast_to(level, weight.shape)
+        validation = X[held_out], None, level[held_out], weight[held_out]
+        return self._fit(X[train], None, level[train], weight[train], validation, rng)
+
+    def fit_with_positions(
+        self,
+        X,
+        positions,
+        level,
+        weight,
+        *,
+        levels,
+        monotone=False,
+        validation=None,
+        random_state=None,
+    ):
+        """Fit as if each trial were repeated with one more feature, its position.
+
+        The cost, its gradient and the fitted model are those of `fit` on the
+        repeated rows ``[x, position]``, which are never built. This is what
+        `DistributionalOrdinalRegressor` calls on an estimator that has it; the
+        input has been validated.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n_trials, n_features)
+            Features of each trial.
+        positions : ndarray of shape (n_trials, n_observations)
+            The last feature of each observation.
+        level : ndarray of int of shape (n_trials, n_observations)
+            Index into ``levels`` of each observation's rating.
+        weight : ndarray of shape (n_trials, n_observations)
+            Weight of each observation.
+        levels : ndarray of shape (n_levels,)
+            The ordered levels.
+        monotone : bool, default=False
+            Keep the latent response from falling as the position grows, by
+            non-negative weights of the position and out of the hidden units;
+            for the "lbfgs" solver.
+        validation : tuple of (X, positions, level, weight), default=None
+            Trials for early stopping; None for no early stopping.
+        random_state : RandomState instance, default=None
+            By default made from the estimator's own.
+
+        Returns
+        -------
+        self : NNPOM
+            The fitted network, with ``n_features + 1`` inputs.
+        """
+        self._validate_params()
+        self.n_features_in_ = X.shape[1] + 1
+        self.levels_ = levels
+        rng = check_random_state(
+            self.random_state if random_state is None else random_state
+        )
+        return self._fit(X, positions, level, weight, validation, rng, monotone)
+
+    def _fit(self, X, positions, level, weight, validation, rng, monotone=False):
+        if monotone and self.solver != "lbfgs":
+            raise ValueError(
+                f"monotone=True requires solver='lbfgs', but solver={self.solver!r}; "
+                "set one of the two."
+            )
+        self.classes_ = self.levels_
+        level_weight = np.bincount(
+            np.broadcast_to(level, weight.shape).ravel(),
+            weight.ravel(),
+            minlength=len(self.levels_),
+        )
+        self._present = np.flatnonzero(level_weight)
+        n_inputs = X.shape[1] + (positions is not None)
+        if len(self._present) == 1:
+            return self._fit_constant(n_inputs)
+        rank = np.zeros(len(self.levels_), dtype=np.intp)
+        rank[self._present] = np.arange(len(self._present))
+
+        params = initial_params(
+            n_inputs, self.n_hidden, level_weight[self._present], rng
+        )
+        rotation = None
+        if self.solver == "lbfgs" and X.shape[1] > len(X):
+            X, rotation = row_space(X)
+            params = rotate_inputs(params, rotation, n_inputs, self.n_hidden)
+            n_inputs = X.shape[1] + (positions is not None)
+
+        def fun(params):
+            return network_loss(
+                params, X, positions, rank[level], weight, self.n_hidden, self.alpha
+            )
+
+        def validation_error(params):
+            X_val, positions_val, level_val, weight_val = validation
+            X_val = X_val if rotation is None else X_val @ rotation
+            coef, bias, output, first, gaps = unpack(params, n_inputs, self.n_hidden)
+            latent, _ = forward(X_val, positions_val, coef, bias, output)
+            proba = level_probabilities(latent, thresholds_from(first[0], gaps))
+            predicted = self._present[proba.argmax(axis=-1)]
+            return macro_mae(predicted, level_val, weight_val)
+
+        monitor = Monitor(
+            None if validation is None else validation_error, self.n_iter_no_change
+        )
+        options = {"max_iter": self.max_iter, "tol": self.tol, "callback": monitor}
+        if self.solver == "lbfgs":
+            bounds = None
+            if monotone:
+                bounds = monotone_bounds(len(params), n_inputs, self.n_hidden)
+                params = np.clip(params, *bounds.T)
+            result = lbfgs(fun, params, bounds=bounds, **options)
+        else:
+            result = irprop_plus(fun, params, **options)
+        params, self.n_iter_, converged = result
+        if monitor.best_params is not None:
+            params = monitor.best_params
+        elif not converged:
+            warnings.warn(
+                f"NNPOM did not converge in max_iter={self.max_iter} iterations; "
+                "increase max_iter or alpha, scale the features, or use "
+                "early_stopping=True.",
+                ConvergenceWarning,
+                stacklevel=3,
+            )
+        self.loss_ = float(fun(params)[0])
+        self.loss_curve_ = monitor.costs
+        if rotation is not None:
+            params = rotate_inputs(params, rotation.T, n_inputs, self.n_hidden)
+            n_inputs = self.n_features_in_
+        return self._store(params, n_inputs)
+
+    def _store(self, params, n_inputs):
+        coef, bias, output, first, gap_logits = unpack(params, n_inputs, self.n_hidden)
+        self.coefs_ = [coef, output] if self.n_hidden else [coef]
+        self.intercepts_ = bias
+        present_thresholds = thresholds_from(first[0], gap_logits)
+        edges = np.concatenate(([-np.inf], present_thresholds, [np.inf]))
+        n_below = np.searchsorted(
+            self._present, np.arange(len(self.levels_) - 1), side="right"
+        )
+        self.thresholds_ = edges[n_below]
+        self._present_thresholds = present_thresholds
+        return self
+
+    def _fit_constant(self, n_inputs):
+        """Fit the model that always predicts the only level there is."""
+        n_params = n_inputs * max(self.n_hidden, 1) + 2 * self.n_hidden + 1
+        self._store(np.zeros(n_params), n_inputs)
+        self.thresholds_ = np.where(
+            np.arange(len(self.levels_) - 1) < self._present[0], -np.inf, np.inf
+        )
+        self._present_thresholds = np.empty(0)
+        self.loss_, self.loss_curve_, self.n_iter_ = 0.0, [], 0
+        return self
+
+    def predict_proba(self, X):
+        """Predict the probability of each level.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_levels)
+            Rows sum to 1; columns as in ``levels_``.
+        """
+        return self._proba(self.predict_latent(X))
+
+    def predict_proba_with_positions(self, X, positions):
+        """Predict for each trial at each position, sharing the trial's features.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n_trials, n_features)
+            Validated features, without the position.
+        positions : ndarray of shape (n_positions,)
+            The last feature.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_positions, n_levels)
+        """
+        positions = np.broadcast_to(positions, (len(X), len(positions)))
+        weights = self.coefs_[0], self.intercepts_, self._output
+        latent, _ = forward(X, positions, *weights)
+        return self._proba(latent)
+
+    def predict(self, X):
+        """Predict the most probable level.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+
+        Returns
+        -------
+        rating : ndarray of shape (n_trials,)
+        """
+        proba = self.predict_proba(X)
+        return self.levels_[proba.argmax(axis=1)]
+
+    def predict_latent(self, X):
+        """Predict the latent response f, which the thresholds cut into levels.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+
+        Returns
+        -------
+        latent : ndarray of shape (n_trials,)
+        """
+        return self._forward(X)[0][:, 0]
+
+    def hidden_activations(self, X):
+        """Activations of the hidden units, the network's own features.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+
+        Returns
+        -------
+        hidden : ndarray of shape (n_trials, n_hidden)
+            Values in (0, 1); no columns for the linear model.
+        """
+        latent, hidden = self._forward(X)
+        return np.empty((len(latent), 0)) if hidden is None else hidden[:, 0]
+
+    def _forward(self, X):
+        check_is_fitted(self)
+        X = validate_data(self, X, dtype=np.float64, reset=False)
+        return forward(X, None, self.coefs_[0], self.intercepts_, self._output)
+
+    @property
+    def _output(self):
+        return self.coefs_[1] if len(self.coefs_) > 1 else self.intercepts_
+
+    def _proba(self, latent):
+        proba = np.zeros((*latent.shape, len(self.levels_)))
+        proba[..., self._present] = level_probabilities(
+            latent, self._present_thresholds
+        )
+        return proba

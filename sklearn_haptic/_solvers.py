@@ -1,0 +1,100 @@
+"""Minimisers of a smooth cost, and the early stopping of either."""
+
+import numpy as np
+from scipy import optimize
+
+# Igel & Hüsken's iRprop+ as used by Gutiérrez et al. (2016).
+_GROW, _SHRINK, _FIRST_STEP, _LARGEST_STEP = 1.2, 0.5, 0.0123, 50.0
+_VALIDATION_INTERVAL = 10  # iterations between two looks at the validation error
+
+
+def irprop_plus(fun, x0, *, max_iter, tol, callback):
+    """Minimise by resilient backpropagation with weight backtracking.
+
+    Parameters
+    ----------
+    fun : callable
+        Returns cost and gradient.
+    x0 : ndarray
+        Where to start.
+    max_iter : int
+        Number of steps.
+    tol : float
+        The search ends once no component of the gradient exceeds it.
+    callback : callable
+        Called with ``(x, cost)`` after each step; stops the search if true.
+
+    References
+    ----------
+    Igel, C. & Hüsken, M. (2003). Empirical evaluation of the improved Rprop
+    learning algorithms. Neurocomputing 50, 105–123.
+    :doi:`10.1016/S0925-2312(01)00700-7`
+    """
+    x = x0.copy()
+    size = np.full_like(x, _FIRST_STEP)
+    step = np.zeros_like(x)
+    previous_grad = np.zeros_like(x)
+    previous_cost = np.inf
+    for iteration in range(max_iter):
+        cost, grad = fun(x)
+        if np.max(np.abs(grad)) <= tol:
+            return x, iteration, True
+        agreement = previous_grad * grad
+        size[agreement > 0] *= _GROW
+        size[agreement < 0] *= _SHRINK
+        np.minimum(size, _LARGEST_STEP, out=size)
+        turned = agreement < 0
+        backtrack = -step if cost > previous_cost else np.zeros_like(x)
+        step = np.where(turned, backtrack, -np.sign(grad) * size)
+        x += step
+        previous_grad = np.where(turned, 0.0, grad)
+        previous_cost = cost
+        if callback(x, cost):
+            return x, iteration + 1, True
+    return x, max_iter, False
+
+
+def lbfgs(fun, x0, *, bounds, max_iter, tol, callback):
+    """Minimise by scipy's L-BFGS-B; arguments as for `irprop_plus`."""
+
+    def stop(intermediate_result):
+        if callback(intermediate_result.x, intermediate_result.fun):
+            raise StopIteration
+
+    result = optimize.minimize(
+        fun,
+        x0,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=bounds,
+        callback=stop,
+        options={
+            "maxiter": max_iter,
+            "maxfun": 20 * max_iter,
+            "maxcor": 30,
+            "gtol": tol,
+            "ftol": np.finfo(float).eps,
+        },
+    )
+    return result.x, result.nit, result.status != 1
+
+
+class Monitor:
+    """Records the cost of each iteration and keeps the best validated model."""
+
+    def __init__(self, validation_error, patience):
+        self.validation_error = validation_error
+        self.patience = patience
+        self.costs = []
+        self.best_error, self.best_params, self.best_iter = np.inf, None, 0
+
+    def __call__(self, params, cost):
+        self.costs.append(float(cost))
+        iteration = len(self.costs)
+        if self.validation_error is None or iteration % _VALIDATION_INTERVAL:
+            return False
+        error = self.validation_error(params)
+        if error < self.best_error:
+            self.best_error, self.best_iter = error, iteration
+            self.best_params = params.copy()
+        return iteration - self.best_iter >= self.patience

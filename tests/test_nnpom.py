@@ -1,0 +1,368 @@
+"""The proportional-odds network against exact arithmetic, ORCA and scikit-learn."""
+
+import pickle
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.special import expit
+from sklearn.base import clone
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.linear_model import LogisticRegression
+from sklearn.utils.estimator_checks import (
+    check_dataframe_column_names_consistency,
+    check_param_validation,
+    parametrize_with_checks,
+)
+
+from sklearn_haptic import NNPOM
+from sklearn_haptic._nnpom import macro_mae
+from sklearn_haptic._proportional_odds import (
+    initial_params,
+    level_probabilities,
+    network_loss,
+    ordinal_loss,
+    thresholds_from,
+    unpack,
+)
+from sklearn_haptic._solvers import irprop_plus
+
+REFERENCE_CASES = [
+    f"{data}_{case}"
+    for data in ("melanoma_fs_H10", "tae_H3", "toy_H5")
+    for case in ("init_eps0.5", "sin", "stress", "trained200")
+]
+
+
+@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
+@parametrize_with_checks(
+    [
+        NNPOM(tol=1e-10, max_iter=5000),  # weights equal repeated rows to 1e-7 then
+        NNPOM(n_hidden=0, tol=1e-10),
+        NNPOM(n_hidden=2, solver="irprop+", tol=1e-10, max_iter=10_000),
+    ]
+)
+def test_common_checks(estimator, check):
+    check(estimator)
+
+
+def test_checks_outside_the_common_suite():
+    check_param_validation("NNPOM", NNPOM())
+    check_dataframe_column_names_consistency("NNPOM", NNPOM())
+
+
+def _from_orca(case):
+    """ORCA's parameters and exact gradient in this package's layout."""
+    n_hidden, n_features = int(case["hidden"]), case["X_train"].shape[1]
+    params = case["params"].ravel()
+    n_first = n_hidden * (n_features + 1)
+    layer = params[:n_first].reshape(n_hidden, n_features + 1, order="F")
+    output, t = params[n_first : n_first + n_hidden], params[n_first + n_hidden :]
+    gaps = t[1:] ** 2
+    gap_logits = gaps + np.log(-np.expm1(-gaps))
+    flat = np.concatenate(
+        (layer[:, 1:].T.ravel(), layer[:, 0], output, t[:1], gap_logits)
+    )
+    return flat, n_hidden, n_features, t
+
+
+@pytest.mark.parametrize("name", REFERENCE_CASES)
+def test_cost_and_gradient_equal_sixty_digit_arithmetic(shared_data, name):
+    case = np.load(shared_data / "nnpom_reference" / f"{name}.npz")
+    params, n_hidden, n_features, t = _from_orca(case)
+    y = case["y_train"].ravel().astype(int) - 1
+    cost, grad = network_loss(
+        params,
+        case["X_train"],
+        None,
+        y[:, None],
+        np.ones((len(y), 1)),
+        n_hidden,
+        float(case["lam"]),
+    )
+    coef, bias, output, first, gap_logits = unpack(grad, n_features, n_hidden)
+    gap_logit_of_t = 2 * t[1:] / expit(unpack(params, n_features, n_hidden)[4])
+    ours = np.concatenate(
+        (
+            np.column_stack((bias, coef.T)).ravel(order="F"),
+            output,
+            first,
+            gap_logits * gap_logit_of_t,
+        )
+    )
+    exact = case["exact_grad"].ravel()
+    assert cost == pytest.approx(float(case["exact_cost"]), rel=1e-12)
+    assert np.abs(ours - exact).max() <= 1e-12 * max(1, np.abs(exact).max())
+
+
+@pytest.mark.parametrize("name", [c for c in REFERENCE_CASES if "stress" not in c])
+def test_probabilities_equal_orca(shared_data, name):
+    case = np.load(shared_data / "nnpom_reference" / f"{name}.npz")
+    params, n_hidden, n_features, _ = _from_orca(case)
+    _, _, _, first, gap_logits = unpack(params, n_features, n_hidden)
+    proba = level_probabilities(
+        case["projected_test"], thresholds_from(first[0], gap_logits)
+    )
+    np.testing.assert_allclose(proba, case["orca_proba_test"], atol=1e-12)
+
+
+@pytest.mark.parametrize("latent", [-800.0, -30.0, 0.3, 40.0, 800.0])
+@pytest.mark.parametrize("gap_logit", [-700.0, -1.0, 50.0])
+def test_loss_is_exact_where_probabilities_underflow(latent, gap_logit):
+    first, gaps = -0.4, np.array([gap_logit, 0.5])
+    with mpmath.workdps(1100):
+        cuts = [mpmath.mpf(first)]
+        for gap in gaps:
+            cuts.append(cuts[-1] + mpmath.log1p(mpmath.exp(mpmath.mpf(gap))))
+
+        def below(k, f):
+            return 1 / (1 + mpmath.exp(f - cuts[k]))
+
+        f = mpmath.mpf(latent)
+        proba = [below(0, f), below(1, f) - below(0, f), below(2, f) - below(1, f)]
+        proba.append(1 / (1 + mpmath.exp(cuts[2] - f)))
+        exact = [float(-mpmath.log(p)) for p in proba]
+    for k in range(4):
+        loss, *grads = ordinal_loss(
+            np.array([[latent]]), np.array([[k]]), np.ones((1, 1)), first, gaps
+        )
+        assert loss == pytest.approx(exact[k], rel=1e-12, abs=1e-300)
+        assert all(np.isfinite(grad).all() for grad in grads)
+
+
+def test_counts_equal_one_row_for_each_rating():
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(30, 4))
+    counts = rng.integers(0, 4, size=(30, 5))
+    counts[:, 2] += 1
+    rows = np.repeat(X, counts.sum(axis=1), axis=0)
+    labels = np.concatenate([np.repeat(np.arange(1, 6), row) for row in counts])
+    for n_hidden in (0, 3):
+        model = NNPOM(n_hidden, random_state=0, tol=1e-9)
+        np.testing.assert_allclose(
+            clone(model).fit(X, counts).predict_proba(X),
+            clone(model).fit(rows, labels).predict_proba(X),
+            atol=1e-6,
+        )
+
+
+def test_weights_equal_repeated_rows():
+    rng = np.random.default_rng(0)
+    X, y = rng.normal(size=(40, 3)), rng.integers(0, 3, 40)
+    weight = rng.integers(0, 4, 40)
+    model = NNPOM(2, random_state=0, tol=1e-9)
+    repeated = clone(model).fit(np.repeat(X, weight, axis=0), np.repeat(y, weight))
+    weighted = clone(model).fit(X, y, sample_weight=weight)
+    np.testing.assert_allclose(
+        weighted.predict_proba(X), repeated.predict_proba(X), atol=1e-6
+    )
+    assert weighted.loss_ == pytest.approx(repeated.loss_, rel=1e-9)
+
+
+def test_two_levels_linear_is_logistic_regression():
+    rng = np.random.default_rng(1)
+    X = rng.normal(size=(200, 5))
+    y = (X @ rng.normal(size=5) + rng.logistic(size=200) > 0).astype(int)
+    ours = NNPOM(n_hidden=0, alpha=2.0, tol=1e-9).fit(X, y)
+    peer = LogisticRegression(C=1 / 2.0, tol=1e-9).fit(X, y)
+    np.testing.assert_allclose(ours.coefs_[0], peer.coef_[0], atol=1e-6)
+    np.testing.assert_allclose(ours.thresholds_, -peer.intercept_, atol=1e-6)
+
+
+@pytest.mark.parametrize("n_hidden", [0, 3])
+def test_row_space_rotation_reaches_the_same_minimum(n_hidden):
+    rng = np.random.default_rng(2)
+    X, y = rng.normal(size=(20, 60)), rng.integers(0, 4, 20)
+    model = NNPOM(n_hidden, random_state=0, tol=1e-8, max_iter=2000).fit(X, y)
+
+    def cost(params):
+        return network_loss(
+            params, X, None, y[:, None], np.ones((20, 1)), n_hidden, 1.0
+        )
+
+    params = np.concatenate(
+        [
+            *[coef.ravel() for coef in model.coefs_[:1]],
+            model.intercepts_,
+            *model.coefs_[1:],
+            model.thresholds_[:1],
+            np.log(np.expm1(np.diff(model.thresholds_))),
+        ]
+    )
+    value, grad = cost(params)
+    assert value == pytest.approx(model.loss_, rel=1e-12)
+    assert np.abs(grad).max() < 1e-6
+
+
+def test_levels_absent_from_training_keep_their_column():
+    X = np.linspace(-2, 2, 40)[:, None]
+    y = np.where(X[:, 0] > 0, 5, 3)
+    model = NNPOM(n_hidden=0, levels=[1, 2, 3, 4, 5, 6]).fit(X, y)
+    proba = model.predict_proba(X)
+    assert proba.shape == (40, 6)
+    assert (proba[:, [0, 1, 3, 5]] == 0).all()
+    np.testing.assert_allclose(proba.sum(axis=1), 1, rtol=1e-15)
+    without = NNPOM(n_hidden=0).fit(X, y)
+    np.testing.assert_allclose(proba[:, [2, 4]], without.predict_proba(X))
+    assert model.thresholds_[:2].tolist() == [-np.inf, -np.inf]
+    assert model.thresholds_[2] == model.thresholds_[3]
+    assert model.thresholds_[4] == np.inf
+
+
+def test_string_levels_in_their_own_order():
+    X = np.array([[-1.0], [-0.9], [0.0], [0.1], [1.0], [1.1]])
+    y = ["low", "low", "mid", "mid", "high", "high"]
+    model = NNPOM(0, alpha=1e-3, levels=["low", "mid", "high"]).fit(X, y)
+    assert model.predict(X).tolist() == y
+    assert model.classes_.tolist() == ["low", "mid", "high"]
+
+
+def test_fit_with_positions_equals_repeated_rows():
+    rng = np.random.default_rng(3)
+    X, positions = rng.normal(size=(25, 40)), rng.normal(size=(25, 6))
+    level = rng.integers(0, 4, (25, 6))
+    weight = rng.uniform(size=(25, 6))
+    rows = np.column_stack((np.repeat(X, 6, axis=0), positions.ravel()))
+    for n_hidden in (0, 4):
+        params = initial_params(
+            41, n_hidden, np.ones(4), np.random.RandomState(0)
+        ) + 0.1 * np.random.RandomState(1).normal(
+            size=len(initial_params(41, n_hidden, np.ones(4), np.random.RandomState(0)))
+        )
+        shared = network_loss(params, X, positions, level, weight, n_hidden, 0.7)
+        repeated = network_loss(
+            params,
+            rows,
+            None,
+            level.reshape(-1, 1),
+            weight.reshape(-1, 1),
+            n_hidden,
+            0.7,
+        )
+        assert shared[0] == pytest.approx(repeated[0], rel=1e-13)
+        np.testing.assert_allclose(shared[1], repeated[1], rtol=1e-11, atol=1e-14)
+        model = NNPOM(n_hidden, random_state=0).fit_with_positions(
+            X, positions, level, weight, levels=np.arange(4)
+        )
+        grid = np.array([-1.0, 0.5])
+        at_grid = np.column_stack((np.repeat(X, 2, axis=0), np.tile(grid, 25)))
+        np.testing.assert_allclose(
+            model.predict_proba_with_positions(X, grid).reshape(50, 4),
+            model.predict_proba(at_grid),
+            rtol=1e-12,
+        )
+
+
+@pytest.mark.parametrize("n_hidden", [0, 3])
+def test_monotone_latent_rises_with_the_position(n_hidden):
+    rng = np.random.default_rng(4)
+    X, positions = rng.normal(size=(30, 3)), rng.normal(size=(30, 5))
+    level = np.argsort(np.argsort(-positions, axis=1), axis=1)  # falls with p
+    model = NNPOM(n_hidden, alpha=0.1, random_state=0).fit_with_positions(
+        X, positions, level, np.ones((30, 5)), levels=np.arange(5), monotone=True
+    )
+    proba = model.predict_proba_with_positions(X, np.linspace(-3, 3, 50))
+    cdf = proba.cumsum(axis=2)
+    assert (np.diff(cdf, axis=1) <= 1e-12).all()
+
+
+def test_irprop_minimises_a_quadratic():
+    scale = np.array([1.0, 100.0, 0.01])
+
+    def fun(x):
+        return 0.5 * np.sum(scale * (x - 3) ** 2), scale * (x - 3)
+
+    x, n_iter, converged = irprop_plus(
+        fun, np.zeros(3), max_iter=500, tol=1e-8, callback=lambda x, cost: False
+    )
+    assert converged and n_iter < 500
+    np.testing.assert_allclose(x, 3, atol=1e-5)
+
+
+def test_solvers_reach_the_same_linear_model():
+    rng = np.random.default_rng(5)
+    X, y = rng.normal(size=(80, 3)), rng.integers(0, 4, 80)
+    lbfgs = NNPOM(0, tol=1e-8).fit(X, y)
+    irprop = NNPOM(0, solver="irprop+", tol=1e-8, max_iter=5000).fit(X, y)
+    np.testing.assert_allclose(lbfgs.coefs_[0], irprop.coefs_[0], atol=1e-5)
+
+
+def test_macro_mae_by_hand():
+    predicted = np.array([[0, 1, 1, 2], [0, 0, 0, 0]])
+    level = np.array([[0, 0, 1, 1], [3, 0, 0, 0]])
+    # trial 0: level 0 errs (0 + 1) / 2, level 1 errs (0 + 1) / 2: mean 0.5
+    # trial 1: level 3 errs 3, level 0 errs 0: mean 1.5
+    assert macro_mae(predicted, level, np.ones((2, 4))) == pytest.approx(1.0)
+
+
+def test_early_stopping_keeps_whole_objects_and_the_best_model():
+    rng = np.random.default_rng(6)
+    X = rng.normal(size=(100, 30))
+    y = np.clip(np.round(X[:, 0] + rng.normal(size=100)) + 3, 1, 5).astype(int)
+    objects = np.repeat(np.arange(20), 5)
+    model = NNPOM(
+        20,
+        alpha=1e-3,
+        solver="irprop+",
+        early_stopping=True,
+        n_iter_no_change=30,
+        random_state=0,
+    ).fit(X, y, groups=objects)
+    assert model.n_iter_ < 500
+    assert model.loss_ > min(model.loss_curve_)  # stopped later, kept an earlier one
+    assert model.n_iter_ % 10 == 0
+
+
+def test_warns_without_convergence():
+    rng = np.random.default_rng(7)
+    X, y = rng.normal(size=(50, 5)), rng.integers(0, 5, 50)
+    with pytest.warns(ConvergenceWarning, match="max_iter=2.*increase max_iter"):
+        NNPOM(5, max_iter=2, random_state=0).fit(X, y)
+
+
+@pytest.mark.parametrize(
+    ("y", "params", "message"),
+    [
+        ([1, 2, 9], {"levels": [1, 2, 3]}, "rating .*9.* in trial 2.*levels"),
+        ([[1, 0], [0, 0], [1, 1]], {}, "no ratings in trial 1"),
+        ([[1, 0], [0, -1], [1, 1]], {}, "negative count in trial 1"),
+        ([[1, 0], [0, 1], [1, 1]], {"levels": [1, 2, 3]}, "2 columns.*3 levels"),
+        ([1, 2, 3], {"levels": [1, 2, 2, 3]}, "distinct"),
+    ],
+)
+def test_bad_ratings(y, params, message):
+    with pytest.raises(ValueError, match=message):
+        NNPOM(0, **params).fit(np.eye(3), y)
+
+
+def test_monotone_needs_lbfgs():
+    with pytest.raises(ValueError, match="monotone=True requires solver='lbfgs'"):
+        NNPOM(0, solver="irprop+").fit_with_positions(
+            np.eye(3),
+            np.zeros((3, 1)),
+            np.arange(3)[:, None],
+            np.ones((3, 1)),
+            levels=np.arange(3),
+            monotone=True,
+        )
+
+
+def test_pickle_and_hidden_activations():
+    rng = np.random.default_rng(8)
+    X, y = rng.normal(size=(30, 3)), rng.integers(0, 3, 30)
+    model = NNPOM(4, random_state=0).fit(X, y)
+    loaded = pickle.loads(pickle.dumps(model))
+    np.testing.assert_array_equal(loaded.predict_proba(X), model.predict_proba(X))
+    hidden = model.hidden_activations(X)
+    assert hidden.shape == (30, 4) and (hidden > 0).all() and (hidden < 1).all()
+    np.testing.assert_allclose(hidden @ model.coefs_[1], model.predict_latent(X))
+    linear = NNPOM(0).fit(X, y)
+    assert linear.hidden_activations(X).shape == (30, 0)
+
+
+def test_no_module_below_imports_one_above():
+    folder = Path(__file__).parents[1] / "sklearn_haptic"
+    for name in ("_validation.py", "_proportional_odds.py", "_solvers.py"):
+        text = (folder / name).read_text(encoding="utf-8")
+        assert "from ._nnpom" not in text and "from ._distributional" not in text
