@@ -1,0 +1,539 @@
+r"""Scores of predicted distributions of ratings, and scorers for searches.
+
+Throughout, trial t has the *true* distribution :math:`F_k`, the proportion of
+people who rated its object at level k or below, and the *predicted* one
+:math:`\hat F_k`. Levels are ordinal, so distances between ratings are counted in
+levels: neighbours are 1 apart whatever their labels.
+"""
+
+from numbers import Integral
+
+import numpy as np
+from scipy.special import xlogy
+from sklearn.utils._param_validation import Interval, validate_params
+from sklearn.utils.validation import _check_sample_weight, check_array
+
+from ._validation import check_ratings
+from .ratings import _level_index
+
+_SCORE_CONSTRAINTS = {
+    "y_true": ["array-like"],
+    "y_proba": ["array-like"],
+    "sample_weight": ["array-like", None],
+    "average": ["boolean"],
+    "levels": ["array-like", None],
+}
+
+
+@validate_params(
+    {
+        **_SCORE_CONSTRAINTS,
+        "n_quantiles": [Interval(Integral, 1, None, closed="left")],
+    },
+    prefer_skip_nested_validation=True,
+)
+def macro_mae_per_trial(
+    y_true, y_proba, *, sample_weight=None, average=True, levels=None, n_quantiles=99
+):
+    r"""Macro-averaged mean absolute error of the predicted ratings, per trial.
+
+    Parameters
+    ----------
+    y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
+        How many people chose each level, or one rating a trial.
+    y_proba : array-like of shape (n_trials, n_levels)
+        Predicted probability of each level.
+    sample_weight : array-like of shape (n_trials,), default=None
+        Weight of each trial in the average.
+    average : bool, default=True
+        Whether to return the weighted mean rather than one score a trial.
+    levels : array-like of shape (n_levels,), default=None
+        The ordered levels, which say what column a rating in one-dimensional
+        ``y_true`` belongs to; by default the sorted ratings that occur.
+    n_quantiles : int, default=99
+        Number of positions p in the population at which ratings are compared.
+
+    Returns
+    -------
+    score : float or ndarray of shape (n_trials,)
+        Error in levels, from 0 (best) to n_levels - 1.
+
+    Raises
+    ------
+    ValueError
+        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        unknown ones, or the shapes differ.
+
+    Notes
+    -----
+    At :math:`p_i = i / (n + 1)`, i = 1, …, n, the true rating is
+    :math:`y_i = F^{-1}(p_i)` and the predicted one :math:`\hat F^{-1}(p_i)`. With
+    the levels X that occur among the :math:`y_i`,
+
+    .. math:: \mathrm{MAE}^M = \frac{1}{|X|} \sum_{x \in X}
+        \frac{1}{|\{i : y_i = x\}|} \sum_{i : y_i = x} |\hat F^{-1}(p_i) - y_i|.
+
+    A level that one person in twelve chose weighs as much as one that eleven
+    chose. So the score is not proper: a prediction spread wider than the truth can
+    score better than the truth. Report it beside a proper score.
+
+    References
+    ----------
+    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
+    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
+    equation 3. :doi:`10.3389/fnbot.2019.00116`
+
+    S. Baccianella, A. Esuli and F. Sebastiani, "Evaluation measures for ordinal
+    regression", ISDA 2009. :doi:`10.1109/ISDA.2009.230`
+
+    Examples
+    --------
+    >>> from sklearn_haptic.metrics import macro_mae_per_trial
+    >>> macro_mae_per_trial([[3, 0, 1]], [[0.75, 0.25, 0]])
+    0.5
+    """
+    counts, proba = _check_distributions(y_true, y_proba, levels)
+    p = np.arange(1, n_quantiles + 1) / (n_quantiles + 1)
+    true = _level_index(counts, p)
+    error = np.abs(_level_index(proba, p) - true)
+    total = np.zeros(len(counts))
+    n_used = np.zeros(len(counts))
+    for level in range(counts.shape[1]):
+        here = true == level
+        n_here = here.sum(axis=1)
+        total += (error * here).sum(axis=1) / np.maximum(n_here, 1)
+        n_used += n_here > 0
+    return _summarise(total / n_used, sample_weight, average)
+
+
+@validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
+def ranked_probability_score(
+    y_true, y_proba, *, sample_weight=None, average=True, levels=None
+):
+    r"""Ranked probability score, averaged over the people who rated a trial.
+
+    Parameters
+    ----------
+    y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
+        How many people chose each level, or one rating a trial.
+    y_proba : array-like of shape (n_trials, n_levels)
+        Predicted probability of each level.
+    sample_weight : array-like of shape (n_trials,), default=None
+        Weight of each trial in the average.
+    average : bool, default=True
+        Whether to return the weighted mean rather than one score a trial.
+    levels : array-like of shape (n_levels,), default=None
+        The ordered levels, which say what column a rating in one-dimensional
+        ``y_true`` belongs to; by default the sorted ratings that occur.
+
+    Returns
+    -------
+    score : float or ndarray of shape (n_trials,)
+        Score in levels, lower is better, at most n_levels - 1. It is not divided
+        by n_levels - 1.
+
+    Raises
+    ------
+    ValueError
+        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        unknown ones, or the shapes differ.
+
+    Notes
+    -----
+    The mean over the N people r of a trial is
+
+    .. math:: \frac1N \sum_r \sum_{k=1}^{K-1} (\hat F_k - 1\{y_r \le k\})^2
+        = \sum_{k=1}^{K-1} \left[(\hat F_k - F_k)^2 + F_k (1 - F_k)\right].
+
+    The score is strictly proper: the true distribution scores best, and its score
+    is the second term, which is 0 only where people agree.
+
+    References
+    ----------
+    E. S. Epstein, "A scoring system for probability forecasts of ranked
+    categories", Journal of Applied Meteorology 8, 985–987, 1969.
+    :doi:`10.1175/1520-0450(1969)008<0985:ASSFPF>2.0.CO;2`
+
+    T. Gneiting and A. E. Raftery, "Strictly proper scoring rules, prediction, and
+    estimation", JASA 102, 359–378, 2007. :doi:`10.1198/016214506000001437`
+
+    Examples
+    --------
+    >>> from sklearn_haptic.metrics import ranked_probability_score
+    >>> ranked_probability_score([[1, 1, 2]], [[0.25, 0.25, 0.5]])
+    0.4375
+    """
+    counts, proba = _check_distributions(y_true, y_proba, levels)
+    true, predicted = _cdf(counts), _cdf(proba)
+    scores = ((predicted - true) ** 2 + true * (1 - true)).sum(axis=1)
+    return _summarise(scores, sample_weight, average)
+
+
+@validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
+def earth_movers_distance(
+    y_true, y_proba, *, sample_weight=None, average=True, levels=None
+):
+    r"""Earth mover's distance between predicted and true distribution.
+
+    Parameters
+    ----------
+    y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
+        How many people chose each level, or one rating a trial.
+    y_proba : array-like of shape (n_trials, n_levels)
+        Predicted probability of each level.
+    sample_weight : array-like of shape (n_trials,), default=None
+        Weight of each trial in the average.
+    average : bool, default=True
+        Whether to return the weighted mean rather than one score a trial.
+    levels : array-like of shape (n_levels,), default=None
+        The ordered levels, which say what column a rating in one-dimensional
+        ``y_true`` belongs to; by default the sorted ratings that occur.
+
+    Returns
+    -------
+    score : float or ndarray of shape (n_trials,)
+        Distance in levels, from 0 (best) to n_levels - 1.
+
+    Raises
+    ------
+    ValueError
+        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        unknown ones, or the shapes differ.
+
+    Notes
+    -----
+    The probability to be moved times the levels to move it over, which on a line
+    is the area between the CDFs, :math:`\sum_{k=1}^{K-1} |\hat F_k - F_k|`, and
+    also that between the inverse CDFs (the Wasserstein-1 distance).
+
+    References
+    ----------
+    Y. Rubner, C. Tomasi and L. J. Guibas, "The earth mover's distance as a metric
+    for image retrieval", International Journal of Computer Vision 40, 99–121,
+    2000. :doi:`10.1023/A:1026543900054`
+
+    Examples
+    --------
+    >>> from sklearn_haptic.metrics import earth_movers_distance
+    >>> earth_movers_distance([[0, 0, 4]], [[0.25, 0.25, 0.5]])
+    0.75
+    """
+    counts, proba = _check_distributions(y_true, y_proba, levels)
+    scores = np.abs(_cdf(proba) - _cdf(counts)).sum(axis=1)
+    return _summarise(scores, sample_weight, average)
+
+
+@validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
+def log_score(y_true, y_proba, *, sample_weight=None, average=True, levels=None):
+    r"""Logarithmic score, averaged over the people who rated a trial.
+
+    Parameters
+    ----------
+    y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
+        How many people chose each level, or one rating a trial.
+    y_proba : array-like of shape (n_trials, n_levels)
+        Predicted probability of each level.
+    sample_weight : array-like of shape (n_trials,), default=None
+        Weight of each trial in the average.
+    average : bool, default=True
+        Whether to return the weighted mean rather than one score a trial.
+    levels : array-like of shape (n_levels,), default=None
+        The ordered levels, which say what column a rating in one-dimensional
+        ``y_true`` belongs to; by default the sorted ratings that occur.
+
+    Returns
+    -------
+    score : float or ndarray of shape (n_trials,)
+        Score in nats, 0 or more, lower is better. It is infinite where somebody
+        chose a level that was given probability 0, and so is an average over such
+        a trial.
+
+    Raises
+    ------
+    ValueError
+        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        unknown ones, or the shapes differ.
+
+    Notes
+    -----
+    With :math:`n_k` of N people at level k, the score is
+    :math:`-\sum_k (n_k / N) \log \hat p_k`, where :math:`0 \log 0 = 0`. It is
+    strictly proper, and knows no order of the levels.
+
+    References
+    ----------
+    T. Gneiting and A. E. Raftery, "Strictly proper scoring rules, prediction, and
+    estimation", JASA 102, 359–378, 2007. :doi:`10.1198/016214506000001437`
+
+    Examples
+    --------
+    >>> from sklearn_haptic.metrics import log_score
+    >>> round(log_score([[1, 1, 0]], [[0.5, 0.5, 0]]), 4)
+    0.6931
+    """
+    counts, proba = _check_distributions(y_true, y_proba, levels)
+    scores = -xlogy(_proportions(counts), proba).sum(axis=1)
+    return _summarise(scores + 0.0, sample_weight, average)  # -0.0 becomes 0.0
+
+
+@validate_params(
+    {
+        **{name: c for name, c in _SCORE_CONSTRAINTS.items() if name != "average"},
+        "n_bins": [Interval(Integral, 1, None, closed="left")],
+    },
+    prefer_skip_nested_validation=True,
+)
+def pit_histogram(y_true, y_proba, n_bins=10, *, sample_weight=None, levels=None):
+    r"""Histogram of the probability integral transform of the ratings.
+
+    Parameters
+    ----------
+    y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
+        How many people chose each level, or one rating a trial.
+    y_proba : array-like of shape (n_trials, n_levels)
+        Predicted probability of each level.
+    n_bins : int, default=10
+        Number of equally wide bins of [0, 1].
+    sample_weight : array-like of shape (n_trials,), default=None
+        Weight of each trial.
+    levels : array-like of shape (n_levels,), default=None
+        The ordered levels, which say what column a rating in one-dimensional
+        ``y_true`` belongs to; by default the sorted ratings that occur.
+
+    Returns
+    -------
+    heights : ndarray of shape (n_bins,)
+        Density in each bin, with mean 1. All are 1 for calibrated predictions;
+        high outer bins show predictions that are too narrow, high middle bins ones
+        that are too wide.
+
+    Raises
+    ------
+    ValueError
+        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        unknown ones, or the shapes differ.
+
+    Notes
+    -----
+    The histogram for discrete data, without randomisation: a rating at level k is
+    spread evenly over the interval from :math:`\hat F_{k-1}` to :math:`\hat F_k`,
+    or put at that point if level k had probability 0 (a point between two bins
+    belongs to the upper one). Each trial's people count 1 / N each.
+
+    References
+    ----------
+    C. Czado, T. Gneiting and L. Held, "Predictive model assessment for count
+    data", Biometrics 65, 1254–1261, 2009.
+    :doi:`10.1111/j.1541-0420.2009.01191.x`
+
+    Examples
+    --------
+    >>> from sklearn_haptic.metrics import pit_histogram
+    >>> pit_histogram([[1, 2, 1]], [[0.25, 0.5, 0.25]], n_bins=4)
+    array([1., 1., 1., 1.])
+    >>> pit_histogram([[2, 0, 2]], [[0.25, 0.5, 0.25]], n_bins=4)
+    array([2., 0., 0., 2.])
+    """
+    counts, proba = _check_distributions(y_true, y_proba, levels)
+    proportions = _proportions(counts)
+    edges = np.pad(_cdf(proba), ((0, 0), (1, 1)), constant_values=((0, 0), (0, 1)))
+    lower, width = edges[:, :-1], np.diff(edges, axis=1)
+    point = width == 0
+    below = np.empty((len(counts), n_bins + 1))  # CDF of the PIT at the bins' edges
+    for j in range(1, n_bins):
+        u = j / n_bins
+        share = np.clip((u - lower) / np.where(point, 1, width), 0, 1)
+        below[:, j] = (proportions * np.where(point, u > lower, share)).sum(axis=1)
+    below[:, 0], below[:, -1] = 0, 1
+    return n_bins * np.diff(_mean(below, sample_weight))
+
+
+@validate_params(
+    {name: c for name, c in _SCORE_CONSTRAINTS.items() if name != "average"},
+    prefer_skip_nested_validation=True,
+)
+def dispersion(y_true, y_proba, *, sample_weight=None, levels=None):
+    r"""Predicted variance relative to the ratings' scatter about the prediction.
+
+    Parameters
+    ----------
+    y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
+        How many people chose each level, or one rating a trial.
+    y_proba : array-like of shape (n_trials, n_levels)
+        Predicted probability of each level.
+    sample_weight : array-like of shape (n_trials,), default=None
+        Weight of each trial.
+    levels : array-like of shape (n_levels,), default=None
+        The ordered levels, which say what column a rating in one-dimensional
+        ``y_true`` belongs to; by default the sorted ratings that occur.
+
+    Returns
+    -------
+    ratio : float
+        1 if the predicted spread is as wide as it should be, below 1 if the
+        predictions are overconfident, above 1 if they are too wide. Infinite if
+        every rating equals a mean predicted with some spread, and 1 if without.
+
+    Raises
+    ------
+    ValueError
+        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        unknown ones, or the shapes differ.
+
+    Notes
+    -----
+    With the predicted mean :math:`\hat\mu_t` and variance :math:`\hat\sigma_t^2` of
+    trial t, and the proportion :math:`f_{tk}` of people at level k, the ratio is
+    :math:`\sum_t \hat\sigma_t^2 / \sum_t \sum_k f_{tk} (k - \hat\mu_t)^2`. Both
+    sums have the same expectation if the ratings are drawn from the predictions.
+
+    References
+    ----------
+    C. Czado, T. Gneiting and L. Held, "Predictive model assessment for count
+    data", Biometrics 65, 1254–1261, 2009 (the normalised squared error score, of
+    which this is a pooled inverse). :doi:`10.1111/j.1541-0420.2009.01191.x`
+
+    Examples
+    --------
+    >>> from sklearn_haptic.metrics import dispersion
+    >>> dispersion([[2, 0, 2]], [[0.25, 0.5, 0.25]])
+    0.5
+    """
+    counts, proba = _check_distributions(y_true, y_proba, levels)
+    proba = _proportions(proba)
+    steps = np.arange(proba.shape[1])
+    squares = (steps - (proba @ steps)[:, None]) ** 2
+    spread = _mean((proba * squares).sum(axis=1), sample_weight)
+    scatter = _mean((_proportions(counts) * squares).sum(axis=1), sample_weight)
+    if scatter == 0:
+        return 1.0 if spread == 0 else np.inf
+    return float(spread / scatter)
+
+
+def neg_rps_scorer(estimator, X, y, sample_weight=None):
+    """Minus the ranked probability score of an estimator, for ``scoring=``.
+
+    Parameters
+    ----------
+    estimator : object
+        Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
+    X : array-like
+        The trials that ``estimator`` takes.
+    y : array-like of shape (n_trials, n_levels) or (n_trials,)
+        How many people chose each level, or one rating a trial.
+    sample_weight : array-like of shape (n_trials,), default=None
+        Weight of each trial in the average.
+
+    Returns
+    -------
+    score : float
+        Higher is better; see :func:`ranked_probability_score`.
+
+    Raises
+    ------
+    ValueError
+        If a rating is not among the estimator's levels.
+
+    Examples
+    --------
+    >>> from sklearn.dummy import DummyClassifier
+    >>> from sklearn_haptic.metrics import neg_rps_scorer
+    >>> X, y = [[0], [0], [0], [0]], [1, 1, 2, 2]
+    >>> neg_rps_scorer(DummyClassifier(strategy="prior").fit(X, y), X, y)
+    -0.25
+    """
+    return -ranked_probability_score(
+        y,
+        estimator.predict_proba(X),
+        sample_weight=sample_weight,
+        levels=estimator.classes_,
+    )
+
+
+def neg_macro_mae_scorer(estimator, X, y, sample_weight=None):
+    """Minus the macro-averaged error of an estimator, for ``scoring=``.
+
+    Parameters
+    ----------
+    estimator : object
+        Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
+    X : array-like
+        The trials that ``estimator`` takes.
+    y : array-like of shape (n_trials, n_levels) or (n_trials,)
+        How many people chose each level, or one rating a trial.
+    sample_weight : array-like of shape (n_trials,), default=None
+        Weight of each trial in the average.
+
+    Returns
+    -------
+    score : float
+        Higher is better; see :func:`macro_mae_per_trial`.
+
+    Raises
+    ------
+    ValueError
+        If a rating is not among the estimator's levels.
+
+    Examples
+    --------
+    >>> from sklearn.dummy import DummyClassifier
+    >>> from sklearn_haptic.metrics import neg_macro_mae_scorer
+    >>> X, y = [[0], [0], [0]], [1, 1, 2]
+    >>> model = DummyClassifier(strategy="most_frequent").fit(X, y)
+    >>> round(neg_macro_mae_scorer(model, X, y), 4)
+    -0.3333
+    """
+    return -macro_mae_per_trial(
+        y,
+        estimator.predict_proba(X),
+        sample_weight=sample_weight,
+        levels=estimator.classes_,
+    )
+
+
+def _check_distributions(y_true, y_proba, levels):
+    """Validate ratings and predictions; return counts and probabilities."""
+    proba = check_array(y_proba, dtype=np.float64, input_name="y_proba")
+    bad = (proba < 0).any(axis=1) | (np.abs(proba.sum(axis=1) - 1) > 1e-6)
+    if bad.any():
+        trial = np.argmax(bad)
+        raise ValueError(
+            f"y_proba is no distribution in trial {trial} ({proba[trial].tolist()}): "
+            "give probabilities of 0 or more that sum to 1."
+        )
+    counts, levels = check_ratings(y_true, levels, name="y_true")
+    if counts.shape[1] != proba.shape[1]:
+        raise ValueError(
+            f"y_proba has {proba.shape[1]} columns, but y_true has {counts.shape[1]} "
+            "levels; give one column a level, and levels if nobody chose some of them."
+        )
+    if len(counts) != len(proba):
+        raise ValueError(
+            f"y_true has {len(counts)} trials, but y_proba has {len(proba)}; give one "
+            "row a trial in both."
+        )
+    return counts, proba
+
+
+def _proportions(counts):
+    return counts / counts.sum(axis=1, keepdims=True)
+
+
+def _cdf(counts):
+    """Return the proportion at or below each level but the last, where it is 1."""
+    below = np.cumsum(counts, axis=1)
+    return below[:, :-1] / below[:, -1:]
+
+
+def _summarise(scores, sample_weight, average):
+    """Return one score a trial, or their weighted mean."""
+    return float(_mean(scores, sample_weight)) if average else scores
+
+
+def _mean(values, sample_weight):
+    """Return the weighted mean over trials, leaving out those of weight 0."""
+    weight = _check_sample_weight(
+        sample_weight, values, dtype=np.float64, ensure_non_negative=True
+    )
+    used = weight > 0
+    return np.average(values[used], axis=0, weights=weight[used])
