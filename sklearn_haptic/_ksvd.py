@@ -1,0 +1,539 @@
+"""Dictionary learning by K-SVD, for tables and for sequences of sliding windows."""
+
+from numbers import Integral, Real
+
+import numpy as np
+from sklearn.base import BaseEstimator, TransformerMixin, _fit_context
+from sklearn.utils import check_array, check_random_state
+from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils.validation import (
+    _check_feature_names_in,
+    check_is_fitted,
+    validate_data,
+)
+
+from ._sparse_coding import batch_omp, dense_codes, rounding_level, row_norms
+from ._validation import Sequences, check_sparsity, check_trials, is_table
+
+# An atom is replaced if it is as good as parallel to another, or hardly used.
+_MAX_COHERENCE = 0.99
+_MIN_USERS = 4
+# Iterations over which the error must fall by the fraction `tol` to go on.
+_PATIENCE = 5
+
+
+def ksvd(
+    signals,
+    atoms,
+    n_nonzero_coefs,
+    *,
+    update="approximate",
+    max_iter=20,
+    tol=0.0,
+    scale=None,
+    rng,
+):
+    """Fit a dictionary to signals by K-SVD.
+
+    Each iteration codes all signals by :func:`batch_omp`, then fits the atoms
+    one by one, in random order and with their coefficients, to what the other
+    atoms leave of the signals that use them. An unused atom becomes the signal
+    represented worst. So does, after each iteration, an atom that is nearly
+    parallel to another or that fewer than four signals use.
+
+    Parameters
+    ----------
+    signals : ndarray of shape (n_signals, n_features)
+        Training signals.
+    atoms : ndarray of shape (n_atoms, n_features)
+        Initial dictionary of unit-norm atoms.
+    n_nonzero_coefs : int
+        Most atoms that one code may use.
+    update : {"approximate", "exact"}, default="approximate"
+        Fit an atom and its coefficients by one step of alternating least
+        squares, or by the leading singular pair of the residual.
+    max_iter : int, default=20
+        Most iterations.
+    tol : float, default=0.0
+        Stop when five iterations lower the error by less than this fraction.
+    scale : ndarray of shape (n_signals,), default=None
+        Magnitudes passed on to :func:`batch_omp`.
+    rng : RandomState
+        Gives the order of the atoms by its method `permutation`.
+
+    Returns
+    -------
+    atoms : ndarray of shape (n_atoms, n_features)
+        Unit-norm atoms, each with its largest-magnitude entry positive.
+    errors : ndarray of shape (n_iter,)
+        Root mean squared error of every iteration, before the replacement of
+        atoms that ends it.
+
+    References
+    ----------
+    M. Aharon, M. Elad and A. Bruckstein, "K-SVD: an algorithm for designing
+    overcomplete dictionaries for sparse representation", IEEE Trans. Signal
+    Processing 54(11), 2006, doi:10.1109/TSP.2006.881199. The approximate update
+    is that of R. Rubinstein et al., Technion CS-2008-08, 2008.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic._ksvd import ksvd
+    >>> rng = np.random.RandomState(0)
+    >>> signals = rng.normal(size=(200, 1)) * [0.6, 0.8]
+    >>> atoms, errors = ksvd(signals, np.eye(2)[:1], 1, rng=rng)
+    >>> atoms.round(3), errors[-1].round(3)
+    (array([[0.6, 0.8]]), np.float64(0.0))
+    """
+    # A common power of two brings squares into range and changes no digit.
+    exponent = int(np.frexp(np.abs(signals).max(initial=0))[1])
+    signals = np.ldexp(signals, -exponent)
+    scale = None if scale is None else np.ldexp(scale, -exponent)
+    atoms = atoms.astype(signals.dtype)
+    errors = []
+    for _ in range(max_iter):
+        support, coefs = batch_omp(signals, atoms, n_nonzero_coefs, scale=scale)
+        residual = signals - dense_codes(support, coefs, len(atoms)) @ atoms
+        users = _users_of_atoms(support, coefs, len(atoms))
+        available = _informative(signals, scale)
+        replaced = set()
+        for j in rng.permutation(len(atoms)):
+            if len(users[j]):
+                _update_atom(atoms, j, coefs, users[j], residual, update)
+            elif _replace_atom(atoms, j, signals, residual, available):
+                replaced.add(j)
+        errors.append(np.sqrt(np.square(residual).mean(dtype=np.float64)))
+        for j in range(len(atoms)):
+            if j not in replaced and (
+                len(users[j]) < _MIN_USERS or _coherence(atoms, j) > _MAX_COHERENCE
+            ):
+                _replace_atom(atoms, j, signals, residual, available)
+        if _converged(errors, tol):
+            break
+    largest = np.take_along_axis(
+        atoms, np.abs(atoms).argmax(axis=1, keepdims=True), axis=1
+    )
+    return np.where(largest < 0, -atoms, atoms), np.ldexp(errors, exponent)
+
+
+def initial_atoms(signals, n_atoms, rng, *, scale=None):
+    """Draw unit-norm training signals, no two nearly parallel, as a dictionary.
+
+    Where there are not enough such signals, random directions fill the rest.
+
+    Parameters
+    ----------
+    signals : ndarray of shape (n_signals, n_features)
+        Training signals.
+    n_atoms : int
+        Number of atoms.
+    rng : RandomState
+        Source of randomness.
+    scale : ndarray of shape (n_signals,), default=None
+        Signals at rounding level relative to this are not drawn; by default
+        all-zero ones.
+
+    Returns
+    -------
+    atoms : ndarray of shape (n_atoms, n_features)
+        Initial dictionary.
+    """
+    left = _unit_rows(signals[_informative(signals, scale)])
+    atoms = _unit_rows(rng.normal(size=(n_atoms, signals.shape[1])))
+    atoms = atoms.astype(signals.dtype)
+    for j in range(n_atoms):
+        if len(left) == 0:
+            break
+        atoms[j] = left[rng.randint(len(left))]
+        left = left[np.abs(left @ atoms[j]) <= _MAX_COHERENCE]
+    return atoms
+
+
+def _users_of_atoms(support, coefs, n_atoms):
+    """Return, for every atom, the flat indices into `coefs` of its coefficients."""
+    used = np.flatnonzero(coefs)
+    atoms = support.reshape(-1)[used].astype(np.min_scalar_type(n_atoms))
+    counts = np.bincount(atoms, minlength=n_atoms)
+    return np.split(used[np.argsort(atoms, kind="stable")], np.cumsum(counts)[:-1])
+
+
+def _update_atom(atoms, j, coefs, users, residual, update):
+    """Fit atom `j` and its coefficients, in place, to what the others leave."""
+    rows = users % len(residual)
+    gains = coefs.reshape(-1)[users]
+    rest = residual[rows] + np.outer(gains, atoms[j])
+    atom = _unit_rows(
+        (_leading_direction(rest) if update == "exact" else gains @ rest)[None]
+    )[0]
+    if not atom.any():
+        return
+    gains = rest @ atom
+    atoms[j] = atom
+    coefs.reshape(-1)[users] = gains
+    residual[rows] = rest - np.outer(gains, atom)
+
+
+def _leading_direction(rows):
+    """Return a leading right singular vector, by the smaller Gram matrix."""
+    if len(rows) < rows.shape[1]:
+        return np.linalg.eigh(rows @ rows.T)[1][:, -1] @ rows
+    return np.linalg.eigh(rows.T @ rows)[1][:, -1]
+
+
+def _replace_atom(atoms, j, signals, residual, available):
+    """Make atom `j` the available signal represented worst; tell if there is one."""
+    errors = np.where(available, np.einsum("ij,ij->i", residual, residual), 0)
+    worst = errors.argmax()
+    if errors[worst] == 0:
+        return False
+    atoms[j] = _unit_rows(signals[worst : worst + 1])[0]
+    available[worst] = False
+    return True
+
+
+def _coherence(atoms, j):
+    """Return the largest |cosine| of atom `j` and another."""
+    cosines = np.abs(atoms @ atoms[j])
+    cosines[j] = 0
+    return cosines.max()
+
+
+def _converged(errors, tol):
+    if len(errors) <= _PATIENCE:
+        return errors[-1] == 0
+    return min(errors[-_PATIENCE:]) <= 0 or min(errors[-_PATIENCE:]) > (1 - tol) * min(
+        errors[:-_PATIENCE]
+    )
+
+
+def _informative(signals, scale):
+    """Tell which signals are more than rounding noise."""
+    norms = row_norms(signals)
+    scale = norms if scale is None else scale
+    return norms > scale * rounding_level(signals.dtype)
+
+
+def _unit_rows(rows):
+    norms = row_norms(rows)[:, None]
+    return np.divide(
+        rows, norms, out=np.zeros_like(rows), where=norms > 0, casting="same_kind"
+    )
+
+
+class _UnwrappedSequences:
+    """Mixin, first among the bases, for transformers that may return sequences.
+
+    scikit-learn's `set_output` wraps the methods that a `TransformerMixin` class
+    defines itself. This class is none, so what it returns stays as it is; tables
+    go on to the next class's `transform`, which is wrapped.
+    """
+
+    def fit_transform(self, X, y=None):
+        """Fit to `X`, then return its codes.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_samples, n_features) or collection of trials
+            Training data.
+        y : None
+            Ignored.
+
+        Returns
+        -------
+        codes : ndarray of shape (n_samples, n_codes) or Sequences
+            Codes, as :meth:`transform` returns them.
+        """
+        return self.fit(X, y).transform(X)
+
+    def transform(self, X):
+        """Code observations over the dictionary.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_samples, n_features) or collection of trials
+            Data of the kind given to `fit`.
+
+        Returns
+        -------
+        codes : ndarray of shape (n_samples, n_codes) or Sequences
+            One row an observation for a table. For trials a list of arrays, one
+            a trial, which `set_output` leaves as they are.
+        """
+        check_is_fitted(self)
+        if self._codes_trials:
+            return self._transform_trials(X)
+        return super().transform(X)
+
+
+class _DictionaryCoder(TransformerMixin, BaseEstimator):
+    """What transformers with a learned dictionary share; codes tables.
+
+    A subclass takes the parameters below, puts :class:`_UnwrappedSequences`
+    before this class, and provides `_codes_trials` (whether the fitted
+    transformer takes trials), `_transform_trials` and, for trials, its own
+    `get_feature_names_out`.
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "n_atoms": [Interval(Integral, 1, None, closed="left")],
+        "n_nonzero_coefs": [Interval(Integral, 1, None, closed="left")],
+        "remove_mean": ["boolean"],
+        "update": [StrOptions({"approximate", "exact"})],
+        "max_iter": [Interval(Integral, 0, None, closed="left")],
+        "tol": [Interval(Real, 0, 1, closed="left")],
+        "max_train_windows": [Interval(Integral, 1, None, closed="left"), None],
+        "dict_init": ["array-like", None],
+        "sign": [StrOptions({"split", "absolute", "none"})],
+        "random_state": ["random_state"],
+    }
+
+    def _fit_dictionary(self, blocks):
+        """Learn the dictionary.
+
+        Parameters
+        ----------
+        blocks : list of ndarray of shape (..., n_obs_features)
+            Observations along the last axis, float32 or float64; views are only
+            copied for the observations drawn.
+        """
+        n_nonzero_coefs = check_sparsity(self.n_nonzero_coefs, self.n_atoms)
+        rng = check_random_state(self.random_state)
+        observations = _draw_observations(blocks, self.max_train_windows, rng)
+        signals, scale = self._centre(observations)
+        if self.dict_init is None:
+            atoms = initial_atoms(signals, self.n_atoms, rng, scale=scale)
+        else:
+            atoms = self._check_dict_init(signals)
+        self.n_iter_ = 0
+        if self.max_iter:
+            atoms, errors = ksvd(
+                signals,
+                _unit_rows(atoms),
+                n_nonzero_coefs,
+                update=self.update,
+                max_iter=self.max_iter,
+                tol=self.tol,
+                scale=scale,
+                rng=rng,
+            )
+            self.n_iter_ = len(errors)
+        self.components_ = atoms
+        self.reconstruction_error_ = self._reconstruction_error(signals, scale)
+        return self
+
+    def _encode(self, observations):
+        """Code observations, shape (n_obs, n_obs_features), as dense rows.
+
+        Columns are the atoms or, with `sign="split"`, the positive parts of all
+        followed by the negative parts of all.
+        """
+        signals, scale = self._centre(observations)
+        support, coefs = batch_omp(
+            signals, self.components_, self.n_nonzero_coefs, scale=scale
+        )
+        return dense_codes(support, coefs, len(self.components_), sign=self.sign)
+
+    @property
+    def _code_names(self):
+        """Names of the columns of `_encode`."""
+        suffixes = ["+", "-"] if self.sign == "split" else [""]
+        atoms = range(len(self.components_))
+        return [f"atom{j}{suffix}" for suffix in suffixes for j in atoms]
+
+    def _fit_table(self, X):
+        """Learn from the rows of a table."""
+        return self._fit_dictionary(
+            [validate_data(self, X, dtype=[np.float64, np.float32])]
+        )
+
+    def transform(self, X):
+        """Code the rows of a table; see :class:`_UnwrappedSequences`."""
+        X = validate_data(self, X, dtype=[np.float64, np.float32], reset=False)
+        return self._encode(X)
+
+    def get_feature_names_out(self, input_features=None):
+        """Return the names of the code columns.
+
+        Parameters
+        ----------
+        input_features : array-like of str, default=None
+            Ignored, but checked against the columns seen in `fit` for a table.
+
+        Returns
+        -------
+        names : ndarray of str objects
+            ``atom0+``, …, ``atom0-``, … with `sign="split"`, else ``atom0``, ….
+        """
+        check_is_fitted(self)
+        _check_feature_names_in(self, input_features, generate_names=False)
+        return np.asarray(self._code_names, dtype=object)
+
+    def _centre(self, observations):
+        """Return observations, mean removed if asked, and their norms before."""
+        scale = row_norms(observations)
+        if self.remove_mean:
+            observations = observations - observations.mean(axis=1, keepdims=True)
+        return observations, scale
+
+    def _check_dict_init(self, signals):
+        atoms = check_array(self.dict_init, dtype=signals.dtype, input_name="dict_init")
+        expected = (self.n_atoms, signals.shape[1])
+        if atoms.shape != expected:
+            raise ValueError(
+                f"dict_init has shape {atoms.shape}, but {expected} is expected: one "
+                "row an atom, one column an entry of an observation."
+            )
+        return atoms
+
+    def _reconstruction_error(self, signals, scale):
+        support, coefs = batch_omp(
+            signals, self.components_, self.n_nonzero_coefs, scale=scale
+        )
+        codes = dense_codes(support, coefs, len(self.components_))
+        residual = signals - codes @ self.components_
+        return np.linalg.norm(row_norms(residual)) / np.sqrt(residual.size)
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.transformer_tags.preserves_dtype = ["float64", "float32"]
+        return tags
+
+
+class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
+    """TODO."""
+
+    _parameter_constraints = {  # noqa: RUF012
+        **_DictionaryCoder._parameter_constraints,
+        "window": [Interval(Integral, 1, None, closed="left"), None],
+        "overlap": [Interval(Real, 0, 1, closed="left")],
+    }
+
+    def __init__(
+        self,
+        n_atoms=25,
+        n_nonzero_coefs=4,
+        *,
+        window=None,
+        overlap=0.5,
+        remove_mean=True,
+        update="approximate",
+        max_iter=20,
+        tol=0.0,
+        max_train_windows=10_000,
+        dict_init=None,
+        sign="split",
+        random_state=None,
+    ):
+        self.n_atoms = n_atoms
+        self.n_nonzero_coefs = n_nonzero_coefs
+        self.window = window
+        self.overlap = overlap
+        self.remove_mean = remove_mean
+        self.update = update
+        self.max_iter = max_iter
+        self.tol = tol
+        self.max_train_windows = max_train_windows
+        self.dict_init = dict_init
+        self.sign = sign
+        self.random_state = random_state
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X, y=None):
+        """Learn the dictionary.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_samples, n_features) or collection of trials
+            Training data.
+        y : None
+            Ignored.
+
+        Returns
+        -------
+        self : KSVDTransformer
+            The fitted transformer.
+        """
+        if self._codes_trials:
+            trials = self._check_windowed(X)
+            self.n_features_in_ = trials[0].shape[1]
+            return self._fit_dictionary([self._windows(trial) for trial in trials])
+        if not is_table(X):
+            raise ValueError(
+                "X is a collection of trials, but window=None codes the rows of a "
+                "table; set window to the number of time samples a window."
+            )
+        return self._fit_table(X)
+
+    def get_feature_names_out(self, input_features=None):
+        """Return the names of the code columns.
+
+        Parameters
+        ----------
+        input_features : array-like of str, default=None
+            Ignored, but checked against the columns seen in `fit` for a table.
+
+        Returns
+        -------
+        names : ndarray of str objects
+            ``atom0+``, …, ``atom0-``, … with `sign="split"`, else ``atom0``, …;
+            for trials the same for each channel, as in ``ch0_atom0+``.
+        """
+        if not self._codes_trials:
+            return super().get_feature_names_out(input_features)
+        check_is_fitted(self)
+        channels = range(self.n_features_in_)
+        return np.asarray(
+            [f"ch{c}_{name}" for c in channels for name in self._code_names],
+            dtype=object,
+        )
+
+    @property
+    def _codes_trials(self):
+        return self.window is not None
+
+    def _check_windowed(self, X, n_channels=None):
+        if is_table(X):
+            X = check_array(X, dtype=[np.float64, np.float32])
+        return check_trials(X, n_channels=n_channels, min_times=self.window)
+
+    def _windows(self, trial):
+        """Return a view of shape (n_windows, n_channels, window)."""
+        step = max(1, self.window - round(self.overlap * self.window))
+        return np.lib.stride_tricks.sliding_window_view(trial, self.window, axis=0)[
+            ::step
+        ]
+
+    def _transform_trials(self, X):
+        trials = self._check_windowed(X, self.n_features_in_)
+        windows = [self._windows(trial) for trial in trials]
+        names = self.get_feature_names_out()
+        arrays = []
+        for batch in batches(windows, [w[..., 0].size for w in windows]):
+            codes = self._encode(np.concatenate(batch).reshape(-1, self.window))
+            ends = np.cumsum([len(w) for w in batch])
+            arrays += np.split(codes.reshape(-1, len(names)), ends[:-1])
+        return Sequences(arrays, names)
+
+
+def batches(items, sizes, limit=65_536):
+    """Yield lists of consecutive items whose sizes add up to at most about `limit`."""
+    numbers = np.cumsum(sizes) // limit
+    for number in np.unique(numbers):
+        yield [items[i] for i in np.flatnonzero(numbers == number)]
+
+
+def _draw_observations(blocks, limit, rng):
+    """Gather at most `limit` observations, drawn without replacement."""
+    ends = np.cumsum([block[..., 0].size for block in blocks])
+    picked = np.arange(ends[-1])
+    if limit is not None and limit < ends[-1]:
+        picked = np.sort(rng.choice(ends[-1], limit, replace=False))
+    shares = np.split(picked, np.searchsorted(picked, ends[:-1]))
+    starts = np.append(0, ends[:-1])
+    return np.concatenate(
+        [
+            block[np.unravel_index(share - start, block.shape[:-1])]
+            for block, share, start in zip(blocks, shares, starts)
+        ]
+    )
