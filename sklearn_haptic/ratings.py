@@ -70,7 +70,7 @@ def rating_counts(ratings, objects, *, levels=None):
     levels = values if levels is None else _check_levels(levels)
     matches = values[:, None] == levels
     if not matches.any(axis=1).all():
-        unknown = values[np.argmin(matches.any(axis=1))]
+        unknown = values[np.argmin(matches.any(axis=1))].item()
         raise ValueError(
             f"ratings has the rating {unknown!r}, which is not among "
             f"levels={levels.tolist()}; add it to levels or mend the rating."
@@ -80,7 +80,7 @@ def rating_counts(ratings, objects, *, levels=None):
     counts = np.bincount(cell, minlength=len(objects) * len(levels))
     counts = counts.reshape(len(objects), len(levels))
     if not counts.any(axis=1).all():
-        unrated = objects[np.argmin(counts.any(axis=1))]
+        unrated = objects[np.argmin(counts.any(axis=1))].item()
         raise ValueError(
             f"Nobody rated the object {unrated!r}; remove its rows from ratings and "
             "objects."
@@ -137,13 +137,11 @@ def inverse_cdf(counts, p, *, levels=None):
     array([[2, 2, 3, 3, 4]])
     """
     counts, levels = _check_counts(counts, levels)
-    p = check_array(p, ensure_2d=False, dtype=np.float64, input_name="p")
-    if p.ndim > 1 or (p < 0).any() or (p > 1).any():
-        raise ValueError(
-            "p must be a number or a one-dimensional array of positions within [0, 1]."
-        )
-    index = _level_index(counts, p)
-    return levels[index[:, 0] if p.ndim == 0 else index]
+    positions = column_or_1d(np.atleast_1d(p), dtype=np.float64, input_name="p")
+    if not ((positions >= 0) & (positions <= 1)).all():
+        raise ValueError("p must lie within [0, 1]; give positions in the population.")
+    index = _level_index(counts, positions)
+    return levels[index[:, 0] if np.ndim(p) == 0 else index]
 
 
 def interrater_agreement(counts):
