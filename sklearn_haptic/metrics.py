@@ -74,8 +74,9 @@ def macro_mae_per_trial(
         \frac{1}{|\{i : y_i = x\}|} \sum_{i : y_i = x} |\hat F^{-1}(p_i) - y_i|.
 
     A level that one person in twelve chose weighs as much as one that eleven
-    chose. So the score is not proper: a prediction spread wider than the truth can
-    score better than the truth. Report it beside a proper score.
+    chose. So the score is not proper: a prediction with more weight away from the
+    commonest level can score better than the truth. Report it beside a proper
+    score.
 
     References
     ----------

@@ -1,0 +1,404 @@
+import pickle
+from fractions import Fraction
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.stats import multinomial, wasserstein_distance
+from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.datasets import make_classification
+from sklearn.linear_model import LogisticRegression
+from sklearn.metrics import log_loss, mean_absolute_error, recall_score
+from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from sklearn_haptic.metrics import (
+    dispersion,
+    earth_movers_distance,
+    log_score,
+    macro_mae_per_trial,
+    neg_macro_mae_scorer,
+    neg_rps_scorer,
+    pit_histogram,
+    ranked_probability_score,
+)
+
+SCORES = [
+    macro_mae_per_trial,
+    ranked_probability_score,
+    earth_movers_distance,
+    log_score,
+]
+METRICS = [*SCORES, pit_histogram, dispersion]
+LEVELS = np.arange(1, 6)
+
+
+@pytest.fixture(scope="module")
+def crowd():
+    """Ratings of 40 objects by 12 people, and predictions with a few zeros."""
+    rng = np.random.default_rng(0)
+    counts = rng.multinomial(12, rng.dirichlet(np.full(5, 0.7), size=40))
+    proba = rng.dirichlet(np.full(5, 0.7), size=40)
+    proba[::5] = rng.multinomial(99, proba[::5]) / 99
+    return counts, proba
+
+
+# Macro-averaged error
+
+
+def exact_quantile(weights, p):
+    below, total = 0, sum(weights)
+    for level, weight in enumerate(weights):
+        below += weight
+        if weight and below >= p * total:
+            return level
+
+
+def exact_macro_mae(counts, weights, n_quantiles=99):
+    """Equation 3 for one trial in exact arithmetic."""
+    errors = {}
+    for i in range(1, n_quantiles + 1):
+        p = Fraction(i, n_quantiles + 1)
+        true = exact_quantile(counts, p)
+        errors.setdefault(true, []).append(abs(exact_quantile(weights, p) - true))
+    return float(sum(Fraction(sum(e), len(e)) for e in errors.values()) / len(errors))
+
+
+@pytest.mark.parametrize("n_quantiles", [9, 99])
+def test_macro_mae_equals_exact_arithmetic(n_quantiles):
+    rng = np.random.default_rng(1)
+    counts = rng.multinomial(12, rng.dirichlet(np.full(5, 0.5), size=60))
+    weights = rng.multinomial(20, rng.dirichlet(np.full(5, 0.5), size=60))
+    expected = [
+        exact_macro_mae(c, w, n_quantiles)
+        for c, w in zip(counts.tolist(), weights.tolist(), strict=True)
+    ]
+    np.testing.assert_allclose(
+        macro_mae_per_trial(
+            counts, weights / 20, average=False, n_quantiles=n_quantiles
+        ),
+        expected,
+        rtol=1e-14,
+    )
+
+
+def test_macro_mae_is_the_class_averaged_error_of_scikit_learn():
+    # With levels 0 and 1 an absolute error is a missed rating: macro MAE is
+    # one minus the macro-averaged recall.
+    p = np.arange(1, 100) / 100
+    for low, predicted in [(3, 0.5), (6, 0.1), (11, 0.77)]:
+        true = (p > low / 12).astype(int)
+        rating = (p > predicted).astype(int)
+        score = macro_mae_per_trial([[low, 12 - low]], [[predicted, 1 - predicted]])
+        assert score == pytest.approx(1 - recall_score(true, rating, average="macro"))
+
+
+def test_macro_mae_by_hand():
+    # A quarter rates 1 (p = .01 to .25), the rest 2; the prediction is always 2.
+    assert macro_mae_per_trial([[1, 3, 0]], [[0, 1, 0]]) == 0.5
+    # True rating always 2; of 99 positions 50 are predicted 1 and 49 are right.
+    assert macro_mae_per_trial([[0, 4, 0]], [[0.5, 0.5, 0]]) == pytest.approx(50 / 99)
+
+
+def test_macro_mae_of_a_certain_rating_is_the_mean_absolute_error():
+    true, predicted = np.array([1, 5, 2, 3]), np.array([1, 2, 3, 5])
+    score = macro_mae_per_trial(true, np.eye(5)[predicted - 1], levels=LEVELS)
+    assert score == mean_absolute_error(true, predicted)
+
+
+def test_macro_mae_is_not_proper():
+    # Expected score over all ways in which 12 raters may be drawn from the truth.
+    counts = np.array([c for c in product(range(13), repeat=5) if sum(c) == 12])
+    truth, bolder = np.array([[0.9, 0.06, 0.02, 0.01, 0.01], [0.84, 0.16, 0, 0, 0]])
+    weight = multinomial.pmf(counts, 12, truth)
+    mae_truth, mae_bolder = (
+        macro_mae_per_trial(counts, np.tile(p, (len(counts), 1)), sample_weight=weight)
+        for p in (truth, bolder)
+    )
+    rps_truth, rps_bolder = (
+        ranked_probability_score(
+            counts, np.tile(p, (len(counts), 1)), sample_weight=weight
+        )
+        for p in (truth, bolder)
+    )
+    assert mae_truth > 1.1 * mae_bolder
+    # Sum of F(1 - F), and the squared differences of the CDFs on top.
+    assert rps_truth == pytest.approx(0.09 + 0.0384 + 0.0196 + 0.0099)
+    assert rps_bolder == pytest.approx(rps_truth + 0.06**2 + 0.04**2 + 0.02**2 + 1e-4)
+
+
+# Ranked probability score, earth mover's distance, log score
+
+
+def test_rps_by_hand():
+    # (.2 - 1)^2 + (.5 - 1)^2 for the rating 1, (.2)^2 + (.5 - 1)^2 for the rating 2.
+    proba = [[0.2, 0.3, 0.5]]
+    assert ranked_probability_score([[1, 0, 0]], proba) == pytest.approx(0.89)
+    assert ranked_probability_score([[0, 1, 0]], proba) == pytest.approx(0.29)
+    assert ranked_probability_score([[1, 1, 0]], proba) == pytest.approx(0.59)
+
+
+def test_rps_equals_scoringrules():
+    # scoringrules 0.10.0: rps_score(y, proba)
+    y = [1, 3, 5]
+    proba = [
+        [0.1, 0.2, 0.3, 0.25, 0.15],
+        [0.5, 0.125, 0.125, 0.125, 0.125],
+        [0, 0, 0.1, 0.2, 0.7],
+    ]
+    np.testing.assert_allclose(
+        ranked_probability_score(y, proba, levels=LEVELS, average=False),
+        [1.4825, 0.71875, 0.1],
+    )
+
+
+@pytest.mark.parametrize("score", [ranked_probability_score, log_score])
+def test_counts_score_as_the_mean_over_their_raters(score, crowd):
+    counts, proba = crowd
+    proba = 0.9 * proba + 0.02
+    trial, y = np.nonzero(counts)
+    by_rater = score(y + 1, proba[trial], levels=LEVELS, average=False)
+    expected = np.bincount(trial, weights=counts[trial, y] * by_rater) / 12
+    np.testing.assert_allclose(score(counts, proba, average=False), expected)
+
+
+@pytest.mark.parametrize("score", [ranked_probability_score, log_score])
+def test_truth_scores_best(score):
+    rng = np.random.default_rng(3)
+    counts = rng.integers(1, 12, size=(50, 5))
+    truth = counts / counts.sum(axis=1, keepdims=True)
+    other = 0.95 * truth + 0.05 * rng.dirichlet(np.ones(5), size=50)
+    assert (
+        score(counts, truth, average=False) < score(counts, other, average=False)
+    ).all()
+
+
+def test_emd_equals_scipy(crowd):
+    counts, proba = crowd
+    expected = [
+        wasserstein_distance(LEVELS, LEVELS, count, predicted)
+        for count, predicted in zip(counts, proba, strict=True)
+    ]
+    np.testing.assert_allclose(
+        earth_movers_distance(counts, proba, average=False), expected, atol=1e-14
+    )
+
+
+def test_log_score_equals_scikit_learn(crowd):
+    proba = 0.9 * crowd[1] + 0.02
+    y = np.random.default_rng(4).integers(1, 6, size=len(proba))
+    weight = np.arange(len(y))
+    assert log_score(y, proba, levels=LEVELS) == pytest.approx(
+        log_loss(y, proba, labels=LEVELS)
+    )
+    assert log_score(y, proba, sample_weight=weight, levels=LEVELS) == pytest.approx(
+        log_loss(y, proba, sample_weight=weight, labels=LEVELS)
+    )
+
+
+def test_log_score_of_impossible_and_certain_ratings():
+    scores = log_score(
+        [[1, 1], [0, 3], [0, 3]], [[0, 1], [0, 1], [1, 0]], average=False
+    )
+    assert scores.tolist() == [np.inf, 0, np.inf]
+    assert not np.signbit(scores[1])
+    assert log_score([[1, 1], [0, 3]], [[0, 1], [0, 1]]) == np.inf
+    # A trial that does not count does not make the average NaN.
+    assert log_score([[1, 1], [0, 3]], [[0, 1], [0, 1]], sample_weight=[0, 1]) == 0
+    assert np.isfinite(log_score([[1, 1]], [[5e-324, 1]]))
+
+
+# Calibration
+
+
+def exact_pit(counts, proba, n_bins):
+    """Heights for one trial, by the area that each rating's interval has in a bin."""
+    heights = [Fraction(0)] * n_bins
+    below = Fraction(0)
+    for n, share in zip(counts, proba, strict=True):
+        for j in range(n_bins):
+            left, right = Fraction(j, n_bins), Fraction(j + 1, n_bins)
+            if share == 0:
+                inside = left <= below < right or (right == below == 1)
+                part = Fraction(int(inside))
+            else:
+                overlap = min(right, below + share) - max(left, below)
+                part = max(overlap, 0) / share
+            heights[j] += n_bins * Fraction(n, sum(counts)) * part
+        below += share
+    return [float(height) for height in heights]
+
+
+@pytest.mark.parametrize("n_bins", [1, 4, 10])
+def test_pit_equals_exact_arithmetic(n_bins):
+    rng = np.random.default_rng(5)
+    counts = rng.multinomial(12, rng.dirichlet(np.ones(4), size=30))
+    weights = rng.multinomial(64, rng.dirichlet(np.full(4, 0.3), size=30))
+    weights[:2] = [64, 0, 0, 0], [0, 0, 0, 64]
+    expected = [
+        exact_pit(c, [Fraction(w, 64) for w in row], n_bins)
+        for c, row in zip(counts.tolist(), weights.tolist(), strict=True)
+    ]
+    heights = pit_histogram(counts, weights / 64, n_bins)
+    np.testing.assert_allclose(heights, np.mean(expected, axis=0), atol=1e-13)
+    assert heights.mean() == pytest.approx(1)
+
+
+def test_pit_is_flat_for_the_truth_and_u_shaped_for_narrow_predictions():
+    rng = np.random.default_rng(6)
+    truth = rng.dirichlet(np.ones(5), size=4000)
+    y = [rng.choice(LEVELS, p=p) for p in truth]
+    np.testing.assert_allclose(pit_histogram(y, truth, levels=LEVELS), 1, atol=0.12)
+    narrow = truth**3 / (truth**3).sum(axis=1, keepdims=True)
+    heights = pit_histogram(y, narrow, levels=LEVELS)
+    assert min(heights[0], heights[-1]) > 1.2 > 1 > heights[4:6].mean()
+    assert dispersion(y, narrow, levels=LEVELS) < 0.7
+    assert dispersion(y, truth, levels=LEVELS) == pytest.approx(1, abs=0.05)
+
+
+def test_dispersion_by_hand():
+    proba = [[0.5, 0.5, 0], [0, 0.5, 0.5]]  # variance 1/4 each, means .5 and 1.5
+    counts = [[1, 0, 1], [0, 2, 0]]  # squares (.25 + 2.25) / 2 and .25
+    assert dispersion(counts, proba) == pytest.approx(0.25 / 0.75)
+    assert dispersion(counts, proba, sample_weight=[0, 2]) == pytest.approx(1)
+    assert dispersion([[0, 2, 0]], [[0, 1, 0]]) == 1
+    assert dispersion([[0, 2, 0]], [[0.5, 0, 0.5]]) == np.inf
+
+
+# What all have in common
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_weights_repeat_trials(metric, crowd):
+    counts, proba = crowd
+    weight = np.arange(len(counts)) % 3
+    np.testing.assert_allclose(
+        metric(counts, proba, sample_weight=weight),
+        metric(np.repeat(counts, weight, axis=0), np.repeat(proba, weight, axis=0)),
+        rtol=1e-12,
+    )
+
+
+@pytest.mark.parametrize("score", SCORES)
+def test_average_is_the_mean_of_the_trials(score, crowd):
+    counts, proba = crowd
+    scores = score(counts, proba, average=False)
+    assert scores.shape == (len(counts),)
+    average = score(counts, proba)
+    assert isinstance(average, float)
+    assert average == pytest.approx(scores.mean())
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_labels_are_counts_of_one(metric):
+    proba = np.random.default_rng(7).dirichlet(np.ones(3), size=6)
+    y = np.array(["some", "none", "much", "much", "none", "some"])
+    levels = ["none", "some", "much"]
+    counts = (y[:, None] == levels).astype(int)
+    np.testing.assert_array_equal(
+        metric(y, proba, levels=levels), metric(counts, proba)
+    )
+    np.testing.assert_array_equal(
+        metric(counts * 7, proba), metric(counts, proba), strict=True
+    )
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_single_precision_and_rounded_probabilities_pass(metric, crowd):
+    counts, _ = crowd
+    proba = np.random.default_rng(8).dirichlet(np.ones(5), size=len(counts))
+    np.testing.assert_allclose(
+        metric(counts, proba.astype(np.float32)), metric(counts, proba), rtol=1e-5
+    )
+
+
+@pytest.mark.parametrize("metric", METRICS)
+@pytest.mark.parametrize(
+    "counts, proba, message",
+    [
+        ([[1, 1], [1, 1]], [[0.5, 0.5], [0.5, 0.6]], "no distribution in trial 1"),
+        ([[1, 1]], [[-0.5, 1.5]], "no distribution in trial 0"),
+        ([[1, 1]], [[np.nan, 1]], "y_proba contains NaN"),
+        ([[1, 1]], [[0.2, 0.3, 0.5]], "y_proba has 3 columns, but y_true has 2"),
+        ([[1, 1]], [[0.5, 0.5], [0.5, 0.5]], "y_true has 1 trials, but y_proba has 2"),
+        ([[0, 0]], [[0.5, 0.5]], "y_true has no ratings in trial 0"),
+        ([1, 2, 1], [[0.2, 0.3, 0.5]] * 3, "and levels if nobody chose"),
+    ],
+)
+def test_errors(metric, counts, proba, message):
+    with pytest.raises(ValueError, match=message):
+        metric(counts, proba)
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_weight_and_level_errors(metric):
+    counts, proba = [[1, 1], [1, 0]], [[0.5, 0.5], [0.5, 0.5]]
+    with pytest.raises(ValueError, match="Negative values"):
+        metric(counts, proba, sample_weight=[1, -1])
+    with pytest.raises(ValueError, match=r"rating .*3.* in trial 1"):
+        metric([1, 3], proba, levels=[1, 2])
+
+
+def test_parameters_are_checked():
+    with pytest.raises(ValueError, match="n_quantiles"):
+        macro_mae_per_trial([[1, 1]], [[0.5, 0.5]], n_quantiles=0)
+    with pytest.raises(ValueError, match="n_bins"):
+        pit_histogram([[1, 1]], [[0.5, 0.5]], 0)
+
+
+# Scorers
+
+
+class CountsMarginal(ClassifierMixin, BaseEstimator):
+    """Predicts the mean distribution of ratings, shrunk towards uniform."""
+
+    def __init__(self, shrinkage=0.0):
+        self.shrinkage = shrinkage
+
+    def fit(self, X, y):
+        self.classes_ = np.arange(1, y.shape[1] + 1)
+        share = (y / y.sum(axis=1, keepdims=True)).mean(axis=0)
+        self.proba_ = (1 - self.shrinkage) * share + self.shrinkage / y.shape[1]
+        return self
+
+    def predict_proba(self, X):
+        return np.tile(self.proba_, (len(X), 1))
+
+
+@pytest.mark.parametrize(
+    "scorer, score",
+    [
+        (neg_rps_scorer, ranked_probability_score),
+        (neg_macro_mae_scorer, macro_mae_per_trial),
+    ],
+)
+def test_scorers_search_over_counts_by_group(scorer, score, crowd):
+    counts, _ = crowd
+    X, groups = np.zeros((len(counts), 1)), np.arange(len(counts)) // 4
+    pipeline = make_pipeline(StandardScaler(), CountsMarginal())
+    search = GridSearchCV(
+        pipeline,
+        {"countsmarginal__shrinkage": [0.0, 0.5]},
+        scoring=scorer,
+        cv=GroupKFold(4),
+        error_score="raise",
+    ).fit(X, counts, groups=groups)
+    assert search.score(X, counts) == -score(counts, search.predict_proba(X))
+    train, test = next(GroupKFold(4).split(X, counts, groups))
+    fold = CountsMarginal().fit(X[train], counts[train]).predict_proba(X[test])
+    assert search.cv_results_["split0_test_score"][0] == -score(counts[test], fold)
+
+
+@pytest.mark.parametrize("scorer", [neg_rps_scorer, neg_macro_mae_scorer])
+def test_scorers_take_labels_weights_workers_and_pickle(scorer):
+    X, y = make_classification(n_samples=60, n_classes=3, n_informative=4)
+    model = LogisticRegression().fit(X, y)
+    assert scorer(model, X[:5], y[:5]) <= 0
+    first = scorer(model, X, y, sample_weight=np.eye(60)[0])
+    assert first == pytest.approx(scorer(model, X[:1], y[:1]))
+    assert pickle.loads(pickle.dumps(scorer)) is scorer
+    result = cross_validate(
+        model, X, y, scoring={"a": scorer}, n_jobs=2, error_score="raise"
+    )
+    assert np.isfinite(result["test_a"]).all()
