@@ -242,7 +242,6 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         levels,
         monotone=False,
         validation=None,
-        random_state=None,
     ):
         """Fit as if each trial were repeated with one more feature, its position.
 
@@ -269,8 +268,6 @@ class NNPOM(ClassifierMixin, BaseEstimator):
             for the "lbfgs" solver.
         validation : tuple of (X, positions, level, weight), default=None
             Trials for early stopping; None for no early stopping.
-        random_state : RandomState instance, default=None
-            By default made from the estimator's own.
 
         Returns
         -------
@@ -280,9 +277,7 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         self._validate_params()
         self.n_features_in_ = X.shape[1] + 1
         self.levels_ = levels
-        rng = check_random_state(
-            self.random_state if random_state is None else random_state
-        )
+        rng = check_random_state(self.random_state)
         return self._fit(X, positions, level, weight, validation, rng, monotone)
 
     def _fit(self, X, positions, level, weight, validation, rng, monotone=False):

@@ -1,0 +1,693 @@
+"""Distributions of ratings from any ordinal model, and the featureless baselines.
+
+Richardson & Kuchenbecker (2020) let a model predict one rating for each position
+p of a rater in the population: every trial is duplicated, each duplicate carries
+a position as one more feature, and its label is the object's inverse CDF there.
+At prediction p sweeps the population. The functions say which observations stand
+for a trial; the estimator below trains on them and decodes what it learnt.
+"""
+
+from numbers import Integral
+
+import numpy as np
+from scipy.special import logit
+from sklearn.base import (
+    BaseEstimator,
+    ClassifierMixin,
+    MetaEstimatorMixin,
+    _fit_context,
+    clone,
+    is_regressor,
+)
+from sklearn.utils import check_random_state, gen_batches
+from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
+from sklearn.utils.validation import (
+    _check_sample_weight,
+    check_consistent_length,
+    check_is_fitted,
+    has_fit_parameter,
+    validate_data,
+)
+
+from ._nnpom import NNPOM, validation_split
+from ._validation import check_ratings
+from .metrics import ranked_probability_score
+from .ratings import _level_index
+
+_GOLDEN = (np.sqrt(5) - 1) / 2
+_MIXTURE_NODES = 32
+_BATCH_VALUES = 4_000_000  # predicted probabilities held in memory at once
+
+
+# Observations ---------------------------------------------------------------
+
+
+def training_observations(counts, n_duplicates, sampling, balance, random_state):
+    """Choose positions for each trial; label and weight them by its ratings.
+
+    Parameters
+    ----------
+    counts : ndarray of shape (n_trials, n_levels)
+        How many people gave each rating.
+    n_duplicates : int
+        Number of observations of each trial; their weights sum to it.
+    sampling : {"level", "lattice", "stratified", "random"}
+        How positions are chosen, as `DistributionalOrdinalRegressor` says.
+    balance : {"macro", None}
+        Whether the levels of a trial count equally.
+    random_state : RandomState instance
+
+    Returns
+    -------
+    positions : ndarray of shape (n_trials, n_observations)
+        Positions strictly between 0 and 1.
+    level : ndarray of int of shape (n_trials, n_observations)
+        Index of the rating at each position.
+    weight : ndarray of shape (n_trials, n_observations)
+    """
+    n_trials, n_levels = counts.shape
+    if sampling == "level":
+        positions, level, weight = _level_nodes(counts, n_duplicates)
+    else:
+        cell = np.arange(n_duplicates) / n_duplicates
+        if sampling == "lattice":  # turned a little for each trial
+            shift = (_GOLDEN * (np.arange(n_trials)[:, None] + 1)) % 1
+        else:
+            shift = random_state.uniform(size=(n_trials, n_duplicates))
+        positions = shift if sampling == "random" else cell + shift / n_duplicates
+        tiny = np.finfo(float).eps
+        positions = np.clip(positions, tiny, 1 - tiny)
+        level = _level_index(counts, positions)
+        weight = np.ones_like(positions)
+    if balance == "macro":
+        total = np.stack([(weight * (level == k)).sum(1) for k in range(n_levels)], 1)
+        share = n_duplicates / (total > 0).sum(axis=1, keepdims=True)
+        factor = np.divide(share, total, out=np.zeros_like(total), where=total > 0)
+        weight = weight * np.take_along_axis(factor, level, axis=1)
+    return positions, level, weight
+
+
+def _level_nodes(counts, n_duplicates):
+    """Gauss–Legendre nodes within the stretch of the population at each level."""
+    n_trials, n_levels = counts.shape
+    share = counts / counts.sum(axis=1, keepdims=True)
+    start = np.cumsum(share, axis=1) - share
+    nodes, node_weight = unit_gauss_legendre(max(1, n_duplicates // n_levels))
+    positions = (start[:, :, None] + share[:, :, None] * nodes).reshape(n_trials, -1)
+    weight = (share[:, :, None] * node_weight).reshape(n_trials, -1) * n_duplicates
+    level = np.broadcast_to(np.arange(n_levels).repeat(len(nodes)), weight.shape)
+    tiny = np.finfo(float).eps
+    return np.clip(positions, tiny, 1 - tiny), level, weight
+
+
+def unit_gauss_legendre(n_nodes):
+    """Nodes and weights of Gauss–Legendre quadrature on (0, 1)."""
+    nodes, weight = np.polynomial.legendre.leggauss(n_nodes)
+    return (nodes + 1) / 2, weight / 2
+
+
+def quantile_grid(n_quantiles):
+    """Evenly spaced positions strictly inside (0, 1): 0.01 … 0.99 for 99."""
+    return np.arange(1, n_quantiles + 1) / (n_quantiles + 1)
+
+
+def decide(proba, rule):
+    """Index of the one level a distribution stands for, over the last axis."""
+    if rule == "argmax":
+        return proba.argmax(axis=-1)
+    return np.sum(np.cumsum(proba[..., :-1], axis=-1) < 0.5, axis=-1)
+
+
+# Estimator ------------------------------------------------------------------
+
+
+class DistributionalOrdinalRegressor(
+    MetaEstimatorMixin, ClassifierMixin, BaseEstimator
+):
+    """Predict the distribution of the ratings a crowd would give.
+
+    Any ordinal model, classifier or regressor is trained on observations of
+    each trial at several positions p of the population of raters, and predicts
+    a distribution by letting p sweep the population [1]_.
+
+    Parameters
+    ----------
+    estimator : estimator object, default=None
+        What predicts a rating from features and position. An estimator with
+        ``fit_with_positions`` and ``predict_proba_with_positions``, such as
+        `NNPOM`, shares a trial's features between its observations; any other
+        is fitted on one row for each observation, labelled 0, 1, … by level. By
+        default ``NNPOM(n_hidden=0)``.
+    n_duplicates : int, default=15
+        Observations of each trial. Their weights sum to this number, which an
+        estimator's penalty works against.
+    sampling : {"level", "lattice", "stratified", "random"}, default="level"
+        How positions are chosen. "level": quadrature nodes within the stretch
+        of the population at each level, weighted by its size, so that no rating
+        is missed and nothing is random; the estimator must take sample weights.
+        "lattice": evenly spaced, turned for each trial. "stratified": at random
+        within even stretches. "random": at random (the paper).
+    p_transform : {"logit", None}, default="logit"
+        What is given to the estimator as its last feature: the log-odds of p,
+        which reach into the tails of the distribution, or p itself (the paper).
+    balance : {"macro", None}, default=None
+        "macro" lets the levels of a trial count equally, however many people
+        chose them, as the macro-averaged error does.
+    monotone : bool, default=False
+        Constrain `NNPOM` to ratings that never fall as p grows. Predicted
+        distributions are sorted in any case.
+    decode : {"mixture", "quantile"}, default="mixture"
+        "mixture" averages the probabilities of the levels over the population:
+        calibrated, better by RPS and log score. "quantile" decides on one
+        rating at each of ``n_quantiles`` positions and counts them (the
+        paper): sharper, better by absolute error, with probabilities that are
+        often exactly 0.
+    rule : {"median", "argmax"}, default="median"
+        How "quantile" decides: the median level, or the most probable (the
+        paper).
+    n_quantiles : int, default=99
+        Positions of "quantile", evenly spaced: 0.01, …, 0.99.
+    levels : array-like of shape (n_levels,), default=None
+        All ordered levels, so that one absent from the training data keeps its
+        column. By default 1, 2, … for counts, the levels found for labels.
+    random_state : int, RandomState instance or None, default=None
+        Random positions, validation trials, and the ``random_state`` of
+        ``estimator``, which is left as it is if this is None.
+
+    Attributes
+    ----------
+    estimator_ : estimator object
+        The fitted estimator, with the position as its last feature.
+    levels_, classes_ : ndarray of shape (n_levels,)
+        The ordered levels.
+    n_features_in_ : int
+        Number of features, without the position.
+    feature_names_in_ : ndarray of shape (n_features_in_,)
+        Names of the features, if they have any.
+
+    See Also
+    --------
+    PAPER_2020 : The parameters of Richardson & Kuchenbecker (2020).
+    DummyDistribution : Baselines that ignore the features.
+
+    Notes
+    -----
+    With "quantile" the model estimates the centre of the quantile functions that
+    objects with these features may have, a Wasserstein-1 barycentre, and with
+    "mixture" their average distribution. The macro-averaged error of the paper
+    rewards the first, proper scores reward the second.
+
+    References
+    ----------
+    .. [1] Richardson, B. A. & Kuchenbecker, K. J. (2020). Learning to predict
+       perceptual distributions of haptic adjectives. Frontiers in Neurorobotics
+       13, 116. :doi:`10.3389/fnbot.2019.00116`
+
+    Examples
+    --------
+    Twelve people rate each of four objects from 1 to 5.
+
+    >>> import numpy as np
+    >>> from sklearn_haptic import DistributionalOrdinalRegressor
+    >>> X = np.array([[-1.0], [-0.4], [0.3], [1.1]])
+    >>> counts = np.array(
+    ...     [[8, 3, 1, 0, 0], [3, 6, 2, 1, 0], [0, 2, 5, 4, 1], [0, 0, 1, 5, 6]]
+    ... )
+    >>> model = DistributionalOrdinalRegressor().fit(X, counts)
+    >>> model.predict_proba([[1.5]]).round(2)
+    array([[0.  , 0.01, 0.04, 0.25, 0.7 ]])
+    >>> model.predict_quantile([[-1.0], [1.5]], [0.1, 0.5, 0.9])
+    array([[1, 1, 2],
+           [4, 5, 5]])
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "estimator": [HasMethods(["fit", "predict"]), None],
+        "n_duplicates": [Interval(Integral, 1, None, closed="left")],
+        "sampling": [StrOptions({"level", "lattice", "stratified", "random"})],
+        "p_transform": [StrOptions({"logit"}), None],
+        "balance": [StrOptions({"macro"}), None],
+        "monotone": ["boolean"],
+        "decode": [StrOptions({"mixture", "quantile"})],
+        "rule": [StrOptions({"median", "argmax"})],
+        "n_quantiles": [Interval(Integral, 1, None, closed="left")],
+        "levels": ["array-like", None],
+        "random_state": ["random_state"],
+    }
+
+    def __init__(
+        self,
+        estimator=None,
+        *,
+        n_duplicates=15,
+        sampling="level",
+        p_transform="logit",
+        balance=None,
+        monotone=False,
+        decode="mixture",
+        rule="median",
+        n_quantiles=99,
+        levels=None,
+        random_state=None,
+    ):
+        self.estimator = estimator
+        self.n_duplicates = n_duplicates
+        self.sampling = sampling
+        self.p_transform = p_transform
+        self.balance = balance
+        self.monotone = monotone
+        self.decode = decode
+        self.rule = rule
+        self.n_quantiles = n_quantiles
+        self.levels = levels
+        self.random_state = random_state
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.classifier_tags.poor_score = True  # on classes that have no order
+        return tags
+
+    @_fit_context(prefer_skip_nested_validation=False)
+    def fit(self, X, y, sample_weight=None, *, groups=None):
+        """Fit the estimator on each trial at several positions.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+        y : array-like of shape (n_trials, n_levels) or (n_trials,)
+            How many people gave the trial's object each rating, or one rating.
+        sample_weight : array-like of shape (n_trials,), default=None
+            Weight of each trial.
+        groups : array-like of shape (n_trials,), default=None
+            The object of each trial, so that an estimator with
+            ``early_stopping=True`` validates on whole objects.
+
+        Returns
+        -------
+        self : DistributionalOrdinalRegressor
+            The fitted regressor.
+        """
+        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True)
+        counts, self.levels_ = check_ratings(y, self.levels)
+        self.classes_ = self.levels_
+        check_consistent_length(X, groups)
+        rng = check_random_state(self.random_state)
+        self.estimator_ = self._make_estimator(rng)
+        positions, level, weight = training_observations(
+            counts, self.n_duplicates, self.sampling, self.balance, rng
+        )
+        weight = weight * _check_sample_weight(
+            sample_weight, X, dtype=np.float64, ensure_non_negative=True
+        ).reshape(-1, 1)
+        inputs = self._transform(positions)
+        if not hasattr(self.estimator_, "fit_with_positions"):
+            return self._fit_repeated_rows(X, inputs, level, weight)
+        validation = None
+        if getattr(self.estimator_, "early_stopping", False):
+            train, held_out = validation_split(
+                len(X), groups, self.estimator_.validation_fraction, rng
+            )
+            validation = self._validation_set(X[held_out], counts[held_out])
+            X, inputs, level, weight = (a[train] for a in (X, inputs, level, weight))
+        self.estimator_.fit_with_positions(
+            X,
+            inputs,
+            level,
+            weight,
+            levels=self.levels_,
+            monotone=self.monotone,
+            validation=validation,
+        )
+        return self
+
+    def _make_estimator(self, rng):
+        if self.estimator is None:
+            estimator = NNPOM(n_hidden=0)
+        else:
+            estimator = clone(self.estimator)
+        if self.random_state is not None:
+            names = [
+                name
+                for name in sorted(estimator.get_params())
+                if name == "random_state" or name.endswith("__random_state")
+            ]
+            seeds = rng.randint(np.iinfo(np.int32).max, size=len(names))
+            estimator.set_params(**dict(zip(names, seeds.tolist())))
+        return estimator
+
+    def _transform(self, positions):
+        return logit(positions) if self.p_transform == "logit" else positions
+
+    def _validation_set(self, X, counts):
+        """Trials at the positions of the grid, with their true ratings there."""
+        grid = quantile_grid(self.n_quantiles)
+        level = _level_index(counts, np.broadcast_to(grid, (len(X), len(grid))))
+        inputs = np.broadcast_to(self._transform(grid), level.shape)
+        return X, inputs, level, np.ones(level.shape)
+
+    def _fit_repeated_rows(self, X, inputs, level, weight):
+        name = type(self.estimator_).__name__
+        if self.monotone:
+            raise ValueError(
+                f"monotone=True requires an NNPOM, but estimator is a {name}; set "
+                "monotone=False, predicted distributions are sorted in any case."
+            )
+        used = weight > 0
+        rows = np.column_stack((X, np.zeros(len(X))))[np.nonzero(used)[0]]
+        rows[:, -1] = inputs[used]
+        level, weight = level[used], weight[used]
+        self._present = np.unique(level)
+        if not is_regressor(self.estimator_):  # classes without gaps
+            level = np.searchsorted(self._present, level)
+        if np.ptp(weight) == 0:
+            self.estimator_.fit(rows, level)
+            return self
+        if not has_fit_parameter(self.estimator_, "sample_weight"):
+            raise ValueError(
+                f"{name} takes no sample_weight, which sampling={self.sampling!r} and "
+                f"balance={self.balance!r} need for these ratings; use "
+                "sampling='lattice' with balance=None."
+            )
+        self.estimator_.fit(rows, level, sample_weight=weight)
+        return self
+
+    def predict_proba(self, X):
+        """Predict the distribution of ratings.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_levels)
+            Share of the population at each level; rows sum to 1.
+        """
+        check_is_fitted(self)
+        X = validate_data(self, X, dtype=np.float64, reset=False)
+        if self.decode == "mixture":
+            positions, weight = unit_gauss_legendre(_MIXTURE_NODES)
+        else:
+            positions = quantile_grid(self.n_quantiles)
+            weight = np.full(len(positions), 1 / len(positions))
+        size = max(1, _BATCH_VALUES // (len(positions) * len(self.levels_)))
+        proba = np.concatenate(
+            [
+                self._decode(X[batch], self._transform(positions), weight)
+                for batch in gen_batches(len(X), size)
+            ]
+        )
+        return proba / proba.sum(axis=1, keepdims=True)
+
+    def _decode(self, X, inputs, weight):
+        """Average over positions what is predicted at each of them."""
+        at_position = self._predict_at(X, inputs)
+        if self.decode == "quantile":
+            at_position = np.eye(len(self.levels_))[decide(at_position, self.rule)]
+        return np.einsum("p,tpk->tk", weight, at_position)
+
+    def _predict_at(self, X, inputs):
+        """Probabilities of shape (n_trials, n_positions, n_levels)."""
+        if hasattr(self.estimator_, "predict_proba_with_positions"):
+            return self.estimator_.predict_proba_with_positions(X, inputs)
+        n_levels = len(self.levels_)
+        rows = np.column_stack((X, np.zeros(len(X)))).repeat(len(inputs), axis=0)
+        rows[:, -1] = np.tile(inputs, len(X))
+        proba = np.zeros((len(rows), n_levels))
+        if is_regressor(self.estimator_):
+            level = np.rint(self.estimator_.predict(rows)).astype(int)
+            proba[np.arange(len(rows)), np.clip(level, 0, n_levels - 1)] = 1
+        elif hasattr(self.estimator_, "predict_proba"):
+            proba[:, self._present] = self.estimator_.predict_proba(rows)
+        else:
+            level = self._present[self.estimator_.predict(rows)]
+            proba[np.arange(len(rows)), level] = 1
+        return proba.reshape(len(X), len(inputs), n_levels)
+
+    def predict_cdf(self, X):
+        """Predict the share of the population at each level or below.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+
+        Returns
+        -------
+        cdf : ndarray of shape (n_trials, n_levels)
+            Rows rise to exactly 1.
+        """
+        return _cdf(self.predict_proba(X))
+
+    def predict_quantile(self, X, p):
+        """Predict the rating of the people at given positions.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+        p : float or array-like of shape (n_positions,)
+            Positions in the population, from 0 (lowest rating) to 1.
+
+        Returns
+        -------
+        rating : ndarray of shape (n_trials,) or (n_trials, n_positions)
+            The inverse of `predict_cdf`; never falls as p grows.
+        """
+        return _quantile(self.predict_proba(X), p, self.levels_)
+
+    def predict(self, X):
+        """Predict the most common rating; ``predict_quantile(X, 0.5)`` is the median.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+
+        Returns
+        -------
+        rating : ndarray of shape (n_trials,)
+        """
+        proba = self.predict_proba(X)
+        return self.levels_[proba.argmax(axis=1)]
+
+    def sample(self, X, n_samples=1, *, random_state=None):
+        """Draw ratings of random people from the predicted distributions.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+        n_samples : int, default=1
+            Number of people.
+        random_state : int, RandomState instance or None, default=None
+            Who they are.
+
+        Returns
+        -------
+        rating : ndarray of shape (n_trials, n_samples)
+        """
+        proba = self.predict_proba(X)
+        p = check_random_state(random_state).uniform(size=(len(proba), n_samples))
+        return self.levels_[_level_index(proba, p)]
+
+    def score(self, X, y, sample_weight=None):
+        """Return the negative mean ranked probability score; higher is better.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+        y : array-like of shape (n_trials, n_levels) or (n_trials,)
+            Counts of each rating, or one rating a trial.
+        sample_weight : array-like of shape (n_trials,), default=None
+            Weight of each trial.
+
+        Returns
+        -------
+        score : float
+        """
+        return _score(self, X, y, sample_weight)
+
+
+class DummyDistribution(ClassifierMixin, BaseEstimator):
+    """Predict the same distribution for every trial, whatever its features.
+
+    The two baselines that a model must beat: which one is harder depends on
+    the score.
+
+    Parameters
+    ----------
+    strategy : {"marginal", "barycentre"}, default="marginal"
+        "marginal": the mean of the training trials' distributions, hard to beat
+        by RPS and log score. "barycentre": the distribution whose CDF is the
+        median of theirs at each level, their Wasserstein-1 barycentre, hard to
+        beat by absolute error.
+    levels : array-like of shape (n_levels,), default=None
+        All ordered levels. By default those found by ``fit``.
+
+    Attributes
+    ----------
+    levels_, classes_ : ndarray of shape (n_levels,)
+        The ordered levels.
+    proba_ : ndarray of shape (n_levels,)
+        The distribution.
+    n_features_in_ : int
+        Number of features, which are ignored.
+
+    See Also
+    --------
+    DistributionalOrdinalRegressor : Predicts from the features.
+
+    Examples
+    --------
+    >>> from sklearn_haptic import DummyDistribution
+    >>> counts = [[4, 0, 0], [3, 1, 0], [0, 0, 4]]
+    >>> DummyDistribution("marginal").fit([[0]] * 3, counts).proba_.round(2)
+    array([0.58, 0.08, 0.33])
+    >>> DummyDistribution("barycentre").fit([[0]] * 3, counts).proba_
+    array([0.75, 0.25, 0.  ])
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "strategy": [StrOptions({"marginal", "barycentre"})],
+        "levels": ["array-like", None],
+    }
+
+    def __init__(self, strategy="marginal", *, levels=None):
+        self.strategy = strategy
+        self.levels = levels
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.classifier_tags.poor_score = True
+        return tags
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X, y):
+        """Find the distribution.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Ignored but for its length.
+        y : array-like of shape (n_trials, n_levels) or (n_trials,)
+            Counts of each rating, or one rating a trial.
+
+        Returns
+        -------
+        self : DummyDistribution
+            The fitted baseline.
+        """
+        X, y = validate_data(self, X, y, multi_output=True)
+        counts, self.levels_ = check_ratings(y, self.levels)
+        self.classes_ = self.levels_
+        share = counts / counts.sum(axis=1, keepdims=True)
+        if self.strategy == "marginal":
+            self.proba_ = share.mean(axis=0)
+        else:
+            self.proba_ = np.diff(np.median(_cdf(share), axis=0), prepend=0)
+        return self
+
+    def predict_proba(self, X):
+        """Return the distribution for each trial.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Ignored but for its length.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_levels)
+        """
+        check_is_fitted(self)
+        X = validate_data(self, X, reset=False)
+        return np.tile(self.proba_, (len(X), 1))
+
+    def predict(self, X):
+        """Return the most common rating for each trial.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Ignored but for its length.
+
+        Returns
+        -------
+        rating : ndarray of shape (n_trials,)
+        """
+        proba = self.predict_proba(X)
+        return self.levels_[proba.argmax(axis=1)]
+
+    def score(self, X, y, sample_weight=None):
+        """Return the negative mean ranked probability score; higher is better.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Ignored but for its length.
+        y : array-like of shape (n_trials, n_levels) or (n_trials,)
+            Counts of each rating, or one rating a trial.
+        sample_weight : array-like of shape (n_trials,), default=None
+            Weight of each trial.
+
+        Returns
+        -------
+        score : float
+        """
+        return _score(self, X, y, sample_weight)
+
+
+def _cdf(proba):
+    cdf = np.cumsum(proba, axis=1)
+    cdf[:, -1] = 1.0
+    return np.minimum(cdf, 1.0)
+
+
+def _quantile(proba, p, levels):
+    p = np.asarray(p, dtype=np.float64)
+    if p.ndim > 1 or not np.all((p >= 0) & (p <= 1)):
+        raise ValueError(
+            "p must be a number or a list of numbers from 0 to 1; got "
+            f"{p.tolist() if p.size < 10 else p.shape}."
+        )
+    index = _level_index(proba, np.broadcast_to(p, (len(proba), p.size)))
+    return levels[index[:, 0] if p.ndim == 0 else index]
+
+
+def _score(estimator, X, y, sample_weight):
+    return -ranked_probability_score(
+        y,
+        estimator.predict_proba(X),
+        levels=estimator.levels_,
+        sample_weight=sample_weight,
+    )
+
+
+PAPER_2020 = {
+    "estimator": NNPOM(
+        n_hidden=10,
+        alpha=1.0,
+        solver="irprop+",
+        max_iter=500,
+        early_stopping=True,
+        n_iter_no_change=150,
+        validation_fraction=1 / 9,
+    ),
+    "n_duplicates": 15,
+    "sampling": "random",
+    "p_transform": None,
+    "balance": None,
+    "monotone": False,
+    "decode": "quantile",
+    "rule": "argmax",
+    "n_quantiles": 99,
+}
+"""Parameters of `DistributionalOrdinalRegressor` in Richardson & Kuchenbecker.
+
+The paper chooses ``estimator__n_hidden`` among 1, 5, 10, 20, 30 and
+``estimator__alpha`` among 0.001 … 10 on validation objects.
+"""

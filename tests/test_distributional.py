@@ -1,0 +1,369 @@
+"""The distributional regressor: observations, decoding, any base, the paper."""
+
+import pickle
+from fractions import Fraction
+
+import mord
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.special import logit
+from sklearn.base import clone
+from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestClassifier
+from sklearn.linear_model import LogisticRegression, Ridge, RidgeClassifier
+from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_predict
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils.estimator_checks import (
+    check_dataframe_column_names_consistency,
+    check_param_validation,
+    parametrize_with_checks,
+)
+
+from sklearn_haptic import (
+    NNPOM,
+    PAPER_2020,
+    DistributionalOrdinalRegressor,
+    DummyDistribution,
+)
+from sklearn_haptic._distributional import (
+    decide,
+    quantile_grid,
+    training_observations,
+    unit_gauss_legendre,
+)
+
+# mord 0.7 passes an option that SciPy 1.17 deprecates.
+pytestmark = pytest.mark.filterwarnings("ignore:scipy.optimize. The `disp`")
+
+
+def ordinal_trials(n_objects=20, n_trials=5, n_features=4, seed=0):
+    """Trials of objects whose crowd follows a proportional-odds model."""
+    rng = np.random.default_rng(seed)
+    objects = np.repeat(np.arange(n_objects), n_trials)
+    latent = rng.normal(size=n_objects) * 2
+    X = latent[objects, None] * [1, -0.5, 0.2, 0][:n_features]
+    X = X + 0.3 * rng.normal(size=(len(objects), n_features))
+    raters = latent[:, None] + rng.logistic(size=(n_objects, 12))
+    level = np.digitize(raters, [-2, -0.7, 0.7, 2])
+    counts = np.stack([(level == k).sum(axis=1) for k in range(5)], axis=1)
+    return X, counts[objects], objects
+
+
+@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
+@parametrize_with_checks(
+    [
+        DistributionalOrdinalRegressor(NNPOM(0, tol=1e-10)),
+        DistributionalOrdinalRegressor(
+            LogisticRegression(tol=1e-12, max_iter=5000), decode="quantile"
+        ),
+        DummyDistribution(),
+        DummyDistribution("barycentre"),
+    ]
+)
+def test_common_checks(estimator, check):
+    check(estimator)
+
+
+@pytest.mark.parametrize(
+    "estimator", [DistributionalOrdinalRegressor(), DummyDistribution()]
+)
+def test_checks_outside_the_common_suite(estimator):
+    check_param_validation(type(estimator).__name__, estimator)
+    check_dataframe_column_names_consistency(type(estimator).__name__, estimator)
+
+
+@pytest.mark.parametrize("sampling", ["level", "lattice", "stratified", "random"])
+@pytest.mark.parametrize("balance", [None, "macro"])
+def test_labels_are_the_exact_inverse_cdf(sampling, balance):
+    rng = np.random.default_rng(0)
+    counts = rng.integers(0, 6, size=(50, 5)).astype(float)
+    counts[:, 3] += 1
+    positions, level, weight = training_observations(
+        counts, 15, sampling, balance, np.random.RandomState(0)
+    )
+    assert ((positions > 0) & (positions < 1)).all()
+    np.testing.assert_allclose(weight.sum(axis=1), 15)
+    for t, w in np.argwhere(weight > 0):
+        rank = Fraction(positions[t, w]) * int(counts[t].sum())
+        below = np.cumsum(counts[t].astype(int))
+        assert level[t, w] == np.argmax([b >= rank for b in below])
+    if balance == "macro":
+        for t in range(50):
+            used = [weight[t][level[t] == k].sum() for k in range(5)]
+            np.testing.assert_allclose([u for u in used if u], max(used))
+
+
+def test_level_sampling_integrates_over_the_population():
+    counts = np.array([[3.0, 0.0, 6.0, 2.0, 1.0]])
+    positions, level, weight = training_observations(counts, 15, "level", None, None)
+    for k, (start, end) in enumerate([(0, 3), (3, 3), (3, 9), (9, 11), (11, 12)]):
+        exact = quad(lambda p: p**5, start / 12, end / 12)[0]
+        at_level = level[0] == k
+        ours = weight[0, at_level] @ positions[0, at_level] ** 5 / 15
+        assert ours == pytest.approx(exact, rel=1e-12)
+
+
+def test_lattice_shows_every_rating_of_many_raters():
+    rng = np.random.default_rng(1)
+    counts = np.tile(rng.multinomial(70, [0.6, 0.2, 0.1, 0.08, 0.02]), (10, 1))
+    _, level, _ = training_observations(counts * 1.0, 15, "lattice", None, None)
+    assert set(np.unique(level)) == set(np.flatnonzero(counts[0]))
+
+
+def test_paper_settings_are_the_papers_procedure():
+    """Section 2.3.1 of the paper, spelled out with plain loops."""
+    X, counts, objects = ordinal_trials()
+    model = DistributionalOrdinalRegressor(**PAPER_2020, random_state=7)
+    model.fit(X, counts, groups=objects)
+    network = model.estimator_
+    assert network.solver == "irprop+" and network.n_features_in_ == X.shape[1] + 1
+
+    rng = np.random.RandomState(7)
+    rng.randint(np.iinfo(np.int32).max, size=1)  # the seed of the network
+    uniform = rng.uniform(size=(len(X), 15))
+    positions, level, weight = training_observations(
+        counts.astype(float), 15, "random", None, _Replay(uniform)
+    )
+    np.testing.assert_array_equal(positions, uniform)
+    np.testing.assert_array_equal(weight, 1)
+    for t in range(len(X)):
+        ratings = np.sort(np.repeat(np.arange(5), counts[t]))
+        for w in range(15):
+            rank = Fraction(uniform[t, w]) * len(ratings)
+            assert level[t, w] == ratings[-int(-rank // 1) - 1]
+
+    for t in (0, 33, 99):
+        predicted = []
+        for i in range(1, 100):
+            duplicate = np.append(X[t], i / 100)[None]
+            predicted.append(np.argmax(network.predict_proba(duplicate)) + 1)
+        share = np.bincount(predicted, minlength=6)[1:] / 99
+        np.testing.assert_allclose(model.predict_proba(X[t : t + 1])[0], share)
+        np.testing.assert_array_equal(
+            model.predict_quantile(X[t : t + 1], np.arange(1, 100) / 100)[0],
+            np.sort(predicted),
+        )
+
+
+class _Replay:
+    def __init__(self, values):
+        self.values = values
+
+    def uniform(self, size):
+        assert self.values.shape == size
+        return self.values
+
+
+def test_paper_settings_regression():
+    """Numbers of this implementation on generated trials, kept from changing."""
+    X, counts, objects = ordinal_trials()
+    model = DistributionalOrdinalRegressor(**PAPER_2020, random_state=0)
+    proba = model.fit(X, counts, groups=objects).predict_proba(X[[0, 50]])
+    assert PAPER_2020["n_duplicates"] == 15 and PAPER_2020["p_transform"] is None
+    expected = np.array([[2, 29, 34, 34, 0], [28, 28, 32, 11, 0]]) / 99
+    np.testing.assert_allclose(proba, expected, atol=0.021)
+
+
+@pytest.mark.parametrize("decode", ["mixture", "quantile"])
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        None,
+        NNPOM(3, random_state=0),
+        mord.LogisticAT(),
+        LogisticRegression(),
+        HistGradientBoostingRegressor(max_iter=20),
+        RandomForestClassifier(20, random_state=0),
+        RidgeClassifier(),
+        Ridge(),
+    ],
+    ids=lambda e: type(e).__name__,
+)
+def test_any_base_beats_the_marginal_and_agrees_with_itself(estimator, decode):
+    X, counts, objects = ordinal_trials(n_objects=40)
+    train = objects < 30
+    model = DistributionalOrdinalRegressor(estimator, decode=decode, random_state=0)
+    model.fit(X[train], counts[train])
+    proba = model.predict_proba(X[~train])
+    np.testing.assert_allclose(proba.sum(axis=1), 1, rtol=1e-14)
+    assert proba.shape == (50, 5) and (proba >= 0).all()
+    marginal = DummyDistribution().fit(X[train], counts[train])
+    assert model.score(X[~train], counts[~train]) > marginal.score(
+        X[~train], counts[~train]
+    )
+    cdf = model.predict_cdf(X[~train])
+    assert (cdf[:, -1] == 1).all() and (np.diff(cdf) >= 0).all()
+    grid = np.arange(1, 100) / 100
+    quantiles = model.predict_quantile(X[~train], grid)
+    assert (np.diff(quantiles, axis=1) >= 0).all()
+    share = np.stack([(quantiles == k).mean(axis=1) for k in range(1, 6)], axis=1)
+    np.testing.assert_allclose(share, proba, atol=0.02)
+    np.testing.assert_array_equal(
+        model.predict_quantile(X[~train], 0.5), quantiles[:, 49]
+    )
+    np.testing.assert_array_equal(model.predict(X[~train]), proba.argmax(axis=1) + 1)
+    sample = model.sample(X[~train], 4000, random_state=0)
+    share = np.stack([(sample == k).mean(axis=1) for k in range(1, 6)], axis=1)
+    np.testing.assert_allclose(share, proba, atol=0.04)
+
+
+def test_both_decodings_come_from_one_fit():
+    X, counts, _ = ordinal_trials()
+    model = DistributionalOrdinalRegressor(NNPOM(0)).fit(X, counts)
+    w, v = model.estimator_.coefs_[0][:-1], model.estimator_.coefs_[0][-1]
+    cuts = model.estimator_.thresholds_
+
+    def mixture_cdf(x, k):
+        return quad(lambda p: 1 / (1 + np.exp(x @ w + v * logit(p) - cuts[k])), 0, 1)[0]
+
+    exact = [[mixture_cdf(x, k) for k in range(4)] for x in X[:5]]
+    np.testing.assert_allclose(model.predict_cdf(X[:5])[:, :4], exact, atol=1e-4)
+    model.set_params(decode="quantile", n_quantiles=9999)
+    closed_form = 1 / (1 + np.exp((X[:5] @ w[:, None] - cuts) / v))
+    np.testing.assert_allclose(model.predict_cdf(X[:5])[:, :4], closed_form, atol=2e-4)
+
+
+def test_shared_path_equals_repeated_rows():
+    """The same network on rows that are really repeated, through the other path."""
+
+    class PlainNNPOM(NNPOM):
+        fit_with_positions = property()
+        predict_proba_with_positions = property()
+
+    X, counts, _ = ordinal_trials()
+    for decode in ("mixture", "quantile"):
+        fits = [
+            DistributionalOrdinalRegressor(base, decode=decode).fit(X, counts)
+            for base in (
+                NNPOM(2, tol=1e-8, random_state=0),
+                PlainNNPOM(2, tol=1e-8, random_state=0),
+            )
+        ]
+        np.testing.assert_allclose(
+            fits[0].predict_proba(X), fits[1].predict_proba(X), atol=1e-6
+        )
+
+
+def test_decide_by_hand():
+    proba = np.array([[0.4, 0.15, 0.45], [0.5, 0.5, 0.0], [0.1, 0.2, 0.7]])
+    assert decide(proba, "median").tolist() == [1, 0, 2]
+    assert decide(proba, "argmax").tolist() == [2, 0, 2]
+
+
+def test_grids():
+    np.testing.assert_allclose(quantile_grid(99), np.arange(1, 100) / 100, rtol=1e-15)
+    nodes, weight = unit_gauss_legendre(4)
+    assert weight @ nodes**7 == pytest.approx(1 / 8)
+
+
+def test_search_by_object_with_two_dimensional_target():
+    X, counts, objects = ordinal_trials()
+    pipeline = make_pipeline(StandardScaler(), DistributionalOrdinalRegressor())
+    search = GridSearchCV(
+        pipeline,
+        {
+            "distributionalordinalregressor__estimator": [NNPOM(0), NNPOM(2)],
+            "distributionalordinalregressor__n_duplicates": [5, 15],
+        },
+        cv=GroupKFold(4),
+    ).fit(X, counts, groups=objects)
+    assert np.isfinite(search.cv_results_["mean_test_score"]).all()
+    proba = cross_val_predict(
+        pipeline,
+        X,
+        counts,
+        groups=objects,
+        cv=GroupKFold(4),
+        method="predict_proba",
+    )
+    assert proba.shape == counts.shape
+
+
+def test_levels_absent_from_a_fold_keep_their_column():
+    X, counts, _ = ordinal_trials()
+    counts[:, 2] = 0
+    counts[:, 4] = 0
+    counts[:, 0] += 1
+    for base in (None, mord.LogisticAT(), Ridge(), RidgeClassifier()):
+        model = DistributionalOrdinalRegressor(base).fit(X, counts)
+        proba = model.predict_proba(X)
+        assert proba.shape == (100, 5)
+        if not isinstance(base, Ridge):  # a regressor predicts between and beyond
+            assert (proba[:, [2, 4]] == 0).all()
+    labels = np.array([1, 2, 4] * 33 + [1])
+    model = DistributionalOrdinalRegressor(levels=[1, 2, 3, 4, 5]).fit(X, labels)
+    assert model.predict_proba(X).shape == (100, 5)
+
+
+def test_random_state_reaches_the_estimator_only_if_given():
+    X, counts, _ = ordinal_trials()
+    base = NNPOM(3, random_state=3)
+    assert (
+        DistributionalOrdinalRegressor(base).fit(X, counts).estimator_.random_state == 3
+    )
+    seeded = [
+        DistributionalOrdinalRegressor(NNPOM(3), random_state=s).fit(X, counts)
+        for s in (0, 0, 1)
+    ]
+    proba = [model.predict_proba(X) for model in seeded]
+    np.testing.assert_array_equal(proba[0], proba[1])
+    assert not np.array_equal(proba[0], proba[2])
+
+
+def test_base_without_weights_says_what_to_do():
+    X, counts, _ = ordinal_trials()
+    model = DistributionalOrdinalRegressor(KNeighborsClassifier())
+    with pytest.raises(ValueError, match=r"takes no sample_weight.*'lattice'"):
+        model.fit(X, counts)
+    proba = model.set_params(sampling="lattice").fit(X, counts).predict_proba(X)
+    np.testing.assert_allclose(proba.sum(axis=1), 1)
+
+
+@pytest.mark.parametrize(
+    ("params", "message"),
+    [
+        ({"monotone": True, "estimator": Ridge()}, "monotone=True requires an NNPOM"),
+        ({"levels": [1, 2, 3]}, "5 columns of counts, but there are 3 levels"),
+    ],
+)
+def test_bad_parameters(params, message):
+    X, counts, _ = ordinal_trials()
+    with pytest.raises(ValueError, match=message):
+        DistributionalOrdinalRegressor(**params).fit(X, counts)
+
+
+def test_groups_of_another_length():
+    X, counts, objects = ordinal_trials()
+    with pytest.raises(ValueError, match="inconsistent numbers of samples"):
+        DistributionalOrdinalRegressor().fit(X, counts, groups=objects[:-1])
+
+
+@pytest.mark.parametrize("p", [-0.1, 1.1, [[0.5]]])
+def test_positions_outside_the_population(p):
+    X, counts, _ = ordinal_trials()
+    model = DistributionalOrdinalRegressor().fit(X, counts)
+    with pytest.raises(ValueError, match="p must be a number or a list of numbers"):
+        model.predict_quantile(X, p)
+
+
+def test_pickle_and_clone():
+    X, counts, _ = ordinal_trials()
+    model = DistributionalOrdinalRegressor(mord.LogisticAT()).fit(X, counts)
+    loaded = pickle.loads(pickle.dumps(model))
+    np.testing.assert_array_equal(loaded.predict_proba(X), model.predict_proba(X))
+    assert clone(DistributionalOrdinalRegressor(**PAPER_2020)).rule == "argmax"
+
+
+def test_barycentre_minimises_the_mean_distance():
+    """No other distribution lies closer to the training distributions in W1."""
+    rng = np.random.default_rng(0)
+    counts = rng.multinomial(12, [0.3, 0.2, 0.2, 0.2, 0.1], size=31)
+    cdf = np.cumsum(counts / 12, axis=1)
+    best = np.cumsum(
+        DummyDistribution("barycentre").fit(np.zeros((31, 1)), counts).proba_
+    )
+    own = np.abs(cdf - best).sum(axis=1).mean()
+    for other in np.cumsum(rng.dirichlet(np.ones(5), size=2000), axis=1):
+        assert own <= np.abs(cdf - other).sum(axis=1).mean() + 1e-12
