@@ -1,0 +1,288 @@
+"""A haptic corpus made on the spot, of the shape and statistics of PHAC-2.
+
+Objects of eight materials have latent properties. Those properties drive both
+what the robot's sensors record (:mod:`._touch`) and, with a share that no robot
+can feel, how people rate the objects (:mod:`._crowd`).
+"""
+
+from numbers import Integral
+
+import numpy as np
+from sklearn.utils import Bunch, check_random_state
+from sklearn.utils._param_validation import Interval, StrOptions, validate_params
+
+from sklearn_haptic.datasets._crowd import (
+    ADJECTIVES,
+    LEVELS,
+    PERCEPTS,
+    population,
+    rate,
+)
+from sklearn_haptic.datasets._phac2 import FRAME_RATE, SENSORS, _choose
+
+from ._touch import PROCEDURES, draw_conditions, touch
+
+# Per material: first digit of its ids, share of the objects, then the middle of
+# its compression beyond that of the finger itself (mm) and the sd of its log,
+# relaxation, conduction, roughness, friction and liveliness.
+_MATERIALS = {
+    "foam": (1, 16, 10.0, 0.40, 0.240, 0.08, 0.2, 0.65, 0.8),
+    "plastic": (2, 13, 1.9, 0.90, 0.030, 0.52, -0.4, 0.38, 0.0),
+    "paper": (3, 12, 2.8, 0.70, 0.040, 0.47, -0.4, 0.38, -0.3),
+    "fabric": (4, 7, 7.0, 0.35, 0.170, 0.14, 0.4, 0.50, -0.2),
+    "organic": (5, 5, 3.0, 0.50, 0.050, 0.42, 1.2, 0.55, -0.4),
+    "stone": (5, 2, 1.1, 0.30, 0.021, 0.97, 1.3, 0.60, -0.9),
+    "glass": (6, 2, 0.9, 0.30, 0.020, 0.80, -1.4, 0.30, -0.9),
+    "metal": (7, 3, 1.0, 0.30, 0.020, 1.00, -0.9, 0.30, -0.9),
+}
+# How much of a percept's standard deviation the robot can feel.
+_TANGIBLE = np.array([0.97, 0.65, 0.65, 0.9, 0.6, 0.0])
+
+_DESCR = """Synthetic haptic corpus
+=======================
+
+{n_objects} objects touched {n_trials} times each ({procedure}), rated by {n_raters}
+people an object on ten adjectives from 1 to 5. Signals are counts above rest of two
+BioTac fingers, finger 0 first; nothing was recorded. The statistics follow those
+published for PHAC-2 (Chu et al. 2015, https://doi.org/10.1016/j.robot.2014.09.021;
+Richardson and Kuchenbecker 2020, https://doi.org/10.3389/fnbot.2019.00116).
+
+trials        a row a trial, a column a sensor
+objects       object id of each trial
+object_names  name of each trial's object
+ratings       adjective -> how many people chose each level, a row a trial
+rater_ratings each person's ratings, a row for each object and person
+true_proba    adjective -> probability of each level in the whole population
+properties    latent properties of each object
+"""
+
+
+@validate_params(
+    {
+        "n_objects": [Interval(Integral, 1, None, closed="left")],
+        "n_trials": [Interval(Integral, 1, None, closed="left")],
+        "procedure": [StrOptions(set(PROCEDURES))],
+        "sensors": ["array-like", None],
+        "n_raters": [Interval(Integral, 1, None, closed="left")],
+        "random_state": ["random_state"],
+    },
+    prefer_skip_nested_validation=True,
+)
+def make_haptic_corpus(
+    n_objects=60,
+    n_trials=10,
+    procedure="hold",
+    *,
+    sensors=None,
+    n_raters=12,
+    random_state=None,
+):
+    """Generate a corpus of robotic touches of objects and of people's ratings.
+
+    A stand-in of the shape and statistics of PHAC-2, for when its recordings are
+    not at hand. Latent properties of each object (compliance, heat conduction,
+    texture, friction, ...) drive both the signals of five sensors in each of two
+    BioTac fingers and a crowd's ratings on ten adjectives. What the robot can feel
+    tells much of hardness and cold, and little of texture, as in the real corpus.
+    Requires pandas: ``pip install sklearn_haptic[plot]``.
+
+    Parameters
+    ----------
+    n_objects : int, default=60
+        Number of objects, of eight materials in the shares of PHAC-2.
+    n_trials : int, default=10
+        How many times the robot touches each object. No trial depends on how many
+        follow.
+    procedure : {"squeeze", "hold", "slow_slide", "fast_slide"}, default="hold"
+        The exploratory procedure. With one seed, all procedures have the same
+        objects, trials and ratings.
+    sensors : array-like of str, default=None
+        Some of ``"pac"``, ``"pdc"``, ``"tac"``, ``"tdc"`` and ``"electrodes"``, in
+        the order of the columns wanted; by default all, in this order. The signals
+        of a sensor do not depend on which others are asked for.
+    n_raters : int, default=12
+        How many people rate each object. Three groups of so many people rate a third
+        of the objects each.
+    random_state : int, RandomState instance or None, default=None
+        Seed of objects, touches and ratings. Pass an int for the same corpus in
+        every call.
+
+    Returns
+    -------
+    corpus : :class:`~sklearn.utils.Bunch`
+        Dictionary-like object with the attributes of
+        :func:`~sklearn_haptic.datasets.load_phac2` and the truth behind them:
+
+        trials : DataFrame of shape (n_objects * n_trials, n_sensors)
+            A row a trial, a column a sensor, the index the trials' names. Each cell
+            is a float32 array in counts of the 12-bit converter above rest, with n
+            frames of 10 ms: pac ``(22 * n, 2)``; pdc, tac and tdc ``(n, 2)``, a
+            column a finger; electrodes ``(n, 38)``, the 19 of finger 0, then those
+            of finger 1.
+        objects : ndarray of shape (n_objects * n_trials,)
+            The id of each trial's object, for grouped cross-validation.
+        object_names : ndarray of shape (n_objects * n_trials,)
+            The material of each trial's object, as its name.
+        ratings : dict of str to ndarray of shape (n_objects * n_trials, 5)
+            For each adjective, how many people gave each trial's object each level.
+        levels : ndarray of shape (5,)
+            The levels 1 to 5.
+        sampling_rates : dict of str to int
+            Samples a second of each sensor.
+        rater_ratings : DataFrame of shape (n_objects * n_raters, 10)
+            Each person's ratings, a row for each object and person.
+        true_proba : dict of str to ndarray of shape (n_objects * n_trials, 5)
+            For each adjective, the probability of each level in the population of
+            which the raters are a sample.
+        properties : DataFrame of shape (n_objects, n_properties)
+            The latent properties of each object, indexed by its id: compression
+            in mm, relaxation as a fraction in ten seconds, coefficient of friction,
+            conduction and firmness from about 0 to 1, roughness and liveliness as
+            standard scores, and the logarithms of four gains that depend on shape
+            alone and that people do not rate.
+        DESCR : str
+            What the corpus is.
+
+    Raises
+    ------
+    ImportError
+        If pandas is not installed.
+    ValueError
+        If a number is below 1, or a procedure or sensor is unknown.
+
+    See Also
+    --------
+    load_phac2 : The real corpus.
+
+    References
+    ----------
+    .. [1] B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
+       distributions of haptic adjectives", Frontiers in Neurorobotics 13:116, 2020,
+       :doi:`10.3389/fnbot.2019.00116`.
+    .. [2] V. Chu et al., "Robotic learning of haptic adjectives through physical
+       interaction", Robotics and Autonomous Systems 63, 279–292, 2015,
+       :doi:`10.1016/j.robot.2014.09.021`.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.datasets import make_haptic_corpus
+    >>> corpus = make_haptic_corpus(20, 2, sensors=["pdc", "tdc"], random_state=0)
+    >>> corpus.trials.shape
+    (40, 2)
+    >>> corpus.trials["pdc"].iloc[0].shape
+    (1000, 2)
+    >>> corpus.ratings["hard"].shape
+    (40, 5)
+    """
+    try:
+        import pandas as pd
+    except ImportError as error:
+        raise ImportError(
+            "make_haptic_corpus requires pandas; install it with "
+            "`pip install sklearn_haptic[plot]`."
+        ) from error
+    sensors = _choose(sensors, list(SENSORS), "sensor", "the corpus")
+    seed = int(check_random_state(random_state).randint(np.iinfo(np.int32).max))
+
+    properties = _draw_properties(n_objects, np.random.default_rng([seed, 0]))
+    crowd_rng = np.random.default_rng([seed, 1])
+    percepts = _percepts(properties, crowd_rng)
+    groups = crowd_rng.permutation(n_objects) % 3
+    answers = rate(percepts, groups, n_raters, crowd_rng)
+    counts = (answers[..., None] == LEVELS).sum(axis=1)
+    proba = population(percepts)
+
+    materials = [dict(zip(properties, row)) for row in zip(*properties.values())]
+    cells = {sensor: np.empty(n_objects * n_trials, dtype=object) for sensor in sensors}
+    for i, material in enumerate(materials):
+        for run in range(n_trials):
+            signals = _touch_once(material, procedure, sensors, (seed, i, run))
+            for sensor, values in signals.items():
+                cells[sensor][i * n_trials + run] = values
+
+    ids = properties.pop("object_id")
+    of_object = np.repeat(np.arange(n_objects), n_trials)
+    names = [
+        f"{material}_{identity}_{run:02d}"
+        for material, identity in zip(properties["material"], ids)
+        for run in range(1, n_trials + 1)
+    ]
+    return Bunch(
+        trials=pd.DataFrame(cells, index=pd.Index(names, name="trial", dtype=object)),
+        objects=ids[of_object],
+        object_names=properties["material"][of_object],
+        ratings={a: counts[of_object, k] for k, a in enumerate(ADJECTIVES)},
+        levels=LEVELS.copy(),
+        sampling_rates={sensor: FRAME_RATE * SENSORS[sensor][0] for sensor in sensors},
+        rater_ratings=pd.DataFrame(
+            answers.reshape(-1, len(ADJECTIVES)),
+            index=pd.MultiIndex.from_product(
+                [ids, range(1, n_raters + 1)], names=["object", "rater"]
+            ),
+            columns=list(ADJECTIVES),
+        ),
+        true_proba={a: proba[of_object, k] for k, a in enumerate(ADJECTIVES)},
+        properties=pd.DataFrame(properties, index=pd.Index(ids, name="object")),
+        DESCR=_DESCR.format(
+            n_objects=n_objects,
+            n_trials=n_trials,
+            procedure=procedure,
+            n_raters=n_raters,
+        ),
+    )
+
+
+def _draw_properties(n_objects, rng):
+    """Draw the properties of objects, materials in their shares and in order of id."""
+    table = np.array(list(_MATERIALS.values()))
+    ends = np.cumsum(table[:, 1]) / table[:, 1].sum()
+    which = np.searchsorted(ends, (np.arange(n_objects) + 0.5) / n_objects)
+    digit, _, excess, spread, lost, conduction, rough, friction, lively = table[which].T
+    z = rng.normal(size=(n_objects, 6)).T
+    compression = 3.9 + excess * np.exp(spread * z[0])
+    roughness = rough + 0.75 * z[3]
+    friction = friction * np.exp(0.22 * z[4] + 0.08 * roughness)
+    quirks = rng.normal(size=(n_objects, 4)).T
+    hundred = 10 ** max(2, len(str(n_objects)))
+    digit = digit.astype(int)
+    place = np.arange(n_objects) - np.searchsorted(digit, digit) + 1
+    return {
+        "object_id": digit * hundred + place,
+        "material": np.array(list(_MATERIALS))[which],
+        "compression": compression,
+        "firmness": 1 - np.log(compression / 4.4) / np.log(5),
+        "relaxation": lost * np.exp(0.25 * z[0] + 0.25 * z[1]),
+        "conduction": np.clip(conduction - 0.06 * z[0] + 0.08 * z[2], 0.02, 1.05),
+        "roughness": roughness,
+        "friction": friction,
+        "liveliness": lively + 0.7 * z[5],
+        "grip": 0.17 * quirks[0],
+        "buzz": 0.35 * quirks[1],
+        "shear": 0.2 * quirks[2],
+        "contact": 0.18 * quirks[3],
+    }
+
+
+def _percepts(properties, rng):
+    """Return standard scores (n_objects, 6) of what people feel of each object."""
+    felt = [
+        (properties["firmness"] - 0.62) / 0.33,
+        properties["roughness"] / 0.95,
+        np.log(0.45 / properties["friction"]) / 0.35,
+        (properties["conduction"] - 0.4) / 0.29,
+        properties["liveliness"] / 0.8,
+        np.zeros_like(properties["firmness"]),
+    ]
+    unfelt = rng.normal(size=(len(felt[0]), len(PERCEPTS)))
+    return _TANGIBLE * np.transpose(felt) + np.sqrt(1 - _TANGIBLE**2) * unfelt
+
+
+def _touch_once(material, procedure, sensors, trial):
+    """Simulate one trial; its streams depend on nothing but seed, object and run."""
+    conditions = draw_conditions(np.random.default_rng([*trial, 2]))
+    at = 3 + PROCEDURES.index(procedure)
+
+    def stream(k):
+        return np.random.default_rng([*trial, at, k])
+
+    return touch(material, conditions, procedure, sensors, stream)
