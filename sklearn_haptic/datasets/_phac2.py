@@ -1,0 +1,316 @@
+"""The Penn Haptic Adjective Corpus 2 (PHAC-2): raw trials from its HDF5 file.
+
+A robot with two BioTac fingers squeezed, held and slid over 60 objects, ten times
+each. A trial is a group ``<object>_<id>_<run>`` at the root of the file; the state of
+the robot's controller marks which rows belong to which exploratory procedure.
+"""
+
+import os
+from difflib import get_close_matches
+
+import numpy as np
+from sklearn.utils import Bunch
+from sklearn.utils._param_validation import StrOptions, validate_params
+
+from sklearn_haptic.datasets._hdf5 import (
+    check_stored,
+    get_node,
+    names_in,
+    open_hdf5,
+    read_rows,
+)
+from sklearn_haptic.datasets._ratings_file import LEVELS, read_ratings
+
+PROCEDURE_STATES = {
+    "squeeze": b"SQUEEZE_SET_PRESSURE_SLOW",
+    "hold": b"HOLD_FOR_10_SECONDS",
+    "slow_slide": b"SLIDE_5CM",
+    "fast_slide": b"MOVE_DOWN_5CM",
+}
+REST_STATE = b"MOVE_ARM_START_POSITION"
+REST_FRAMES = (100, 110)
+
+FRAME_RATE = 100
+# Samples and channels of one finger in one frame.
+SENSORS = {"pac": (22, 1), "pdc": (1, 1), "tac": (1, 1), "tdc": (1, 1)}
+SENSORS["electrodes"] = (1, 19)
+
+NOT_TRIALS = ("adjectives", "train_test", "validation")
+
+DESCR = """\
+Penn Haptic Adjective Corpus 2 (PHAC-2)
+=======================================
+
+Recordings of a PR2 robot that touched 60 everyday objects ten times each with two
+BioTac fingers, by four exploratory procedures: squeeze, hold, slow slide and fast
+slide. Twelve people rated each object from 1 to 5 on ten haptic adjectives.
+
+:Source: Edmond, the open research data repository of the Max Planck Society,
+    https://doi.org/10.17617/3.0C79KW
+:Files: ``phac_train_test_pos_neg_90_10_1_20.h5`` (472 MB: all 600 trials) and a
+    small MATLAB file (the ratings)
+:Licence: CC BY-SA 4.0
+:Reference: B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
+    distributions of haptic adjectives", Frontiers in Neurorobotics 13:116, 2020,
+    https://doi.org/10.3389/fnbot.2019.00116
+"""
+
+
+@validate_params(
+    {
+        "path": [str, os.PathLike],
+        "procedure": [StrOptions(set(PROCEDURE_STATES))],
+        "sensors": ["array-like", None],
+        "trials": ["array-like", None],
+        "ratings_path": [str, os.PathLike, None],
+        "remove_baseline": ["boolean"],
+    },
+    prefer_skip_nested_validation=True,
+)
+def load_phac2(
+    path,
+    *,
+    procedure="hold",
+    sensors=None,
+    trials=None,
+    ratings_path=None,
+    remove_baseline=True,
+):
+    """Load one exploratory procedure of the PHAC-2 corpus.
+
+    Only the sensors, trials and rows asked for are read. Download the files from
+    https://doi.org/10.17617/3.0C79KW (CC BY-SA 4.0). Requires h5py and pandas:
+    ``pip install sklearn_haptic[phac2]``.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The HDF5 file of trials, ``phac_train_test_pos_neg_90_10_1_20.h5`` or
+        another of the same layout.
+    procedure : {"squeeze", "hold", "slow_slide", "fast_slide"}, default="hold"
+        The exploratory procedure: the rows during which the controller was in its
+        state. If the state recurs, its stretches are joined.
+    sensors : array-like of str, default=None
+        Some of ``"pac"``, ``"pdc"``, ``"tac"``, ``"tdc"`` and ``"electrodes"``, in
+        the order of the columns wanted; by default all, in this order.
+    trials : array-like of str, default=None
+        Names of trials, such as ``"kitchen_sponge_114_10"``, in the order of the rows
+        wanted; by default all, ordered by object id, then run.
+    ratings_path : str or path-like, default=None
+        The MATLAB file of ratings, any version. Its variables are found by shape:
+        one numeric array with axes objects, 10 adjectives, and raters (ratings 1
+        to 5; 0 or NaN if missing) or 5 levels (counts), in any order. A cell array
+        of ten names gives the order of the adjectives, else it is taken to be
+        hard, soft, rough, smooth, slippery, sticky, cold, warm, moldable, springy;
+        a vector of ids gives that of the objects, else ids ascend. A warning says
+        which order was assumed.
+    remove_baseline : bool, default=True
+        Subtract from each channel its mean at rest in the same trial: over the rows
+        in which the arm moves to its start, or rows 100 to 109 if there are none.
+        The level at rest differs by finger and drifts over the day. In temperature
+        it drifts by ten times what contact adds, and as the trials of one object
+        are recorded together it can give the object away. Signs are kept: nothing
+        is negated, unlike in the code of the corpus's authors.
+
+    Returns
+    -------
+    corpus : :class:`~sklearn.utils.Bunch`
+        Dictionary-like object with attributes:
+
+        trials : DataFrame of shape (n_trials, n_sensors)
+            A row a trial, a column a sensor, the index the trials' names. Each cell
+            is a float32 array in counts of the 12-bit converter, with n frames of
+            10 ms: pac ``(22 * n, 2)``; pdc, tac and tdc ``(n, 2)``, a column a finger;
+            electrodes ``(n, 38)``, the 19 of finger 0, then those of finger 1.
+        objects : ndarray of shape (n_trials,)
+            The id of each trial's object, for grouped cross-validation.
+        object_names : ndarray of shape (n_trials,)
+            The name of each trial's object. Some names belong to two objects.
+        ratings : dict of str to ndarray of shape (n_trials, 5)
+            For each adjective, how many people gave each trial's object each level.
+            Empty without ``ratings_path``.
+        levels : ndarray of shape (5,)
+            The levels 1 to 5.
+        sampling_rates : dict of str to int
+            Samples a second of each sensor.
+        DESCR : str
+            What the corpus is and where it comes from.
+
+    Raises
+    ------
+    ImportError
+        If h5py or pandas is not installed.
+    FileNotFoundError
+        If a file is missing.
+    OSError
+        If a file is not of its format, is cut short or is damaged.
+    ValueError
+        If a name is unknown; if a trial lacks the procedure or a sensor, or holds
+        data of another shape or type; if the file links elsewhere; or if the ratings
+        are not found, are ambiguous or lack an object.
+
+    References
+    ----------
+    .. [1] B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
+       distributions of haptic adjectives", Frontiers in Neurorobotics 13:116, 2020,
+       :doi:`10.3389/fnbot.2019.00116`.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.datasets import load_phac2
+    >>> corpus = load_phac2(
+    ...     "phac_train_test_pos_neg_90_10_1_20.h5",
+    ...     procedure="slow_slide",
+    ...     sensors=["pac", "electrodes"],
+    ... )  # doctest: +SKIP
+    >>> corpus.trials.loc["kitchen_sponge_114_10", "electrodes"].shape
+    ... # doctest: +SKIP
+    (500, 38)
+    """
+    try:
+        import pandas as pd
+    except ImportError as error:
+        raise ImportError(
+            "load_phac2 requires pandas; install it with "
+            "`pip install sklearn_haptic[phac2]`."
+        ) from error
+    sensors = _choose(sensors, list(SENSORS), "sensor", "the corpus")
+    with open_hdf5(path) as file:
+        parsed = _parse_trial_names(file)
+        names = _choose(trials, sorted(parsed, key=parsed.get), "trial", path)
+        cells = {sensor: np.empty(len(names), dtype=object) for sensor in sensors}
+        for i, name in enumerate(names):
+            signals = _read_trial(
+                get_node(file, name, "group"), procedure, sensors, remove_baseline
+            )
+            for sensor, signal in signals.items():
+                cells[sensor][i] = signal
+    objects = np.array([parsed[name][0] for name in names])
+    ratings = {}
+    if ratings_path is not None:
+        known = np.unique([object_id for object_id, _, _ in parsed.values()])
+        ratings = read_ratings(ratings_path, known, objects)
+    return Bunch(
+        trials=pd.DataFrame(cells, index=pd.Index(names, name="trial", dtype=object)),
+        objects=objects,
+        object_names=np.array([parsed[name][2] for name in names]),
+        ratings=ratings,
+        levels=LEVELS.copy(),
+        sampling_rates={sensor: FRAME_RATE * SENSORS[sensor][0] for sensor in sensors},
+        DESCR=DESCR,
+    )
+
+
+def _choose(asked, known, what, where):
+    """Return the names asked for, or all; each must be known and come once."""
+    if asked is None:
+        return known
+    asked = [str(name) for name in asked]
+    if not asked:
+        raise ValueError(f"No {what} is asked for; name at least one or give None.")
+    for name in asked:
+        if name not in known:
+            closest = get_close_matches(name, known, n=10, cutoff=0)
+            raise ValueError(
+                f"Unknown {what} {name!r}; {where} has {len(known)}, of which the "
+                f"closest are {closest}."
+            )
+        if asked.count(name) > 1:
+            raise ValueError(f"The {what} {name!r} is asked for twice; name it once.")
+    return asked
+
+
+def _parse_trial_names(file):
+    """Return {trial: (object id, run, object name)}, parsed from the right."""
+    parsed = {}
+    for name in names_in(file):
+        if name.startswith(NOT_TRIALS):
+            continue
+        parts = name.rsplit("_", 2)
+        if len(parts) < 3 or not all(part.isdecimal() for part in parts[1:]):
+            raise ValueError(
+                f"{name!r} at the root of {file.filename} is no trial; trials are "
+                "named <object>_<id>_<run>, such as 'kitchen_sponge_114_10'."
+            )
+        parsed[name] = int(parts[1]), int(parts[2]), parts[0].rstrip("_")
+    if not parsed:
+        raise ValueError(
+            f"{file.filename} has no trials; give a file with groups named "
+            "<object>_<id>_<run> at its root."
+        )
+    return parsed
+
+
+def _read_trial(trial, procedure, sensors, remove_baseline):
+    """Return {sensor: array of shape (n_times, n_channels)} of one procedure."""
+    dataset = get_node(trial, "state/controller_detail_state", "dataset")
+    check_stored(dataset, "S")
+    if dataset.ndim != 1:
+        raise ValueError(_shape_error(dataset, "(n_frames,)"))
+    states = read_rows(dataset)
+    rows = _stretches(states == PROCEDURE_STATES[procedure])
+    if len(rows) == 0:
+        found = [state.decode("ascii", "replace") for state in np.unique(states)]
+        raise ValueError(
+            f"Trial {trial.name[1:]!r} of {trial.file.filename} has no procedure "
+            f"{procedure!r}: no row is in state "
+            f"{PROCEDURE_STATES[procedure].decode()}, only in {found}. Leave the "
+            "trial out through trials=."
+        )
+    rest = _rest_rows(trial, states) if remove_baseline else None
+    return {
+        sensor: np.hstack(
+            [
+                _read_finger(trial, finger, sensor, len(states), rows, rest)
+                for finger in (0, 1)
+            ]
+        )
+        for sensor in sensors
+    }
+
+
+def _rest_rows(trial, states):
+    rest = _stretches(states == REST_STATE)
+    if len(rest) > 0:
+        return rest
+    if len(states) < REST_FRAMES[1]:
+        raise ValueError(
+            f"Trial {trial.name[1:]!r} of {trial.file.filename} has no state "
+            f"{REST_STATE.decode()} and only {len(states)} rows, so no rest level; "
+            "use remove_baseline=False."
+        )
+    return [REST_FRAMES]
+
+
+def _stretches(mask):
+    """Return the (start, stop) of each run of true values."""
+    edges = np.diff(mask.astype(np.int8), prepend=0, append=0)
+    return np.flatnonzero(edges).reshape(-1, 2)
+
+
+def _read_finger(trial, finger, sensor, n_frames, rows, rest):
+    """Return one finger's signal, less its mean at rest, as (n_times, n_channels)."""
+    dataset = get_node(trial, f"biotacs/finger_{finger}/{sensor}", "dataset")
+    check_stored(dataset, "iuf")
+    n_samples, n_channels = SENSORS[sensor]
+    width = n_samples * n_channels
+    shape = (n_frames, width) if width > 1 else (n_frames,)
+    if dataset.shape != shape:
+        raise ValueError(_shape_error(dataset, f"{shape}, a row for each state"))
+    signal = _read_stretches(dataset, rows).reshape(-1, n_channels)
+    if rest is not None:
+        signal = signal - _read_stretches(dataset, rest).reshape(-1, n_channels).mean(0)
+    return signal.astype(np.float32)
+
+
+def _read_stretches(dataset, stretches):
+    return np.concatenate(
+        [read_rows(dataset, slice(start, stop)) for start, stop in stretches]
+    )
+
+
+def _shape_error(dataset, wanted):
+    return (
+        f"{dataset.name} of {dataset.file.filename} has shape {dataset.shape}; it must "
+        f"be {wanted}."
+    )
