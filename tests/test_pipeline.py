@@ -1,0 +1,233 @@
+"""The whole system: raw recordings in, distributions for unseen objects out."""
+
+import pickle
+
+import numpy as np
+import pytest
+from sklearn import config_context
+from sklearn.base import clone
+from sklearn.compose import ColumnTransformer
+from sklearn.feature_selection import VarianceThreshold
+from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
+from sklearn.pipeline import FeatureUnion, make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    DummyDistribution,
+    KSVDTransformer,
+    STHMPTransformer,
+    TemporalMaxPool,
+)
+from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
+from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
+
+
+@pytest.fixture(scope="module")
+def corpus():
+    return make_haptic_corpus(
+        12, 3, procedure="fast_slide", sensors=["pdc", "tac", "electrodes"], random_state=0
+    )
+
+
+def sensor_features(*, memory=None):
+    """Small dictionaries for three sensors."""
+    slow = make_pipeline(
+        KSVDTransformer(8, 3, window=20, max_iter=3, random_state=0),
+        TemporalMaxPool((4, 2, 1)),
+        memory=memory,
+    )
+    images = make_pipeline(
+        STHMPTransformer(6, 3, max_iter=3, random_state=0), TemporalMaxPool((4, 2, 1))
+    )
+    return ColumnTransformer(
+        [
+            ("pdc", slow, "pdc"),
+            ("tac", clone(slow), "tac"),
+            ("electrodes", images, "electrodes"),
+        ]
+    )
+
+
+def whole_pipeline():
+    return make_pipeline(
+        sensor_features(),
+        VarianceThreshold(),
+        StandardScaler(),
+        DistributionalOrdinalRegressor(NNPOM(0), levels=[1, 2, 3, 4, 5], random_state=0),
+    )
+
+
+HEAD = "distributionalordinalregressor__estimator__"
+
+
+def test_search_over_hidden_units_and_penalty_on_raw_trials(corpus):
+    search = GridSearchCV(
+        whole_pipeline(),
+        {HEAD + "n_hidden": [0, 2], HEAD + "alpha": [10.0, 1000.0]},
+        scoring={"rps": neg_rps_scorer, "mae": neg_macro_mae_scorer},
+        refit="rps",
+        cv=GroupKFold(3),
+        error_score="raise",
+    )
+    counts = corpus.ratings["hard"]
+    search.fit(corpus.trials, counts, groups=corpus.objects)
+    assert np.isfinite(search.cv_results_["mean_test_rps"]).all()
+    assert np.isfinite(search.cv_results_["mean_test_mae"]).all()
+    proba = search.predict_proba(corpus.trials)
+    assert proba.shape == (36, 5)
+    np.testing.assert_allclose(proba.sum(axis=1), 1)
+    marginal = DummyDistribution().fit(np.zeros((36, 1)), counts)
+    assert search.score(corpus.trials, counts) > marginal.score(
+        np.zeros((36, 1)), counts
+    )
+
+
+def test_nested_cross_validation_with_metadata_routing(corpus):
+    with config_context(enable_metadata_routing=True):
+        search = GridSearchCV(
+            whole_pipeline(),
+            {HEAD + "alpha": [10.0, 1000.0]},
+            scoring=neg_rps_scorer,
+            cv=GroupKFold(2),
+            error_score="raise",
+        )
+        result = cross_validate(
+            search,
+            corpus.trials,
+            corpus.ratings["rough"],
+            cv=GroupKFold(3),
+            params={"groups": corpus.objects},
+            scoring=neg_rps_scorer,
+            error_score="raise",
+        )
+    assert np.isfinite(result["test_score"]).all()
+
+
+def test_n_jobs_gives_the_same_scores(corpus):
+    scores = [
+        cross_validate(
+            whole_pipeline(),
+            corpus.trials,
+            corpus.ratings["hard"],
+            groups=corpus.objects,
+            cv=GroupKFold(2),
+            scoring=neg_rps_scorer,
+            n_jobs=n_jobs,
+            error_score="raise",
+        )["test_score"]
+        for n_jobs in (1, 2)
+    ]
+    np.testing.assert_allclose(*scores, rtol=1e-12)
+
+
+def test_feature_names_say_sensor_cell_and_atom(corpus):
+    features = sensor_features().set_output(transform="pandas")
+    table = features.fit_transform(corpus.trials)
+    names = features.get_feature_names_out()
+    assert table.columns.tolist() == names.tolist()
+    assert table.index.equals(corpus.trials.index)
+    assert len(set(names)) == len(names) == 7 * (2 * 2 * 16 + 14 * 12)
+    assert "pdc__t3of4_ch1_atom7-" in names
+    assert "electrodes__t1of1_s9of9_atom0+" in names
+
+
+def test_papers_parameters_give_its_feature_counts():
+    corpus = make_haptic_corpus(3, 2, procedure="hold", random_state=0)
+    counts = {"pac": 40, "pdc": 25, "tac": 25, "tdc": 10}
+    for sensor, n_atoms in counts.items():
+        window = 22 if sensor == "pac" else 50
+        steps = make_pipeline(
+            KSVDTransformer(
+                n_atoms, window=window, max_iter=1, sign="absolute", random_state=0
+            ),
+            TemporalMaxPool(),
+        )
+        X = steps.fit_transform(corpus.trials[sensor])
+        assert X.shape == (6, 31 * n_atoms * 2)  # two fingers
+    images = make_pipeline(
+        STHMPTransformer(10, max_iter=1, sign="absolute", random_state=0),
+        TemporalMaxPool(),
+    )
+    X = images.fit_transform(corpus.trials["electrodes"])
+    assert X.shape == (6, 31 * 14 * 10)
+
+
+def test_fast_slide_is_too_short_for_sixteen_cells():
+    corpus = make_haptic_corpus(
+        3, 2, procedure="fast_slide", sensors=["pdc"], random_state=0
+    )
+    steps = make_pipeline(
+        KSVDTransformer(5, window=50, max_iter=1, random_state=0), TemporalMaxPool()
+    ).fit(corpus.trials["pdc"])
+    assert max(steps[-1].cells_) <= 8
+
+
+def test_union_memory_and_pickle(corpus, tmp_path):
+    union = FeatureUnion(
+        [
+            (
+                f"window{window}",
+                make_pipeline(
+                    KSVDTransformer(5, 2, window=window, max_iter=2, random_state=0),
+                    TemporalMaxPool((2, 1)),
+                    memory=str(tmp_path),
+                ),
+            )
+            for window in (10, 20)
+        ]
+    )
+    first = union.fit_transform(corpus.trials["pdc"])
+    cached = clone(union).fit_transform(corpus.trials["pdc"])
+    np.testing.assert_array_equal(first, cached)
+    model = whole_pipeline().fit(corpus.trials, corpus.ratings["hard"])
+    loaded = pickle.loads(pickle.dumps(model))
+    np.testing.assert_array_equal(
+        loaded.predict_proba(corpus.trials), model.predict_proba(corpus.trials)
+    )
+
+
+def test_real_recordings_through_all_five_sensors(shared_data):
+    corpus = load_phac2(
+        shared_data / "bolt_pilot" / "bolt_pilot_phac2_layout.h5", procedure="hold"
+    )
+    runs = np.array([int(name.rsplit("_", 1)[1]) for name in corpus.trials.index])
+    levels = np.array([100, 150, 200])
+    grip = levels[(runs - 1) // 5]
+    glass = corpus.objects == 903  # has 14 trials; see below
+    kept = np.flatnonzero(~glass)
+    sensors = [
+        (
+            sensor,
+            make_pipeline(
+                KSVDTransformer(
+                    6, 3, window=window, max_iter=3, remove_mean=False, random_state=0
+                ),
+                TemporalMaxPool((4, 2, 1)),
+            ),
+            sensor,
+        )
+        for sensor, window in [("pac", 22), ("pdc", 50), ("tac", 50), ("tdc", 50)]
+    ]
+    images = make_pipeline(
+        STHMPTransformer(6, 3, max_iter=3, random_state=0), TemporalMaxPool((4, 2, 1))
+    )
+    model = make_pipeline(
+        ColumnTransformer([*sensors, ("electrodes", images, "electrodes")]),
+        StandardScaler(),
+        DistributionalOrdinalRegressor(NNPOM(0, alpha=100), levels=levels),
+    )
+    X, y, groups = corpus.trials.iloc[kept], grip[kept], corpus.objects[kept]
+    scores = cross_validate(
+        model, X, y, groups=groups, cv=GroupKFold(4), scoring=neg_rps_scorer
+    )["test_score"]
+    marginal = cross_validate(
+        DummyDistribution(levels=levels),
+        np.zeros((len(y), 1)),
+        y,
+        groups=groups,
+        cv=GroupKFold(4),
+        scoring=neg_rps_scorer,
+    )["test_score"]
+    assert scores.mean() > marginal.mean()
