@@ -19,8 +19,7 @@ from sklearn_haptic.datasets._crowd import (
     rate,
 )
 from sklearn_haptic.datasets._phac2 import FRAME_RATE, SENSORS, _choose
-
-from ._touch import PROCEDURES, draw_conditions, touch
+from sklearn_haptic.datasets._touch import PROCEDURES, draw_conditions, touch
 
 # Per material: first digit of its ids, share of the objects, then the middle of
 # its compression beyond that of the finger itself (mm) and the sd of its log,
@@ -36,7 +35,7 @@ _MATERIALS = {
     "metal": (7, 3, 1.0, 0.30, 0.020, 1.00, -0.9, 0.30, -0.9),
 }
 # How much of a percept's standard deviation the robot can feel.
-_TANGIBLE = np.array([0.97, 0.65, 0.65, 0.9, 0.6, 0.0])
+_TANGIBLE = np.array([0.97, 0.8, 0.7, 0.9, 0.6, 0.0])
 
 _DESCR = """Synthetic haptic corpus
 =======================

@@ -24,8 +24,10 @@ _NOISE = {"pdc": 0.3, "tac": 0.6, "tdc": 0.3, "electrodes": 0.5}
 _GRIP = {
     "hold": (130.0, 370.0, 0.12),
     "slow_slide": (75.0, 260.0, 0.30),
-    "fast_slide": (55.0, 225.0, 0.33),
+    "fast_slide": (45.0, 205.0, 0.33),
 }
+# Mean and sd of the duration, in frames; that of a squeeze follows the compression.
+_FRAMES = {"hold": (1000, 0), "slow_slide": (500, 6), "fast_slide": (290, 45)}
 # The finger's history when the recording starts: how far heat flow and the cooling
 # of the skin have settled, and shares of a ten-second fall of temperature so far.
 _HISTORY = {
@@ -119,11 +121,8 @@ def _pressure(material, conditions, procedure, rng):
         + spread * rng.normal()
         + 0.25 * spread * rng.normal(size=2)
     )
-    n_times = {
-        "hold": lambda: 1000,
-        "slow_slide": lambda: int(rng.normal(500, 6)),
-        "fast_slide": lambda: int(np.clip(rng.normal(290, 45), 200, 425)),
-    }[procedure]()
+    mean, sd = _FRAMES[procedure]
+    n_times = int(np.clip(rng.normal(mean, sd), mean - 2 * sd, mean + 3 * sd))
     t = (np.arange(n_times) / FRAME_RATE)[:, None]
     if procedure == "hold":
         fast, slow = -np.expm1(-t / 0.6), -np.expm1(-t / 3.5)
@@ -209,12 +208,12 @@ def _pac_density(hertz, material, conditions, procedure, rng):
     hum = 0.024 * np.exp(hum + rng.normal(scale=0.6, size=2))
     density = 10 ** (floor / 10)[:, None] + hum / (1 + (hertz / 14) ** 6)[:, None]
     if procedure in _SLIDE:
-        corner = 28 * np.exp(0.18 * material["roughness"])
+        corner = 28 * np.exp(0.2 * material["roughness"])
         shape = 1 / (1 + (hertz / corner) ** 4)
         audible = np.trapezoid(np.where(hertz > 20, shape, 0), hertz)
         rms = _SLIDE[procedure][0] * np.exp(
-            0.75
-            + 1.9 * material["firmness"]
+            0.55
+            + 2.15 * material["firmness"]
             + 0.15 * material["roughness"]
             + material["buzz"]
             + conditions["buzz"]
