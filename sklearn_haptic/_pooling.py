@@ -1,0 +1,297 @@
+"""Temporal pyramid: the maximum of every column within parts of the recording."""
+
+import numpy as np
+from sklearn.base import BaseEstimator, TransformerMixin, _fit_context
+from sklearn.utils._param_validation import StrOptions
+from sklearn.utils.validation import (
+    _check_feature_names_in,
+    check_is_fitted,
+    validate_data,
+)
+
+from ._validation import Sequences, check_trials, is_table
+
+
+def cell_starts(n_items, n_cells, split="balanced"):
+    """Where each of `n_cells` consecutive cells of a line of items begins.
+
+    Parameters
+    ----------
+    n_items : int
+        Number of items, at least `n_cells`.
+    n_cells : int
+        Number of cells.
+    split : {"balanced", "floor"}, default="balanced"
+        Whether cells differ by one item at most, or all have
+        ``n_items // n_cells`` and the last one also takes the remainder.
+
+    Returns
+    -------
+    starts : ndarray of shape (n_cells,)
+        Index of the first item of each cell.
+
+    Examples
+    --------
+    >>> from sklearn_haptic._pooling import cell_starts
+    >>> cell_starts(11, 4), cell_starts(11, 4, "floor")
+    (array([0, 2, 5, 8]), array([0, 2, 4, 6]))
+    """
+    cells = np.arange(n_cells)
+    if split == "floor":
+        return cells * (n_items // n_cells)
+    return cells * n_items // n_cells
+
+
+def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
+    """Pool each sequence over time: the maximum of every column in every cell.
+
+    Parameters
+    ----------
+    sequences : list of ndarray of shape (n_times_i, n_columns)
+        Sequences of one data type, each with `max(cells)` time samples or more.
+    cells : sequence of int, default=(16, 8, 4, 2, 1)
+        Number of cells of each level of the pyramid.
+    split : {"balanced", "floor"}, default="balanced"
+        How a level divides the time samples, see :func:`cell_starts`.
+
+    Returns
+    -------
+    pooled : ndarray of shape (n_sequences, sum(cells) * n_columns)
+        Pooled columns: the temporal cell varies slowest (levels in the order
+        given, cells in time order), then the column.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic._pooling import temporal_max_pool
+    >>> temporal_max_pool([np.array([[0, 5], [3, 1], [2, 2]])], cells=(2, 1))
+    array([[0, 5, 3, 2, 3, 5]])
+    """
+    n_columns = sequences[0].shape[1]
+    pooled = np.empty((len(sequences), sum(cells), n_columns), sequences[0].dtype)
+    level_ends = np.cumsum(cells)
+    for sequence, out in zip(sequences, pooled):
+        starts = np.concatenate([cell_starts(len(sequence), n, split) for n in cells])
+        # One pass over time: every cell, of whatever level, is a run of segments.
+        edges, first = np.unique(starts, return_inverse=True)
+        segments = np.maximum.reduceat(sequence, edges, axis=0)
+        for n, end in zip(cells, level_ends):
+            level = slice(end - n, end)
+            np.maximum.reduceat(segments, first[level], axis=0, out=out[level])
+    return pooled.reshape(len(sequences), -1)
+
+
+class TemporalMaxPool(TransformerMixin, BaseEstimator):
+    """Pool sequences of any length into one row of features a trial.
+
+    Time is divided into a pyramid of levels, each with its number of cells, and
+    every column gives its maximum in every cell. Fine levels keep when something
+    was felt, coarse levels that it was felt.
+
+    Parameters
+    ----------
+    cells : sequence of int, default=(16, 8, 4, 2, 1)
+        Number of cells of each level. Levels with more cells than the shortest
+        sequence seen in `fit` has time samples are dropped.
+    split : {"balanced", "floor"}, default="balanced"
+        How a level divides `n_times` samples. "balanced" begins cell `i` of `n`
+        at ``i * n_times // n``, so cells differ by one sample at most. "floor",
+        the rule of the ST-HMP authors, gives every cell ``n_times // n`` samples
+        and the last one the remainder too, up to `n - 1` samples more.
+
+    Attributes
+    ----------
+    cells_ : tuple of int
+        The levels kept.
+    n_features_in_ : int
+        Number of columns of the sequences, or of the table.
+    feature_names_in_ : ndarray of shape (n_features_in_,)
+        Names of the columns. Defined for the sequences that another step
+        returns, which carry names, and for data frames.
+
+    See Also
+    --------
+    KSVDTransformer : Sequences of codes of sliding windows.
+    STHMPTransformer : Sequences of spatially pooled codes of tactile images.
+
+    Notes
+    -----
+    `X` may be what a sequence step returns, or any collection of trials of shape
+    `(n_times_i, n_columns)`. In a table, a row is a trial of one column `ch0`, a
+    time sample each feature.
+
+    Features are named like `t3of16_ch0`: the third of sixteen cells, then the
+    column. Columns without names are `ch0`, `ch1` and so on. The order is that of
+    :func:`temporal_max_pool`.
+
+    References
+    ----------
+    M. Madry, L. Bo, D. Kragic and D. Fox, "ST-HMP: unsupervised spatio-temporal
+    feature learning for tactile data", ICRA 2014,
+    doi:10.1109/ICRA.2014.6907172.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic import TemporalMaxPool
+    >>> pool = TemporalMaxPool(cells=(2, 1))
+    >>> pool.fit_transform([np.array([0.0, 3.0, 2.0]), np.array([4.0, 1.0])])
+    array([[0., 3., 3.],
+           [4., 1., 4.]])
+    >>> pool.get_feature_names_out()
+    array(['t1of2_ch0', 't2of2_ch0', 't1of1_ch0'], dtype=object)
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "cells": ["array-like"],
+        "split": [StrOptions({"balanced", "floor"})],
+    }
+
+    def __init__(self, cells=(16, 8, 4, 2, 1), *, split="balanced"):
+        self.cells = cells
+        self.split = split
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X, y=None):
+        """Record the columns, and which levels the shortest sequence allows.
+
+        Parameters
+        ----------
+        X : Sequences, collection of trials, or array-like of shape \
+                (n_trials, n_times)
+            Sequences to pool.
+        y : None
+            Ignored.
+
+        Returns
+        -------
+        self : TemporalMaxPool
+            The fitted transformer.
+
+        Raises
+        ------
+        ValueError
+            If `cells` are not positive integers, or no level fits the shortest
+            sequence.
+        """
+        lengths = [len(sequence) for sequence in self._check_sequences(X, reset=True)]
+        cells = check_cells(self.cells)
+        self.cells_ = tuple(n for n in cells if n <= min(lengths))
+        if not self.cells_:
+            raise ValueError(
+                f"No level of cells={cells} fits trial {np.argmin(lengths)} of X, "
+                f"which has {min(lengths)} time samples; add a level with fewer cells."
+            )
+        return self
+
+    def transform(self, X):
+        """Pool sequences.
+
+        Parameters
+        ----------
+        X : Sequences, collection of trials, or array-like of shape \
+                (n_trials, n_times)
+            Sequences with the columns seen in `fit`.
+
+        Returns
+        -------
+        pooled : ndarray of shape (n_trials, sum(cells_) * n_columns)
+            Pooled features, float32 if the sequences are.
+
+        Raises
+        ------
+        ValueError
+            If a sequence is shorter than the finest level in `cells_`, or has
+            other columns than those seen in `fit`.
+        """
+        check_is_fitted(self)
+        sequences = self._check_sequences(X, reset=False)
+        return temporal_max_pool(sequences, self.cells_, self.split)
+
+    def get_feature_names_out(self, input_features=None):
+        """Return the names of the pooled features.
+
+        Parameters
+        ----------
+        input_features : array-like of str, default=None
+            Checked against the columns seen in `fit`; ignored if those were
+            trials without names.
+
+        Returns
+        -------
+        names : ndarray of str objects
+            Names like `t3of16_ch0`.
+        """
+        check_is_fitted(self)
+        if self._takes_table or hasattr(self, "feature_names_in_"):
+            columns = _check_feature_names_in(self, input_features)
+        if self._takes_table:
+            columns = ["ch0"]
+        elif not hasattr(self, "feature_names_in_"):
+            columns = [f"ch{i}" for i in range(self.n_features_in_)]
+        return np.asarray(
+            [
+                f"t{i}of{n}_{column}"
+                for n in self.cells_
+                for i in range(1, n + 1)
+                for column in columns
+            ],
+            dtype=object,
+        )
+
+    def _check_sequences(self, X, *, reset):
+        """Validate `X`; return a list of arrays of shape (n_times_i, n_columns)."""
+        if reset:
+            self._takes_table = is_table(X)
+        if self._takes_table:
+            if not is_table(X):
+                raise ValueError(
+                    "X is a collection of trials, but fit was given a table; give "
+                    "both in the same form."
+                )
+            X = validate_data(self, X, dtype=[np.float64, np.float32], reset=reset)
+            return list(X[:, :, np.newaxis])
+        sequences = check_trials(
+            X,
+            n_channels=None if reset else self.n_features_in_,
+            min_times=1 if reset else max(self.cells_),
+        )
+        if reset:
+            self.n_features_in_ = sequences[0].shape[1]
+        self._check_column_names(X, reset=reset)
+        return sequences
+
+    def _check_column_names(self, X, *, reset):
+        if reset:
+            vars(self).pop("feature_names_in_", None)
+        if not isinstance(X, Sequences):
+            return
+        if reset:
+            self.feature_names_in_ = X.feature_names
+        known = getattr(self, "feature_names_in_", X.feature_names)
+        if not np.array_equal(known, X.feature_names):
+            i = np.argmax(known != X.feature_names)
+            raise ValueError(
+                f"Column {i} of X is named {X.feature_names[i]!r}, but {known[i]!r} in "
+                "fit; give sequences from the step that fit was given."
+            )
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.transformer_tags.preserves_dtype = ["float64", "float32"]
+        return tags
+
+
+def check_cells(cells, name="cells"):
+    """Return the levels of a pyramid as a tuple of distinct positive integers."""
+    levels = np.asarray(cells)
+    if (
+        levels.ndim != 1
+        or levels.dtype.kind not in "iu"
+        or levels.min(initial=1) < 1
+        or not 0 < len(levels) == len(np.unique(levels))
+    ):
+        raise ValueError(
+            f"{name}={cells!r} must list distinct positive integers, one a level."
+        )
+    return tuple(levels.tolist())

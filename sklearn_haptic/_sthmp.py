@@ -1,0 +1,406 @@
+"""ST-HMP: sparse codes of patches of tactile images, pooled over space."""
+
+from numbers import Integral
+
+import numpy as np
+from sklearn.base import _fit_context
+from sklearn.utils import check_array
+from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils.validation import check_is_fitted
+
+from ._ksvd import _DictionaryCoder, _UnwrappedSequences, batches
+from ._pooling import check_cells
+from ._sparse_coding import row_norms
+from ._validation import Sequences, check_trials, is_table
+
+# Rows from the tip of the finger to its base; columns left, middle, right. The
+# middle of row 3 has no electrode of its own: it is the mean of its neighbours.
+_BIOTAC_ROWS = [
+    [[8], [7], [9]],
+    [[1], [10], [11]],
+    [[2], [17], [12]],
+    [[3], [2, 17, 12, 3, 13, 4, 14], [13]],
+    [[4], [3, 13, 4, 14, 5, 18, 15], [14]],
+    [[5], [18], [15]],
+    [[6], [19], [16]],
+]
+
+
+def biotac_layout():
+    """Arrange the 19 electrodes of a BioTac finger as an image.
+
+    Returns
+    -------
+    layout : ndarray of shape (7, 3, 19)
+        Weight of each electrode in each pixel. The two pixels without an
+        electrode, the middle of rows 3 and 4, are the means of their neighbours
+        that have one; the 2020 paper interpolates them in a way that is not
+        published.
+    """
+    layout = np.zeros((7, 3, 19))
+    for row, pixels in enumerate(_BIOTAC_ROWS):
+        for column, electrodes in enumerate(pixels):
+            layout[row, column, np.array(electrodes) - 1] = 1 / len(electrodes)
+    return layout
+
+
+def electrode_images(trial, layout):
+    """Turn electrode readings into images, the fingers side by side.
+
+    Parameters
+    ----------
+    trial : ndarray of shape (n_times, n_fingers * n_electrodes)
+        Readings, one finger after the other.
+    layout : ndarray of shape (height, width, n_electrodes)
+        Weight of each of a finger's electrodes in each pixel.
+
+    Returns
+    -------
+    images : ndarray of shape (n_times, height, n_fingers * width)
+        Images of the dtype of `trial`.
+    """
+    height, width, n_electrodes = layout.shape
+    weights = layout.reshape(-1, n_electrodes).T.astype(trial.dtype)
+    pixels = trial.reshape(len(trial), -1, n_electrodes) @ weights
+    images = pixels.reshape(len(trial), -1, height, width).swapaxes(1, 2)
+    return images.reshape(len(trial), height, -1)
+
+
+def image_patches(images, patch_size, step=1):
+    """View the patches of images.
+
+    Parameters
+    ----------
+    images : ndarray of shape (n_times, height, width)
+        Images.
+    patch_size : tuple of int (patch_height, patch_width)
+        Size of a patch in pixels.
+    step : int, default=1
+        Pixels from one patch to the next.
+
+    Returns
+    -------
+    patches : ndarray of shape (n_times, n_rows, n_columns, patch_height, patch_width)
+        A view, no copy.
+    """
+    windows = np.lib.stride_tricks.sliding_window_view(images, patch_size, axis=(1, 2))
+    return windows[:, ::step, ::step]
+
+
+def spatial_cell_starts(n_positions, n_cells):
+    """First position of each cell along one side of the image.
+
+    Position x of W, counted from 1, belongs to cell ceil(x * s / W) of s.
+
+    Parameters
+    ----------
+    n_positions : int
+        Number of patch positions along the side, at least `n_cells`.
+    n_cells : int
+        Number of cells along the side.
+
+    Returns
+    -------
+    starts : ndarray of shape (n_cells,)
+
+    Examples
+    --------
+    >>> from sklearn_haptic._sthmp import spatial_cell_starts
+    >>> spatial_cell_starts(5, 3), spatial_cell_starts(4, 3)
+    (array([0, 1, 3]), array([0, 1, 2]))
+    """
+    return np.arange(n_cells) * n_positions // n_cells
+
+
+def spatial_max_pool(codes, cells):
+    """Pool codes over a pyramid of square grids of cells.
+
+    Parameters
+    ----------
+    codes : ndarray of shape (n_rows, n_columns, n_times, n_codes)
+        Codes by patch position, the position slowest.
+    cells : sequence of int
+        Cells along a side, a number each level.
+
+    Returns
+    -------
+    pooled : ndarray of shape (n_cells, n_times, n_codes)
+        Maxima, level by level in the order given, cells row by row.
+    """
+    pooled = []
+    for n in cells:
+        rows, columns = (spatial_cell_starts(side, n) for side in codes.shape[:2])
+        level = np.maximum.reduceat(codes, rows, axis=0)
+        level = np.maximum.reduceat(level, columns, axis=1)
+        pooled.append(level.reshape(n * n, *codes.shape[2:]))
+    return np.concatenate(pooled)
+
+
+def normalise_frames(frames):
+    """Divide each row by its Euclidean norm; an all-zero row stays zero."""
+    norms = row_norms(frames) + np.finfo(np.float64).eps
+    return (frames / norms[:, np.newaxis]).astype(frames.dtype, copy=False)
+
+
+class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
+    """Sparse codes of tactile images, pooled over space and normalised by frame.
+
+    The spatial half of spatio-temporal hierarchical matching pursuit [1]_: every
+    frame is an image, its overlapping patches are coded over a dictionary
+    learned by K-SVD, the codes are max-pooled over a pyramid of cells, and each
+    frame is scaled to norm 1. :class:`TemporalMaxPool` is the temporal half.
+
+    Parameters
+    ----------
+    n_atoms : int, default=10
+        Number of atoms.
+    n_nonzero_coefs : int, default=4
+        Most atoms that the code of a patch may use. The 2020 paper does not give
+        it; 4 is what the authors of ST-HMP use.
+    layout : "biotac", None or array-like of shape (height, width, n_electrodes), \
+            default="biotac"
+        How the electrodes of a finger form an image: the weight of each in each
+        pixel. "biotac" is the 7 × 3 arrangement of the 19 electrodes of a
+        BioTac. The images of all fingers are joined side by side. None takes
+        trials that are images already.
+    patch_size : tuple of int, default=(3, 3)
+        Height and width of a patch in pixels.
+    step : int, default=1
+        Pixels from one patch to the next.
+    spatial_cells : sequence of int, default=(3, 2, 1)
+        Cells along a side of each level of the pyramid: 9 + 4 + 1 cells.
+    remove_mean : bool, default=True
+        Whether to subtract each patch's mean, as the authors of ST-HMP do.
+    update : {"approximate", "exact"}, default="approximate"
+        Fit an atom by one step of alternating least squares, or by the leading
+        singular pair.
+    max_iter : int, default=50
+        Most iterations of K-SVD. 0 takes the initial dictionary.
+    tol : float, default=1e-3
+        Stop when five iterations lower the training error by less than this
+        fraction.
+    max_train_windows : int, default=20_000
+        Most patches to learn from, drawn at random; None takes all.
+    dict_init : array-like of shape (n_atoms, n_patch_pixels), default=None
+        Initial atoms, pixels row by row; with `max_iter=0` they are used exactly
+        as given. By default training patches, no two nearly parallel.
+    sign : {"split", "absolute", "none"}, default="split"
+        Give positive and negative parts of a coefficient columns of their own,
+        take absolute values, or keep coefficients as they are. The authors
+        recommend the split.
+    random_state : int, RandomState instance or None, default=None
+        Draws the training patches, the initial atoms and the order of updates.
+
+    Attributes
+    ----------
+    components_ : ndarray of shape (n_atoms, n_patch_pixels)
+        The dictionary. Each atom's largest-magnitude entry is positive.
+    n_iter_ : int
+        Iterations run.
+    reconstruction_error_ : float
+        Root mean squared error, per pixel and in units of `X`, of the training
+        patches coded over `components_`.
+    n_features_in_ : int
+        Values a time sample, or columns of a table.
+    feature_names_in_ : ndarray of shape (n_features_in_,)
+        Column names of a table, where it has any.
+
+    See Also
+    --------
+    TemporalMaxPool : Turn the sequences into rows of fixed length.
+    KSVDTransformer : The same for signals without a spatial arrangement.
+
+    Notes
+    -----
+    The rows of a table are taken for patches and coded without pooling.
+
+    A frame without contrast gives zeros. Any other frame is scaled to norm 1, so
+    faintly touched ones count as much as firmly touched ones.
+
+    References
+    ----------
+    .. [1] Madry, M., Bo, L., Kragic, D. & Fox, D. (2014). ST-HMP: unsupervised
+       spatio-temporal feature learning for tactile data. ICRA 2014.
+       :doi:`10.1109/ICRA.2014.6907172`
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic import STHMPTransformer
+    >>> rng = np.random.default_rng(0)
+    >>> trials = [rng.normal(size=(n_times, 38)) for n_times in (40, 60)]
+    >>> sthmp = STHMPTransformer(random_state=0)
+    >>> [frames.shape for frames in sthmp.fit_transform(trials)]
+    [(40, 280), (60, 280)]
+    >>> sthmp.get_feature_names_out()[[0, -1]]
+    array(['s1of9_atom0+', 's1of1_atom9-'], dtype=object)
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        **_DictionaryCoder._parameter_constraints,
+        "layout": [StrOptions({"biotac"}), "array-like", None],
+        "patch_size": [tuple, list],
+        "step": [Interval(Integral, 1, None, closed="left")],
+        "spatial_cells": ["array-like"],
+    }
+
+    def __init__(
+        self,
+        n_atoms=10,
+        n_nonzero_coefs=4,
+        *,
+        layout="biotac",
+        patch_size=(3, 3),
+        step=1,
+        spatial_cells=(3, 2, 1),
+        remove_mean=True,
+        update="approximate",
+        max_iter=50,
+        tol=1e-3,
+        max_train_windows=20_000,
+        dict_init=None,
+        sign="split",
+        random_state=None,
+    ):
+        self.n_atoms = n_atoms
+        self.n_nonzero_coefs = n_nonzero_coefs
+        self.layout = layout
+        self.patch_size = patch_size
+        self.step = step
+        self.spatial_cells = spatial_cells
+        self.remove_mean = remove_mean
+        self.update = update
+        self.max_iter = max_iter
+        self.tol = tol
+        self.max_train_windows = max_train_windows
+        self.dict_init = dict_init
+        self.sign = sign
+        self.random_state = random_state
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X, y=None):
+        """Learn the dictionary.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_samples, n_features) or collection of trials
+            Trials of shape (n_times_i, n_fingers * n_electrodes) or, with
+            `layout=None`, (n_times_i, height, width).
+        y : None
+            Ignored.
+
+        Returns
+        -------
+        self : STHMPTransformer
+            The fitted transformer.
+
+        Raises
+        ------
+        ValueError
+            If the channels are no multiple of the layout's electrodes, or the
+            images are too small for a patch or for the cells.
+        """
+        self._codes_trials = not is_table(X)
+        if not self._codes_trials:
+            return self._fit_table(X)
+        layout = self._check_layout()
+        trials = check_trials(X, ndims=(2,) if layout is not None else (3,))
+        self._frame_shape = trials[0].shape[1:]
+        if layout is not None and self._frame_shape[0] % layout.shape[2]:
+            raise ValueError(
+                f"X has {self._frame_shape[0]} channels, which is no multiple of the "
+                f"{layout.shape[2]} electrodes of layout; select the electrodes' "
+                "channels or give the layout of your sensor."
+            )
+        self.n_features_in_ = int(np.prod(self._frame_shape))
+        patches = [self._patches(trial, layout) for trial in trials]
+        self._check_cells(patches[0].shape[1:3])
+        return self._fit_dictionary(patches, obs_ndim=2)
+
+    def get_feature_names_out(self, input_features=None):
+        """Return the names of the code columns.
+
+        Parameters
+        ----------
+        input_features : array-like of str, default=None
+            Ignored, but checked against the columns seen in `fit` for a table.
+
+        Returns
+        -------
+        names : ndarray of str objects
+            Cell and code, as in ``s2of9_atom3+``: the second of nine cells.
+        """
+        check_is_fitted(self)
+        if not self._codes_trials:
+            return super().get_feature_names_out(input_features)
+        return np.asarray(
+            [
+                f"s{i}of{n * n}_{name}"
+                for n in self.spatial_cells
+                for i in range(1, n * n + 1)
+                for name in self._code_names
+            ],
+            dtype=object,
+        )
+
+    def _transform_trials(self, X):
+        layout = self._check_layout()
+        trials = check_trials(
+            X, ndims=(len(self._frame_shape) + 1,), n_channels=self._frame_shape
+        )
+        names = self.get_feature_names_out()
+        frames = []
+        for batch in batches(trials, [trial.size for trial in trials]):
+            patches = [self._patches(trial, layout) for trial in batch]
+            ends = np.cumsum([len(trial) for trial in batch])
+            frames += np.split(self._pool(np.concatenate(patches)), ends[:-1])
+        return Sequences(frames, names)
+
+    def _pool(self, patches):
+        """Code, pool and normalise frames, given as patches."""
+        n_times, n_rows, n_columns, *size = patches.shape
+        n_pixels = int(np.prod(size))
+        by_position = np.moveaxis(patches, 0, 2).reshape(-1, n_pixels)
+        codes = self._encode(by_position) / np.sqrt(n_pixels).astype(patches.dtype)
+        codes = codes.reshape(n_rows, n_columns, n_times, -1)
+        pooled = np.moveaxis(spatial_max_pool(codes, self.spatial_cells), 1, 0)
+        return normalise_frames(pooled.reshape(n_times, -1))
+
+    def _patches(self, trial, layout):
+        images = trial if layout is None else electrode_images(trial, layout)
+        size = tuple(self.patch_size)
+        if len(size) != 2 or not all(isinstance(n, Integral) and n > 0 for n in size):
+            raise ValueError(
+                f"patch_size={self.patch_size!r} must be two positive integers, the "
+                "height and the width of a patch."
+            )
+        if images.shape[1] < size[0] or images.shape[2] < size[1]:
+            raise ValueError(
+                f"patch_size={size} does not fit images of {images.shape[1]} × "
+                f"{images.shape[2]} pixels; use smaller patches."
+            )
+        return image_patches(images, size, self.step)
+
+    def _check_layout(self):
+        if self.layout is None:
+            return None
+        if isinstance(self.layout, str):
+            return biotac_layout()
+        layout = check_array(
+            self.layout, allow_nd=True, dtype=np.float64, input_name="layout"
+        )
+        if layout.ndim != 3:
+            raise ValueError(
+                f"layout has shape {layout.shape}; it must be (height, width, "
+                "n_electrodes), the weight of each electrode in each pixel."
+            )
+        return layout
+
+    def _check_cells(self, positions):
+        cells = check_cells(self.spatial_cells, "spatial_cells")
+        if max(cells) > min(positions):
+            raise ValueError(
+                f"spatial_cells={self.spatial_cells!r} asks for {max(cells)} cells "
+                f"along a side, but there are {positions[0]} × {positions[1]} patch "
+                "positions; use fewer cells or a smaller step or patch_size."
+            )

@@ -1,0 +1,252 @@
+import pickle
+
+import numpy as np
+import pandas as pd
+import polars as pl
+import pytest
+from sklearn.base import clone
+from sklearn.compose import ColumnTransformer
+from sklearn.pipeline import FeatureUnion, make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils import estimator_checks
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from sklearn_haptic._pooling import TemporalMaxPool, cell_starts, temporal_max_pool
+from sklearn_haptic._validation import Sequences
+
+EXTRA_CHECKS = [
+    "check_param_validation",
+    "check_set_output_transform",
+    "check_set_output_transform_pandas",
+    "check_global_output_transform_pandas",
+    "check_set_output_transform_polars",
+    "check_global_set_output_transform_polars",
+    "check_transformer_get_feature_names_out",
+    "check_transformer_get_feature_names_out_pandas",
+    "check_dataframe_column_names_consistency",
+    "check_n_features_in_after_fitting",
+]
+
+
+def sequences(lengths=(40, 23, 16), n_columns=3, dtype=np.float64, seed=0):
+    rng = np.random.default_rng(seed)
+    return [rng.normal(size=(n, n_columns)).astype(dtype) for n in lengths]
+
+
+@parametrize_with_checks([TemporalMaxPool(), TemporalMaxPool(split="floor")])
+def test_common_checks(estimator, check):
+    check(estimator)
+
+
+# These checks fit on a data frame and transform an array, with any estimator.
+@pytest.mark.filterwarnings("ignore:X does not have valid feature names:UserWarning")
+@pytest.mark.parametrize("name", EXTRA_CHECKS)
+def test_further_common_checks(name):
+    getattr(estimator_checks, name)("TemporalMaxPool", TemporalMaxPool())
+
+
+@pytest.mark.parametrize("n_items", range(1, 40))
+def test_balanced_cells_are_those_of_exact_rounding_up(n_items):
+    item = np.arange(1, n_items + 1)
+    for n_cells in range(1, n_items + 1):
+        cell = np.array([-(-x * n_cells // n_items) for x in item.tolist()])
+        first = [np.flatnonzero(cell == c)[0] for c in range(1, n_cells + 1)]
+        np.testing.assert_array_equal(cell_starts(n_items, n_cells), first)
+
+
+def test_floor_cells_leave_the_remainder_to_the_last():
+    np.testing.assert_array_equal(cell_starts(39, 4, "floor"), [0, 9, 18, 27])
+
+
+@pytest.mark.parametrize("cells", [(16, 8, 4, 2, 1), (1, 2, 3), (7, 5), (1,), (16,)])
+def test_balanced_pooling_equals_brute_force(cells):
+    X = sequences()
+    expected = [
+        x[i * len(x) // n : (i + 1) * len(x) // n].max(axis=0)
+        for x in X
+        for n in cells
+        for i in range(n)
+    ]
+    pooled = temporal_max_pool(X, cells)
+    np.testing.assert_array_equal(pooled, np.reshape(expected, (len(X), -1)))
+
+
+@pytest.mark.parametrize("cells", [(16, 8, 4, 2, 1), (1, 2, 3), (7, 5)])
+def test_floor_pooling_equals_brute_force(cells):
+    X = sequences()
+    expected = []
+    for x in X:
+        row = []
+        for n in cells:
+            length = len(x) // n
+            parts = [x[i * length : (i + 1) * length] for i in range(n - 1)]
+            row += [part.max(axis=0) for part in [*parts, x[(n - 1) * length :]]]
+        expected.append(np.concatenate(row))
+    np.testing.assert_array_equal(temporal_max_pool(X, cells, "floor"), expected)
+
+
+@pytest.mark.parametrize("seq", ["seq0", "seq4"])
+@pytest.mark.parametrize("variant", ["omp", "omp_sign"])
+def test_floor_pooling_equals_the_authors(shared_data, seq, variant):
+    with np.load(shared_data / "sthmp_reference" / "sthmp_reference.npz") as reference:
+        frames = reference[f"{variant}_{seq}_frame_vectors"]
+        final = reference[f"{variant}_{seq}_final"]
+        pool = TemporalMaxPool(reference["temporal_levels"], split="floor")
+    np.testing.assert_array_equal(pool.fit_transform([frames])[0], final)
+
+
+def test_levels_too_fine_for_the_shortest_sequence_are_dropped():
+    pool = TemporalMaxPool().fit(sequences((40, 15)))
+    assert pool.cells_ == (8, 4, 2, 1)
+    assert pool.transform(sequences((9,))).shape == (1, 15 * 3)
+
+
+def test_float32_is_kept():
+    X = sequences(dtype=np.float32)
+    assert TemporalMaxPool().fit_transform(X).dtype == np.float32
+
+
+@pytest.mark.parametrize(
+    "container",
+    [
+        tuple,
+        pd.Series,
+        lambda X: pd.DataFrame({"sensor": X}),
+        lambda X: Sequences(X, ["a", "b", "c"]),
+        lambda X: np.array([*X, None], dtype=object)[:-1],
+        np.stack,
+    ],
+)
+def test_containers_of_trials(container):
+    X = sequences((20, 20))
+    expected = temporal_max_pool(X)
+    np.testing.assert_array_equal(
+        TemporalMaxPool().fit_transform(container(X)), expected
+    )
+
+
+def test_polars_column_of_arrays():
+    X = pl.Series("sensor", [[1.0, 3.0, 2.0], [0.0, 5.0]])
+    pooled = TemporalMaxPool((2, 1)).fit_transform(X)
+    np.testing.assert_array_equal(pooled, [[1, 3, 3], [0, 5, 5]])
+
+
+def test_trials_of_one_channel_may_be_of_equal_length_later():
+    pool = TemporalMaxPool((2, 1)).fit([[1, 2, 3], [4, 5]])
+    np.testing.assert_array_equal(
+        pool.transform([[1, 2], [4, 3]]), [[1, 2, 2], [4, 3, 4]]
+    )
+
+
+def test_table_is_one_channel_a_row():
+    X = np.random.default_rng(0).normal(size=(5, 20))
+    pool = TemporalMaxPool().fit(X)
+    np.testing.assert_array_equal(pool.transform(X), temporal_max_pool(X[:, :, None]))
+    assert pool.n_features_in_ == 20
+    assert pool.get_feature_names_out()[2] == "t3of16_ch0"
+
+
+def test_names_follow_the_order_of_features():
+    pool = TemporalMaxPool((2, 1)).fit(Sequences(sequences((4,), 2), ["a", "b"]))
+    assert pool.get_feature_names_out().tolist() == [
+        "t1of2_a",
+        "t1of2_b",
+        "t2of2_a",
+        "t2of2_b",
+        "t1of1_a",
+        "t1of1_b",
+    ]
+    assert pool.feature_names_in_.dtype == object
+    assert TemporalMaxPool((1,)).fit(
+        sequences((4,), 2)
+    ).get_feature_names_out().tolist() == ["t1of1_ch0", "t1of1_ch1"]
+
+
+def test_refit_forgets_names():
+    pool = TemporalMaxPool((1,)).fit(Sequences(sequences((4,), 2), ["a", "b"]))
+    pool.fit(sequences((4,), 2))
+    assert not hasattr(pool, "feature_names_in_")
+
+
+def test_names_given_must_be_those_of_fit():
+    pool = TemporalMaxPool((1,)).fit(Sequences(sequences((4,), 2), ["a", "b"]))
+    with pytest.raises(ValueError, match="not equal to feature_names_in_"):
+        pool.get_feature_names_out(["a", "c"])
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars"])
+def test_set_output_names_columns(library):
+    X = sequences()
+    pool = TemporalMaxPool().set_output(transform=library)
+    frame = pool.fit_transform(X)
+    assert list(frame.columns) == pool.get_feature_names_out().tolist()
+    np.testing.assert_array_equal(frame.to_numpy(), temporal_max_pool(X))
+
+
+def test_sensors_in_columns_of_a_frame():
+    X = pd.DataFrame(
+        {"pdc": sequences((30, 20), 1), "pac": sequences((60, 40), 2)},
+        index=["first", "second"],
+    )
+    columns = ColumnTransformer(
+        [
+            ("pdc", TemporalMaxPool((2, 1)), "pdc"),
+            ("pac", TemporalMaxPool((4,)), "pac"),
+        ]
+    ).set_output(transform="pandas")
+    frame = columns.fit_transform(X)
+    assert frame.columns.tolist() == columns.get_feature_names_out().tolist()
+    assert frame.columns[:4].tolist() == [
+        "pdc__t1of2_ch0",
+        "pdc__t2of2_ch0",
+        "pdc__t1of1_ch0",
+        "pac__t1of4_ch0",
+    ]
+    assert frame.index.tolist() == ["first", "second"]
+
+
+def test_union_clone_and_pickle():
+    X = sequences()
+    union = FeatureUnion([("fine", TemporalMaxPool((16,))), ("all", TemporalMaxPool())])
+    model = make_pipeline(union, StandardScaler()).set_output(transform="pandas")
+    frame = clone(model).fit(X).transform(X)
+    again = pickle.loads(pickle.dumps(model.fit(X))).transform(X)
+    pd.testing.assert_frame_equal(frame, again)
+    assert frame.columns.tolist() == model.get_feature_names_out().tolist()
+
+
+@pytest.mark.parametrize(
+    "cells", [(), (0, 1), (2.0, 1.0), (2, 2), [[1, 2]], (True, False), ["a"]]
+)
+def test_cells_must_be_distinct_positive_integers(cells):
+    with pytest.raises(ValueError, match=r"cells=.*distinct positive integers"):
+        TemporalMaxPool(cells).fit(sequences())
+
+
+def test_no_level_fits():
+    with pytest.raises(ValueError, match=r"fits trial 1 of X.*7 time samples"):
+        TemporalMaxPool((16, 8)).fit(sequences((40, 7)))
+
+
+def test_short_trial_at_transform():
+    pool = TemporalMaxPool().fit(sequences())
+    with pytest.raises(ValueError, match=r"Trial 1 of X has 15 time samples.*least 16"):
+        pool.transform(sequences((40, 15)))
+
+
+def test_other_number_of_columns():
+    pool = TemporalMaxPool().fit(sequences())
+    with pytest.raises(ValueError, match=r"Trial 0 of X has 2 channels, but 3"):
+        pool.transform(sequences(n_columns=2))
+
+
+def test_other_column_names():
+    pool = TemporalMaxPool().fit(Sequences(sequences(), ["a", "b", "c"]))
+    with pytest.raises(ValueError, match="Column 1 of X is named 'x', but 'b' in fit"):
+        pool.transform(Sequences(sequences(), ["a", "x", "c"]))
+
+
+def test_trials_after_a_table():
+    pool = TemporalMaxPool().fit(np.ones((3, 20)))
+    with pytest.raises(ValueError, match="collection of trials, but fit was given"):
+        pool.transform(sequences())
