@@ -9,6 +9,9 @@ import numpy as np
 
 # Signals coded at a time: the working arrays of one chunk stay in the cache.
 _CHUNK_SIZE = 8192
+# Dictionaries with a larger |cosine| between atoms are worked in double precision:
+# the pursuit loses as many digits as the Gram matrix is ill-conditioned.
+_COHERENT = 0.99
 
 
 def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
@@ -24,7 +27,8 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
     Parameters
     ----------
     signals : ndarray of shape (n_signals, n_features)
-        Signals, float32 or float64. The computation keeps this precision.
+        Signals, float32 or float64, which is also the precision of the pursuit
+        unless atoms are so coherent that it takes float64.
     atoms : ndarray of shape (n_atoms, n_features)
         Dictionary. Atoms of any norm compete as directions; all-zero atoms are
         never taken.
@@ -59,31 +63,33 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
     >>> support.ravel(), coefs.ravel()
     (array([2, 1]), array([-5.,  3.]))
     """
-    dtype = signals.dtype
     n_slots = min(n_nonzero_coefs, *atoms.shape)
     norms = row_norms(atoms)
-    directions = np.divide(
-        atoms, norms[:, None], out=np.zeros(atoms.shape), where=norms[:, None] > 0
-    )
-    gram = (directions @ directions.T).astype(dtype)
-    directions = directions.astype(dtype)
+    directions = unit_rows(atoms.astype(np.float64, copy=False))
+    gram = directions @ directions.T
+    coherence = np.abs(np.triu(gram, 1)).max()
+    work_dtype = np.float64 if coherence > _COHERENT else signals.dtype
+    gram = gram.astype(work_dtype)
+    directions = directions.astype(work_dtype)
 
     support = np.zeros((n_slots, len(signals)), dtype=np.intp)
-    coefs = np.zeros((n_slots, len(signals)), dtype=dtype)
+    coefs = np.zeros((n_slots, len(signals)), dtype=signals.dtype)
     for start in range(0, len(signals), _CHUNK_SIZE):
         chunk = slice(start, start + _CHUNK_SIZE)
-        columns, exponents = _normalise(signals[chunk])
+        columns, exponents = _normalise(signals[chunk].astype(work_dtype, copy=False))
         if scale is None:
             magnitude = np.sqrt(np.einsum("ij,ij->j", columns, columns))
         else:
             with np.errstate(over="ignore"):
                 magnitude = np.ldexp(scale[chunk], -exponents)
-        support[:, chunk], coefs[:, chunk] = _pursue(
-            directions @ columns, gram, magnitude * rounding_level(dtype), n_slots
+        support[:, chunk], pursued = _pursue(
+            directions @ columns,
+            gram,
+            magnitude * rounding_level(signals.dtype),
+            n_slots,
         )
-        np.ldexp(coefs[:, chunk], exponents, out=coefs[:, chunk])
-    used = norms[support]
-    np.divide(coefs, used, out=coefs, where=used > 0, casting="same_kind")
+        used = np.where(pursued == 0, 1, norms[support[:, chunk]])
+        coefs[:, chunk] = np.ldexp(pursued / used, exponents)
     return support, coefs
 
 
@@ -137,7 +143,13 @@ def row_norms(signals):
 
 def rounding_level(dtype):
     """Return the size, relative to a signal, below which a correlation is noise."""
-    return 64 * np.finfo(dtype).eps
+    return 16 * np.finfo(dtype).eps
+
+
+def unit_rows(rows):
+    """Divide rows by their norms; all-zero rows stay."""
+    norms = row_norms(rows)[:, None]
+    return (rows / np.where(norms > 0, norms, 1)).astype(rows.dtype, copy=False)
 
 
 def _normalise(signals):
