@@ -3,6 +3,7 @@
 from numbers import Integral, Real
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from sklearn.base import BaseEstimator, TransformerMixin, _fit_context
 from sklearn.utils import check_array, check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
@@ -592,16 +593,14 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
     def _windows(self, trial):
         """Return a view of shape (n_windows, n_channels, window)."""
         step = max(1, self.window - round(self.overlap * self.window))
-        return np.lib.stride_tricks.sliding_window_view(trial, self.window, axis=0)[
-            ::step
-        ]
+        return sliding_window_view(trial, self.window, axis=0)[::step]
 
     def _transform_trials(self, X):
         trials = self._check_windowed(X, self.n_features_in_)
         windows = [self._windows(trial) for trial in trials]
         names = self.get_feature_names_out()
         arrays = []
-        for batch in batches(windows, [w[..., 0].size for w in windows]):
+        for batch in batches(windows, [len(w) * w.shape[1] for w in windows]):
             codes = self._encode(np.concatenate(batch).reshape(-1, self.window))
             ends = np.cumsum([len(w) for w in batch])
             arrays += np.split(codes.reshape(-1, len(names)), ends[:-1])

@@ -1,0 +1,209 @@
+"""Batch OMP against brute-force least squares and the ST-HMP authors' own codes."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.linear_model import orthogonal_mp_gram
+
+from sklearn_haptic import _sparse_coding
+from sklearn_haptic._sparse_coding import batch_omp, dense_codes, row_norms
+
+DTYPES = [np.float64, np.float32]
+
+
+def random_dictionary(n_atoms, n_features, rng, common=0.0):
+    """Unit-norm Gaussian atoms; `common` mixes in a direction that all share."""
+    atoms = (1 - common) * rng.normal(size=(n_atoms, n_features))
+    atoms += common * np.linspace(-2, 4, n_features)
+    return atoms / np.linalg.norm(atoms, axis=1, keepdims=True)
+
+
+def codes_of(signals, atoms, n_nonzero_coefs, **kwargs):
+    return dense_codes(
+        *batch_omp(signals, atoms, n_nonzero_coefs, **kwargs), len(atoms)
+    )
+
+
+def brute_force_omp(signal, atoms, n_nonzero_coefs):
+    """Orthogonal matching pursuit with a full least-squares solve at every step."""
+    signal, atoms = signal.astype(np.float64), atoms.astype(np.float64)
+    support, coefs, residual = [], np.empty(0), signal
+    for _ in range(n_nonzero_coefs):
+        correlations = np.abs(atoms @ residual)
+        correlations[support] = 0
+        support.append(int(correlations.argmax()))
+        coefs = np.linalg.lstsq(atoms[support].T, signal)[0]
+        residual = signal - coefs @ atoms[support]
+    return support, coefs
+
+
+@pytest.mark.parametrize("common", [0, 0.5, 0.9])
+@pytest.mark.parametrize("n_features, n_atoms, n_coefs", [(22, 40, 4), (9, 10, 3)])
+@pytest.mark.parametrize("dtype, rtol", [(np.float64, 1e-12), (np.float32, 1e-4)])
+def test_equals_brute_force(n_features, n_atoms, n_coefs, common, dtype, rtol):
+    rng = np.random.default_rng(0)
+    atoms = random_dictionary(n_atoms, n_features, rng, common).astype(dtype)
+    signals = rng.normal(size=(300, n_features)).astype(dtype)
+    support, coefs = batch_omp(signals, atoms, n_coefs)
+    assert coefs.dtype == dtype
+    for i, signal in enumerate(signals):
+        expected_support, expected = brute_force_omp(signal, atoms, n_coefs)
+        assert support[:, i].tolist() == expected_support
+        np.testing.assert_allclose(
+            coefs[:, i], expected, rtol=0, atol=rtol * np.abs(expected).max()
+        )
+
+
+def test_equals_scikit_learn():
+    rng = np.random.default_rng(1)
+    atoms = random_dictionary(25, 50, rng)
+    signals = rng.normal(size=(50, 50))
+    expected = orthogonal_mp_gram(
+        atoms @ atoms.T, atoms @ signals.T, n_nonzero_coefs=4
+    ).T
+    np.testing.assert_allclose(codes_of(signals, atoms, 4), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("problem", ["pac", "pdc", "e19"])
+@pytest.mark.parametrize("dtype, rtol", [(np.float64, 1e-12), (np.float32, 1e-5)])
+def test_equals_authors_code(shared_data, problem, dtype, rtol):
+    with np.load(shared_data / "sthmp_reference" / "omp_reference.npz") as reference:
+        # Kind 9 shows the absolute stopping threshold of the authors' code.
+        comparable = reference[f"{problem}_kind"] != 9
+        signals = reference[f"{problem}_Y"].T[comparable]
+        expected = reference[f"{problem}_codes"].T[comparable]
+        atoms = reference[f"{problem}_D"].T
+        n_coefs = int(reference[f"{problem}_T"])
+    codes = codes_of(signals.astype(dtype), atoms.astype(dtype), n_coefs)
+    np.testing.assert_array_equal(codes != 0, expected != 0)
+    largest = np.abs(expected).max(axis=1, keepdims=True)
+    assert (np.abs(codes - expected) <= rtol * largest).all()
+
+
+@pytest.mark.parametrize(
+    "dtype, exponents", [(np.float64, [-500, 498]), (np.float32, [-100, 99])]
+)
+def test_codes_scale_with_signals(dtype, exponents):
+    rng = np.random.default_rng(2)
+    atoms = random_dictionary(20, 10, rng).astype(dtype)
+    signals = rng.normal(size=(100, 10)).astype(dtype)
+    codes = codes_of(signals, atoms, 4)
+    for exponent in exponents:
+        scaled = codes_of(np.ldexp(signals, exponent), atoms, 4)
+        np.testing.assert_array_equal(scaled, np.ldexp(codes, exponent))
+
+
+@pytest.mark.parametrize(
+    "dtype, factors", [(np.float64, [1e-150, 1e150]), (np.float32, [1e-30, 1e30])]
+)
+def test_extreme_scales(dtype, factors):
+    rng = np.random.default_rng(3)
+    atoms = random_dictionary(20, 10, rng).astype(dtype)
+    signals = rng.normal(size=(100, 10)).astype(dtype)
+    codes = codes_of(signals, atoms, 4)
+    rtol = 1e3 * np.finfo(dtype).eps
+    for factor in factors:
+        scaled = codes_of(signals * dtype(factor), atoms, 4) / dtype(factor)
+        np.testing.assert_allclose(scaled, codes, rtol=rtol, atol=rtol)
+        # Atoms of another norm are the same directions.
+        scaled = codes_of(signals, atoms * dtype(factor), 4) * dtype(factor)
+        np.testing.assert_allclose(scaled, codes, rtol=rtol, atol=rtol)
+
+
+@settings(deadline=None, max_examples=50)
+@given(
+    seed=st.integers(0, 1000),
+    n_features=st.integers(1, 12),
+    n_atoms=st.integers(1, 15),
+    n_coefs=st.integers(1, 20),
+    dtype=st.sampled_from(DTYPES),
+    exponent=st.integers(-60, 60),
+)
+def test_invariants(seed, n_features, n_atoms, n_coefs, dtype, exponent):
+    rng = np.random.default_rng(seed)
+    atoms = random_dictionary(n_atoms, n_features, rng).astype(dtype)
+    signals = np.ldexp(rng.normal(size=(20, n_features)), exponent).astype(dtype)
+    support, coefs = batch_omp(signals, atoms, n_coefs)
+    assert np.isfinite(coefs).all()
+    for atoms_taken, values in zip(support.T, coefs.T):
+        taken = atoms_taken[values != 0]
+        assert len(set(taken)) == len(taken) <= min(n_coefs, n_features, n_atoms)
+    residual = signals - dense_codes(support, coefs, n_atoms) @ atoms
+    slack = 1 + 1e3 * np.finfo(dtype).eps
+    assert (row_norms(residual) <= slack * row_norms(signals)).all()
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_signals_without_information(dtype):
+    atoms = random_dictionary(12, 22, np.random.default_rng(4)).astype(dtype)
+    assert not codes_of(np.zeros((3, 22), dtype), atoms, 4).any()
+    constant = np.repeat(np.array([[0.1], [1e6 + 0.1], [-3e-9]], dtype), 22, axis=1)
+    centred = constant - constant.mean(axis=1, keepdims=True)
+    assert not codes_of(centred, atoms, 4, scale=row_norms(constant)).any()
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_dependent_atoms_are_not_combined(dtype):
+    rng = np.random.default_rng(5)
+    basis = random_dictionary(3, 10, rng)
+    atoms = np.vstack([basis, basis, -basis[:1], np.zeros((1, 10))]).astype(dtype)
+    signals = rng.normal(size=(200, 10)).astype(dtype)
+    codes = codes_of(signals, atoms, 6)
+    assert ((codes != 0).sum(axis=1) == 3).all()
+    expected = signals @ np.linalg.pinv(atoms[:3]) @ atoms[:3]
+    np.testing.assert_allclose(codes @ atoms, expected, atol=1e3 * np.finfo(dtype).eps)
+
+
+def test_exact_representation_stops_early():
+    atoms = random_dictionary(40, 22, np.random.default_rng(6))
+    codes = codes_of(-7.5 * atoms, atoms, 4)
+    np.testing.assert_allclose(codes, -7.5 * np.eye(40), rtol=1e-14)
+
+
+def test_more_coefficients_than_features_reconstructs():
+    rng = np.random.default_rng(7)
+    atoms = random_dictionary(12, 4, rng)
+    signals = rng.normal(size=(30, 4))
+    support, coefs = batch_omp(signals, atoms, 9)
+    assert support.shape == coefs.shape == (4, 30)
+    np.testing.assert_allclose(
+        dense_codes(support, coefs, 12) @ atoms, signals, atol=1e-12
+    )
+
+
+def test_chunks_do_not_show(monkeypatch):
+    rng = np.random.default_rng(8)
+    atoms = random_dictionary(25, 50, rng)
+    signals = rng.normal(size=(100, 50))
+    codes = codes_of(signals, atoms, 4)
+    monkeypatch.setattr(_sparse_coding, "_CHUNK_SIZE", 7)
+    np.testing.assert_allclose(codes_of(signals, atoms, 4), codes, rtol=1e-12)
+
+
+def test_more_atoms_than_a_byte_counts():
+    rng = np.random.default_rng(9)
+    atoms = random_dictionary(300, 30, rng)
+    signals = rng.normal(size=(40, 30))
+    support, _ = batch_omp(signals, atoms, 1)
+    np.testing.assert_array_equal(support[0], np.abs(signals @ atoms.T).argmax(axis=1))
+
+
+def test_dense_codes_by_hand():
+    support = np.array([[2, 0], [1, 0]])
+    coefs = np.array([[3.0, -4.0], [-5.0, 0.0]])
+    np.testing.assert_array_equal(
+        dense_codes(support, coefs, 3), [[0, -5, 3], [-4, 0, 0]]
+    )
+    np.testing.assert_array_equal(
+        dense_codes(support, coefs, 3, sign="absolute"), [[0, 5, 3], [4, 0, 0]]
+    )
+    np.testing.assert_array_equal(
+        dense_codes(support, coefs, 3, sign="split"),
+        [[0, 0, 3, 0, 5, 0], [0, 0, 0, 4, 0, 0]],
+    )
+
+
+def test_row_norms_at_the_extremes():
+    rows = np.array([[3e200, 4e200], [3e-200, 4e-200], [0, 0], [5e-324, 0]])
+    np.testing.assert_allclose(row_norms(rows), [5e200, 5e-200, 0, 5e-324])
