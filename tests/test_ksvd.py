@@ -14,7 +14,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.utils import estimator_checks
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from sklearn_haptic._ksvd import KSVDTransformer, initial_atoms, ksvd
+from sklearn_haptic._ksvd import KSVDTransformer, batches, initial_atoms, ksvd
 from sklearn_haptic._pooling import TemporalMaxPool
 from sklearn_haptic._validation import Sequences
 
@@ -289,6 +289,15 @@ def test_trials_are_coded_independently_of_their_batch():
         np.testing.assert_allclose(
             model.transform([trial])[0], codes, rtol=1e-10, atol=1e-10
         )
+
+
+def test_batches_keep_order_and_bound_sizes():
+    sizes = [3, 4, 5, 20, 1, 2, 9, 1]
+    parts = list(batches(range(8), sizes, limit=10))
+    assert sum(parts, []) == list(range(8))
+    assert len(parts) > 1
+    for part in parts:
+        assert sum(sizes[i] for i in part[1:]) < 10
 
 
 def test_training_windows_are_subsampled():
