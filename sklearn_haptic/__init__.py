@@ -5,11 +5,17 @@ from ._distributional import (
     DistributionalOrdinalRegressor,
     DummyDistribution,
 )
+from ._ksvd import KSVDTransformer
 from ._nnpom import NNPOM
+from ._pooling import TemporalMaxPool
+from ._sthmp import STHMPTransformer
 
 __all__ = [
     "NNPOM",
     "PAPER_2020",
     "DistributionalOrdinalRegressor",
     "DummyDistribution",
+    "KSVDTransformer",
+    "STHMPTransformer",
+    "TemporalMaxPool",
 ]

@@ -221,6 +221,9 @@ class DistributionalOrdinalRegressor(
            [4, 5, 5]])
     """
 
+    # Splitters take groups too: passing them does not mean that fit wants them.
+    __metadata_request__fit = {"groups": False}  # noqa: RUF012
+
     _parameter_constraints = {  # noqa: RUF012
         "estimator": [HasMethods(["fit", "predict"]), None],
         "n_duplicates": [Interval(Integral, 1, None, closed="left")],

@@ -17,13 +17,13 @@ from sklearn.utils.validation import (
 )
 
 from ._proportional_odds import (
+    change_basis,
+    even_out,
     forward,
     initial_params,
     level_probabilities,
     monotone_bounds,
     network_loss,
-    rotate_inputs,
-    row_space,
     thresholds_from,
     unpack,
 )
@@ -74,13 +74,13 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         log-likelihoods: repeating every observation weakens it.
     solver : {"lbfgs", "irprop+"}, default="lbfgs"
         "irprop+" is the paper's. "lbfgs" reaches the same cost in fewer
-        iterations, and first rotates the features to the space their rows span,
-        which the penalty does not notice, where there are more features than
-        trials.
+        iterations; it works on the features' principal directions, as many as the
+        trials span, whatever the number of features.
     max_iter : int, default=500
         Most iterations of the solver.
     tol : float, default=1e-5
-        Largest component of the gradient of the mean cost at convergence.
+        Largest component of the gradient of the mean cost at convergence, for
+        "lbfgs" in its own coordinates.
     early_stopping : bool, default=False
         Hold out some trials, measure their error every 10 iterations, stop when
         it has not decreased in ``n_iter_no_change`` iterations, and keep the
@@ -147,6 +147,9 @@ class NNPOM(ClassifierMixin, BaseEstimator):
     >>> model.predict([[-2.0, 0.0], [2.0, 0.0]])
     array([1, 3])
     """
+
+    # Splitters take groups too: passing them does not mean that fit wants them.
+    __metadata_request__fit = {"groups": False}  # noqa: RUF012
 
     _parameter_constraints = {  # noqa: RUF012
         "n_hidden": [Interval(Integral, 0, None, closed="left")],
@@ -302,20 +305,24 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         params = initial_params(
             n_inputs, self.n_hidden, level_weight[self._present], rng
         )
-        rotation = None
-        if self.solver == "lbfgs" and X.shape[1] > len(X):
-            X, rotation = row_space(X)
-            params = rotate_inputs(params, rotation, n_inputs, self.n_hidden)
+        alpha, basis = self.alpha, None
+        if self.solver == "lbfgs":
+            trial_weight = weight.sum() / len(X)
+            X, basis, inverse, alpha = even_out(X, self.alpha, trial_weight)
+            params = change_basis(params, inverse, n_inputs, self.n_hidden)
             n_inputs = X.shape[1] + (positions is not None)
+            alpha = np.pad(
+                alpha, (0, n_inputs + 1 - len(alpha)), constant_values=self.alpha
+            )
 
         def fun(params):
             return network_loss(
-                params, X, positions, rank[level], weight, self.n_hidden, self.alpha
+                params, X, positions, rank[level], weight, self.n_hidden, alpha
             )
 
         def validation_error(params):
             X_val, positions_val, level_val, weight_val = validation
-            X_val = X_val if rotation is None else X_val @ rotation
+            X_val = X_val if basis is None else X_val @ basis
             coef, bias, output, first, gaps = unpack(params, n_inputs, self.n_hidden)
             latent, _ = forward(X_val, positions_val, coef, bias, output)
             proba = level_probabilities(latent, thresholds_from(first[0], gaps))
@@ -347,8 +354,8 @@ class NNPOM(ClassifierMixin, BaseEstimator):
             )
         self.loss_ = float(fun(params)[0])
         self.loss_curve_ = monitor.costs
-        if rotation is not None:
-            params = rotate_inputs(params, rotation.T, n_inputs, self.n_hidden)
+        if basis is not None:
+            params = change_basis(params, basis, n_inputs, self.n_hidden)
             n_inputs = self.n_features_in_
         return self._store(params, n_inputs)
 

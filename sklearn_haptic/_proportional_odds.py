@@ -20,6 +20,9 @@ import numpy as np
 from scipy import linalg
 from scipy.special import expit, log_expit
 
+# Second derivative of -log P in the latent response, where ratings are uncertain.
+_TYPICAL_CURVATURE = 0.2
+
 
 def softplus(x):
     """Return log(1 + exp(x)) without overflow."""
@@ -147,8 +150,11 @@ def network_loss(params, X, positions, level, weight, n_hidden, alpha):
 
     With W the sum of the weights, the cost is ``(NLL + alpha / 2 * |weights|²) /
     W``; hidden biases and thresholds are not penalised. A weight of 2 therefore
-    equals the same row given twice.
+    equals the same row given twice. `alpha` may be an array of shape (n_inputs +
+    1,): the penalty of each input's weights, and of the output weights.
     """
+    alpha = np.broadcast_to(alpha, X.shape[1] + (positions is not None) + 1)
+    input_alpha, output_alpha = alpha[:-1], alpha[-1]
     n_inputs = X.shape[1] + (positions is not None)
     coef, bias, output, first, gap_logits = unpack(params, n_inputs, n_hidden)
     latent, hidden = forward(X, positions, coef, bias, output)
@@ -170,9 +176,10 @@ def network_loss(params, X, positions, level, weight, n_hidden, alpha):
         if positions is not None:
             g_coef[-1] = np.einsum("to,toh->h", positions, g_hidden)
         g_bias = g_shared.sum(axis=0)
-    g_coef = g_coef + alpha * coef
-    g_output = g_output + alpha * output
-    loss += 0.5 * alpha * (np.sum(coef * coef) + output @ output)
+    penalty = (input_alpha * coef.T).T
+    g_coef = g_coef + penalty
+    g_output = g_output + output_alpha * output
+    loss += 0.5 * (np.sum(penalty * coef) + output_alpha * (output @ output))
     grad = np.concatenate((g_coef.ravel(), g_bias, g_output, [g_first], g_gaps))
     total = weight.sum()
     return loss / total, grad / total
@@ -194,18 +201,52 @@ def initial_params(n_inputs, n_hidden, level_weight, random_state):
     return np.concatenate((np.zeros(n_inputs), thresholds[:1], gap_logits))
 
 
-def row_space(X):
-    """Coordinates of the rows of ``X`` in an orthonormal basis of their span."""
-    left, singular, basis = linalg.svd(X, full_matrices=False)
-    return left * singular, basis.T
+def even_out(X, alpha, trial_weight):
+    """Change the basis of the features so that the cost curves about evenly.
+
+    The axes are the principal directions of ``X``, as many as its rows span,
+    each scaled by the curvature that data and penalty give it. With more features
+    than trials nothing is lost, since the penalty drives weights outside that
+    span to zero.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_trials, n_features)
+    alpha : float
+        Penalty of the weights.
+    trial_weight : float
+        Mean weight of a trial.
+
+    Returns
+    -------
+    inputs : ndarray of shape (n_trials, rank)
+        ``X @ basis``.
+    basis : ndarray of shape (n_features, rank)
+        Turns weights of the inputs into weights of the features.
+    inverse : ndarray of shape (rank, n_features)
+        Turns weights of the features into weights of the inputs.
+    alpha : ndarray of shape (rank,)
+        Penalty of the weights of each input.
+    """
+    left, singular, axes = linalg.svd(X, full_matrices=False)
+    rank = np.sum(singular > singular[:1] * max(X.shape) * np.finfo(X.dtype).eps)
+    left, singular, axes = left[:, :rank], singular[:rank], axes[:rank]
+    stiffness = alpha / (_TYPICAL_CURVATURE * trial_weight)
+    scale = np.sqrt((singular**2 + stiffness) / len(X))
+    return (
+        left * (singular / scale),
+        axes.T / scale,
+        axes * scale[:, None],
+        (alpha / scale**2),
+    )
 
 
-def rotate_inputs(params, rotation, n_inputs, n_hidden):
-    """Change the basis of the feature weights; the position's stays as it is."""
-    n_features = len(rotation)
+def change_basis(params, matrix, n_inputs, n_hidden):
+    """Multiply the feature weights by a matrix; the position's stay as they are."""
+    n_features = matrix.shape[1]
     coef = unpack(params, n_inputs, n_hidden)[0]
-    rotated = np.concatenate((rotation.T @ coef[:n_features], coef[n_features:]))
-    return np.concatenate((rotated.ravel(), params[coef.size :]))
+    changed = np.concatenate((matrix @ coef[:n_features], coef[n_features:]))
+    return np.concatenate((changed.ravel(), params[coef.size :]))
 
 
 def monotone_bounds(n_params, n_inputs, n_hidden):

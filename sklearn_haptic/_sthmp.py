@@ -8,13 +8,12 @@ from sklearn.utils import check_array
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
-from ._ksvd import _DictionaryCoder, _UnwrappedSequences, batches
-from ._pooling import check_cells
-from ._sparse_coding import row_norms
+from ._ksvd import _DictionaryCoder, _UnwrappedSequences
+from ._pooling import cell_starts, check_cells
 from ._validation import Sequences, check_trials, is_table
 
-# Rows from the tip of the finger to its base; columns left, middle, right. The
-# middle of row 3 has no electrode of its own: it is the mean of its neighbours.
+# Electrodes whose mean is each pixel: rows from the tip of the finger to its base,
+# columns left, middle, right.
 _BIOTAC_ROWS = [
     [[8], [7], [9]],
     [[1], [10], [11]],
@@ -24,6 +23,8 @@ _BIOTAC_ROWS = [
     [[5], [18], [15]],
     [[6], [19], [16]],
 ]
+# Patches coded at a time: their codes stay in the cache until they are pooled.
+_CHUNK_SIZE = 8192
 
 
 def biotac_layout():
@@ -36,6 +37,12 @@ def biotac_layout():
         electrode, the middle of rows 3 and 4, are the means of their neighbours
         that have one; the 2020 paper interpolates them in a way that is not
         published.
+
+    Examples
+    --------
+    >>> from sklearn_haptic._sthmp import biotac_layout
+    >>> biotac_layout()[0].argmax(axis=1) + 1
+    array([8, 7, 9])
     """
     layout = np.zeros((7, 3, 19))
     for row, pixels in enumerate(_BIOTAC_ROWS):
@@ -58,6 +65,15 @@ def electrode_images(trial, layout):
     -------
     images : ndarray of shape (n_times, height, n_fingers * width)
         Images of the dtype of `trial`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic._sthmp import biotac_layout, electrode_images
+    >>> electrode_images(np.arange(1.0, 20.0)[np.newaxis], biotac_layout())[0, :3]
+    array([[ 8.,  7.,  9.],
+           [ 1., 10., 11.],
+           [ 2., 17., 12.]])
     """
     height, width, n_electrodes = layout.shape
     weights = layout.reshape(-1, n_electrodes).T.astype(trial.dtype)
@@ -82,38 +98,23 @@ def image_patches(images, patch_size, step=1):
     -------
     patches : ndarray of shape (n_times, n_rows, n_columns, patch_height, patch_width)
         A view, no copy.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic._sthmp import image_patches
+    >>> image_patches(np.arange(9).reshape(1, 3, 3), (2, 2))[0, 1, 0]
+    array([[3, 4],
+           [6, 7]])
     """
     windows = np.lib.stride_tricks.sliding_window_view(images, patch_size, axis=(1, 2))
     return windows[:, ::step, ::step]
 
 
-def spatial_cell_starts(n_positions, n_cells):
-    """First position of each cell along one side of the image.
-
-    Position x of W, counted from 1, belongs to cell ceil(x * s / W) of s.
-
-    Parameters
-    ----------
-    n_positions : int
-        Number of patch positions along the side, at least `n_cells`.
-    n_cells : int
-        Number of cells along the side.
-
-    Returns
-    -------
-    starts : ndarray of shape (n_cells,)
-
-    Examples
-    --------
-    >>> from sklearn_haptic._sthmp import spatial_cell_starts
-    >>> spatial_cell_starts(5, 3), spatial_cell_starts(4, 3)
-    (array([0, 1, 3]), array([0, 1, 2]))
-    """
-    return np.arange(n_cells) * n_positions // n_cells
-
-
 def spatial_max_pool(codes, cells):
     """Pool codes over a pyramid of square grids of cells.
+
+    Position x of W along a side, counted from 1, belongs to cell ceil(x s / W) of s.
 
     Parameters
     ----------
@@ -124,22 +125,65 @@ def spatial_max_pool(codes, cells):
 
     Returns
     -------
-    pooled : ndarray of shape (n_cells, n_times, n_codes)
+    pooled : ndarray of shape (n_times, n_cells, n_codes)
         Maxima, level by level in the order given, cells row by row.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic._sthmp import spatial_max_pool
+    >>> spatial_max_pool(np.arange(6).reshape(2, 3, 1, 1), (2, 1)).ravel()
+    array([0, 2, 3, 5, 5])
     """
-    pooled = []
-    for n in cells:
-        rows, columns = (spatial_cell_starts(side, n) for side in codes.shape[:2])
-        level = np.maximum.reduceat(codes, rows, axis=0)
-        level = np.maximum.reduceat(level, columns, axis=1)
-        pooled.append(level.reshape(n * n, *codes.shape[2:]))
-    return np.concatenate(pooled)
+    n_rows, n_columns, n_times, n_codes = codes.shape
+    regions = [
+        codes[top:bottom, left:right]
+        for n in cells
+        for top, bottom in _cell_bounds(n_rows, n)
+        for left, right in _cell_bounds(n_columns, n)
+    ]
+    pooled = np.empty((n_times, len(regions), n_codes), dtype=codes.dtype)
+    for i, region in enumerate(regions):
+        region.max(axis=(0, 1), out=pooled[:, i])
+    return pooled
 
 
-def normalise_frames(frames):
-    """Divide each row by its Euclidean norm; an all-zero row stays zero."""
-    norms = row_norms(frames) + np.finfo(np.float64).eps
-    return (frames / norms[:, np.newaxis]).astype(frames.dtype, copy=False)
+def _cell_bounds(n_items, n_cells):
+    """Return where each cell begins and ends."""
+    starts = cell_starts(n_items, n_cells)
+    return list(zip(starts, [*starts[1:], n_items]))
+
+
+def normalise_frames(frames, eps):
+    """Divide each row by its Euclidean norm plus `eps`, in place.
+
+    Parameters
+    ----------
+    frames : ndarray of shape (n_times, n_features)
+        Rows of any magnitude; overwritten.
+    eps : float
+        Norm below which a row goes to zero.
+
+    Returns
+    -------
+    frames : ndarray of shape (n_times, n_features)
+        Rows of norm 1, or all zero.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic._sthmp import normalise_frames
+    >>> normalise_frames(np.array([[3.0, 4.0], [0.0, 0.0]]), eps=1e-16)
+    array([[0.6, 0.8],
+           [0. , 0. ]])
+    """
+    peaks = np.maximum(frames.max(axis=1), -frames.min(axis=1))
+    peaks[peaks == 0] = 1
+    frames /= peaks[:, np.newaxis]  # so that no square overflows or underflows
+    norms = np.sqrt(np.einsum("ij,ij->i", frames, frames))
+    with np.errstate(over="ignore"):
+        frames /= (norms + eps / peaks)[:, np.newaxis]
+    return frames
 
 
 class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
@@ -303,6 +347,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         self._codes_trials = not is_table(X)
         if not self._codes_trials:
             return self._fit_table(X)
+        vars(self).pop("feature_names_in_", None)
         layout = self._check_layout()
         trials = check_trials(X, ndims=(2,) if layout is not None else (3,))
         self._frame_shape = trials[0].shape[1:]
@@ -344,27 +389,33 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         )
 
     def _transform_trials(self, X):
+        if is_table(X):
+            raise ValueError(
+                "X is a table, but fit was given trials; give a collection of trials."
+            )
         layout = self._check_layout()
         trials = check_trials(
             X, ndims=(len(self._frame_shape) + 1,), n_channels=self._frame_shape
         )
-        names = self.get_feature_names_out()
-        frames = []
-        for batch in batches(trials, [trial.size for trial in trials]):
-            patches = [self._patches(trial, layout) for trial in batch]
-            ends = np.cumsum([len(trial) for trial in batch])
-            frames += np.split(self._pool(np.concatenate(patches)), ends[:-1])
-        return Sequences(frames, names)
+        frames = [self._pool(self._patches(trial, layout)) for trial in trials]
+        return Sequences(frames, self.get_feature_names_out())
 
     def _pool(self, patches):
-        """Code, pool and normalise frames, given as patches."""
-        n_times, n_rows, n_columns, *size = patches.shape
-        n_pixels = int(np.prod(size))
-        by_position = np.moveaxis(patches, 0, 2).reshape(-1, n_pixels)
-        codes = self._encode(by_position) / np.sqrt(n_pixels).astype(patches.dtype)
-        codes = codes.reshape(n_rows, n_columns, n_times, -1)
-        pooled = np.moveaxis(spatial_max_pool(codes, self.spatial_cells), 1, 0)
-        return normalise_frames(pooled.reshape(n_times, -1))
+        """Code, pool and normalise the frames of a trial, given as patches."""
+        n_times, n_rows, n_columns = patches.shape[:3]
+        n_pixels = patches[0, 0, 0].size
+        # The authors divide codes by the root of n_pixels before they normalise,
+        # which cancels but for the weight of the term that avoids 0 / 0.
+        eps = np.finfo(np.float64).eps * np.sqrt(n_pixels)
+        n_frames = max(1, _CHUNK_SIZE // (n_rows * n_columns))
+        chunks = []
+        for start in range(0, n_times, n_frames):
+            by_position = np.moveaxis(patches[start : start + n_frames], 0, 2)
+            codes = self._encode(by_position.reshape(-1, n_pixels))
+            codes = codes.reshape(*by_position.shape[:3], -1)
+            pooled = spatial_max_pool(codes, self.spatial_cells)
+            chunks.append(normalise_frames(pooled.reshape(len(pooled), -1), eps))
+        return np.concatenate(chunks)
 
     def _patches(self, trial, layout):
         images = trial if layout is None else electrode_images(trial, layout)
