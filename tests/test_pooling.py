@@ -38,8 +38,8 @@ def test_common_checks(estimator, check):
     check(estimator)
 
 
-# These checks fit on a data frame and transform an array, with any estimator.
-@pytest.mark.filterwarnings("ignore:X does not have valid feature names:UserWarning")
+# Some of these checks fit on a data frame and transform an array, or the reverse.
+@pytest.mark.filterwarnings("ignore:X (has|does not have valid) feature names")
 @pytest.mark.parametrize("name", EXTRA_CHECKS)
 def test_further_common_checks(name):
     getattr(estimator_checks, name)("TemporalMaxPool", TemporalMaxPool())

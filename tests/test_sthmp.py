@@ -1,0 +1,509 @@
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from sklearn.compose import ColumnTransformer
+from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils import estimator_checks
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from sklearn_haptic import _sthmp
+from sklearn_haptic._ksvd import KSVDTransformer
+from sklearn_haptic._pooling import TemporalMaxPool
+from sklearn_haptic._sthmp import (
+    STHMPTransformer,
+    biotac_layout,
+    electrode_images,
+    image_patches,
+    normalise_frames,
+    spatial_max_pool,
+)
+from sklearn_haptic._validation import Sequences
+
+EXTRA_CHECKS = [
+    "check_param_validation",
+    "check_set_output_transform",
+    "check_set_output_transform_pandas",
+    "check_global_output_transform_pandas",
+    "check_set_output_transform_polars",
+    "check_global_set_output_transform_polars",
+    "check_transformer_get_feature_names_out",
+    "check_transformer_get_feature_names_out_pandas",
+    "check_dataframe_column_names_consistency",
+]
+LAYOUT = biotac_layout()
+SIGNS = {"omp": "absolute", "omp_sign": "split"}
+
+# Electrode places in mm as (x towards the tip, y across).
+PLACES = [
+    (0.993, -4.855),
+    (-2.7, -3.513),
+    (-6.2, -3.513),
+    (-8, -4.956),
+    (-10.5, -3.513),
+    (-13.4, -4.956),
+    (4.763, 0),
+    (3.031, -1.95),
+    (3.031, 1.95),
+    (1.299, 0),
+]
+PLACES += [(x, -y) for x, y in PLACES[:6]] + [(-2.8, 0), (-9.8, 0), (-13.6, 0)]
+
+
+def electrodes(lengths=(40, 25), n_fingers=2, dtype=np.float64, seed=0):
+    rng = np.random.default_rng(seed)
+    return [
+        rng.normal(size=(n, 19 * n_fingers)).cumsum(axis=0).astype(dtype)
+        for n in lengths
+    ]
+
+
+def small(**params):
+    return STHMPTransformer(
+        **{"n_atoms": 6, "max_iter": 3, "random_state": 0, **params}
+    )
+
+
+@pytest.fixture(scope="module")
+def reference(shared_data):
+    with np.load(shared_data / "sthmp_reference" / "sthmp_reference.npz") as arrays:
+        return dict(arrays)
+
+
+@pytest.fixture(scope="module")
+def authors(reference):
+    """Estimators with the authors' dictionary and order, by variant."""
+    # Their patches run down columns, ours along rows.
+    atoms = reference["D"].T.reshape(10, 3, 3).swapaxes(1, 2).reshape(10, 9)
+    return {
+        variant: STHMPTransformer(
+            10,
+            int(reference["T"]),
+            layout=None,
+            spatial_cells=reference["spatial_levels"],
+            dict_init=atoms,
+            max_iter=0,
+            sign=sign,
+        )
+        for variant, sign in SIGNS.items()
+    }
+
+
+@parametrize_with_checks([STHMPTransformer(n_atoms=3, n_nonzero_coefs=2)])
+def test_common_checks(estimator, check):
+    check(estimator)
+
+
+# Some of these checks fit on a data frame and transform an array, or the reverse.
+@pytest.mark.filterwarnings("ignore:X (has|does not have valid) feature names")
+@pytest.mark.parametrize("name", EXTRA_CHECKS)
+def test_further_common_checks(name):
+    check = getattr(estimator_checks, name)
+    check("STHMPTransformer", STHMPTransformer(n_atoms=3, n_nonzero_coefs=2))
+
+
+# Layout
+
+
+def test_layout_keeps_the_places_of_electrodes():
+    assert LAYOUT.shape == (7, 3, 19)
+    np.testing.assert_allclose(LAYOUT.sum(axis=2), 1)
+    _, columns, electrode = np.nonzero(LAYOUT == 1)
+    np.testing.assert_array_equal(np.sort(electrode), np.arange(19))
+    places = np.array(PLACES)[electrode]
+    np.testing.assert_array_equal(columns, np.sign(places[:, 1]) + 1)
+    for column in range(3):  # further rows are further from the tip
+        assert (np.diff(places[columns == column, 0]) < 0).all()
+
+
+def test_layout_interpolates_from_the_eight_neighbours():
+    interpolated = np.argwhere((LAYOUT > 0).sum(axis=2) > 1)
+    np.testing.assert_array_equal(interpolated, [[3, 1], [4, 1]])
+    single = np.where((LAYOUT == 1).any(axis=2), LAYOUT.argmax(axis=2), -1)
+    for row, column in interpolated:
+        around = single[row - 1 : row + 2, column - 1 : column + 2].ravel()
+        known = np.sort(around[around >= 0])
+        assert len(known) == 7
+        np.testing.assert_array_equal(np.flatnonzero(LAYOUT[row, column]), known)
+        np.testing.assert_allclose(LAYOUT[row, column, known], 1 / 7)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_fingers_are_joined_along_the_long_edge(dtype):
+    channels = electrodes((5,), n_fingers=3, dtype=dtype)[0]
+    images = electrode_images(channels, LAYOUT)
+    assert images.shape == (5, 7, 9)
+    assert images.dtype == dtype
+    for finger in range(3):
+        one = channels[:, 19 * finger : 19 * (finger + 1)]
+        expected = np.einsum("te,hwe->thw", one, LAYOUT)
+        np.testing.assert_allclose(
+            images[:, :, 3 * finger : 3 * finger + 3], expected, rtol=1e-5
+        )
+    # Values of single electrodes are exact.
+    np.testing.assert_array_equal(images[:, 0, 6], channels[:, 38 + 7])
+
+
+# Patches, space, norm
+
+
+@pytest.mark.parametrize("patch_size", [(3, 3), (2, 4), (1, 1), (7, 6)])
+@pytest.mark.parametrize("step", [1, 2, 3])
+def test_patches_equal_brute_force(patch_size, step):
+    images = np.random.default_rng(0).normal(size=(4, 7, 6))
+    patches = image_patches(images, patch_size, step)
+    height, width = patch_size
+    expected = [
+        [
+            images[:, y : y + height, x : x + width]
+            for x in range(0, 6 - width + 1, step)
+        ]
+        for y in range(0, 7 - height + 1, step)
+    ]
+    np.testing.assert_array_equal(patches, np.moveaxis(expected, 2, 0))
+
+
+@pytest.mark.parametrize("seq", ["seq0", "seq1", "seq4"])
+def test_patches_equal_the_authors(reference, seq):
+    picked = reference[f"{seq}_picked_frames"]
+    patches = image_patches(reference[seq], (3, 3))[picked]
+    theirs = reference[f"{seq}_patches_raw"]  # both orders run down columns
+    theirs = theirs.reshape(len(picked), 3, 3, 4, 5).transpose(0, 4, 3, 2, 1)
+    np.testing.assert_array_equal(patches, theirs)
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_cells_of_patches_equal_the_authors(reference, level):
+    cell = reference["cell_of_patch"][:, level - 1].reshape(4, 5).T
+    # A code for each position: one there, zero elsewhere.
+    codes = np.eye(20).reshape(5, 4, 1, 20)
+    pooled = spatial_max_pool(codes, (level,))[0]
+    np.testing.assert_array_equal(pooled.argmax(axis=0).reshape(5, 4), cell)
+    np.testing.assert_array_equal(pooled.sum(axis=0), 1)
+
+
+@pytest.mark.parametrize("size", [(17, 11), (15, 13), (7, 9), (3, 3)])
+def test_spatial_cells_are_exact_for_any_size(size):
+    codes = np.eye(size[0] * size[1]).reshape(*size, 1, -1)
+    for n in range(1, min(size) + 1):
+        row, column = (
+            [-(-x * n // length) - 1 for x in range(1, length + 1)] for length in size
+        )
+        expected = np.add.outer(np.multiply(row, n), column)
+        pooled = spatial_max_pool(codes, (n,))[0]
+        np.testing.assert_array_equal(pooled.argmax(axis=0).reshape(size), expected)
+        assert pooled.any(axis=1).all()  # no cell is empty
+
+
+def test_spatial_levels_come_in_the_order_given():
+    codes = np.random.default_rng(0).normal(size=(5, 4, 7, 3))
+    pooled = spatial_max_pool(codes, (3, 1, 2))
+    parts = [spatial_max_pool(codes, (n,)) for n in (3, 1, 2)]
+    np.testing.assert_array_equal(pooled, np.concatenate(parts, axis=1))
+
+
+@pytest.mark.parametrize("exponent", [-1000, -500, 0, 500, 1000])
+def test_norms_neither_overflow_nor_underflow(exponent):
+    vectors = np.ldexp([[3.0, -4.0], [0.0, 0.0], [-1.0, -1.0]], exponent)
+    root = np.sqrt(0.5)
+    np.testing.assert_allclose(
+        normalise_frames(vectors, eps=5e-324),
+        [[0.6, -0.8], [0, 0], [-root, -root]],
+        rtol=1e-15,
+    )
+
+
+def test_norm_far_below_eps_goes_to_zero():
+    vectors = np.array([[3e-20, 4e-20], [5e-324, 0]])
+    np.testing.assert_allclose(normalise_frames(vectors, 2**-52), 0, atol=1e-3)
+
+
+# The authors' vectors
+
+
+def untouched_by_their_threshold(reference, seq):
+    """Mark frames whose codes do not depend on the scale of the signal.
+
+    The authors stop a pursuit at an absolute correlation of 1e-7, which empties or
+    truncates the codes of frames 10 to 14 of seq4, scaled by 1e-9 to 1e-5. Here
+    thresholds are relative, so those frames keep the codes that their unscaled
+    originals would have.
+    """
+    comparable = np.ones(len(reference[seq]), dtype=bool)
+    if seq == "seq4":
+        comparable[10:15] = False
+    return comparable
+
+
+@pytest.mark.parametrize("variant", SIGNS)
+@pytest.mark.parametrize("seq", ["seq0", "seq1", "seq4"])
+def test_frame_vectors_equal_the_authors(reference, authors, variant, seq):
+    frames = authors[variant].fit_transform([reference[seq]])[0]
+    theirs = reference[f"{variant}_{seq}_frame_vectors"]
+    comparable = untouched_by_their_threshold(reference, seq)
+    if len(theirs) < len(frames):
+        picked = reference[f"{seq}_picked_frames"]
+        frames, comparable = frames[picked], comparable[picked]
+    np.testing.assert_allclose(frames[comparable], theirs[comparable], atol=1e-12)
+    np.testing.assert_array_equal(
+        frames[comparable].any(axis=1), theirs[comparable].any(axis=1)
+    )
+
+
+@pytest.mark.parametrize("variant", SIGNS)
+@pytest.mark.parametrize("seq", ["seq0", "seq1", "seq4"])
+def test_codes_and_pooled_codes_equal_the_authors(reference, authors, variant, seq):
+    estimator = authors[variant].fit([reference[seq]])
+    picked = reference[f"{seq}_picked_frames"]
+    comparable = untouched_by_their_threshold(reference, seq)[picked]
+    patches = image_patches(reference[seq], (3, 3))[picked[comparable]]
+    codes = estimator._encode(patches.reshape(-1, 9)).reshape(len(patches), 5, 4, -1)
+    theirs = reference[f"{variant}_{seq}_codes_picked"][comparable]
+    theirs = theirs.reshape(*theirs.shape[:2], 4, 5).transpose(0, 3, 2, 1)
+    scale = np.abs(theirs).max(axis=(1, 2, 3), initial=1, keepdims=True)
+    np.testing.assert_allclose(codes / 3 / scale, theirs / scale, atol=1e-12)
+
+    pooled = spatial_max_pool(codes.transpose(1, 2, 0, 3), (1, 2, 3))
+    raw = reference[f"{variant}_{seq}_frame_vectors_raw"]
+    if len(raw) == len(reference[seq]):
+        raw = raw[picked]
+    np.testing.assert_allclose(
+        pooled.reshape(len(pooled), -1) / 3 / scale[:, :, 0, 0],
+        raw[comparable] / scale[:, :, 0, 0],
+        atol=1e-12,
+    )
+
+
+@pytest.mark.parametrize("variant", SIGNS)
+@pytest.mark.parametrize("seq", ["seq0", "seq1", "seq4"])
+def test_final_vectors_equal_the_authors(reference, authors, variant, seq):
+    levels = reference["temporal_levels"]
+    features = make_pipeline(authors[variant], TemporalMaxPool(levels, split="floor"))
+    ours = features.fit_transform([reference[seq]]).reshape(31, -1)
+    theirs = reference[f"{variant}_{seq}_final"].reshape(31, -1)
+    usable = np.ones((len(reference[seq]), 1))
+    usable[~untouched_by_their_threshold(reference, seq)] = -1
+    lowest = TemporalMaxPool(levels, split="floor").fit_transform([-usable]).ravel()
+    comparable = lowest == -1  # cells without a frame that may differ
+    assert comparable.sum() == {"seq0": 31, "seq1": 31, "seq4": 23}[seq]
+    np.testing.assert_allclose(ours[comparable], theirs[comparable], atol=1e-12)
+
+
+# Numbers at the extremes
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("level", [0, 0.1, 1234.7, 1e6 + 0.1, 3400])
+def test_constant_frames_code_to_exact_zero(dtype, level):
+    trials = electrodes(dtype=dtype)
+    estimator = small().fit(trials)
+    constant = np.full((3, 38), level, dtype=dtype)
+    np.testing.assert_array_equal(estimator.transform([constant])[0], 0)
+
+
+def test_constant_training_frames_are_no_obstacle():
+    frames = small().fit_transform([np.full((20, 38), 0.1), np.zeros((20, 38))])
+    np.testing.assert_array_equal(frames[0], 0)
+
+
+@pytest.mark.parametrize("exponent", [-40, 200, 450])
+def test_frame_vectors_do_not_depend_on_scale(exponent):
+    trials = electrodes()
+    estimator = small().fit(trials)
+    scaled = estimator.transform([np.ldexp(trial, exponent) for trial in trials])
+    for frames, expected in zip(scaled, estimator.transform(trials)):
+        np.testing.assert_allclose(frames, expected, atol=1e-3 if exponent < 0 else 0)
+        assert np.isfinite(frames).all()
+
+
+def test_float32_is_kept_and_close():
+    double = small().fit(electrodes())
+    single = clone(double).fit(electrodes(dtype=np.float32))
+    assert single.components_.dtype == np.float32
+    frames = single.transform(electrodes(dtype=np.float32))[0]
+    assert frames.dtype == np.float32
+    np.testing.assert_allclose(np.linalg.norm(frames, axis=1), 1, rtol=1e-5)
+
+
+def test_frames_are_of_norm_one():
+    for frames in small(sign="none").fit_transform(electrodes()):
+        np.testing.assert_allclose(np.linalg.norm(frames, axis=1), 1)
+
+
+def test_chunks_do_not_change_the_result(monkeypatch):
+    trials = electrodes()
+    estimator = small().fit(trials)
+    expected = estimator.transform(trials)
+    monkeypatch.setattr(_sthmp, "_CHUNK_SIZE", 50)
+    for frames, whole in zip(estimator.transform(trials), expected):
+        np.testing.assert_allclose(frames, whole, atol=1e-12)
+
+
+# The estimator
+
+
+def test_sizes_of_the_paper():
+    trials = electrodes((40, 35))
+    for sign, n_features in {"split": 8680, "absolute": 4340, "none": 4340}.items():
+        features = make_pipeline(
+            STHMPTransformer(sign=sign, max_iter=2, random_state=0), TemporalMaxPool()
+        )
+        assert features.fit_transform(trials).shape == (2, n_features)
+        assert len(features.get_feature_names_out()) == n_features
+
+
+def test_names_and_order():
+    estimator = small(n_atoms=2, n_nonzero_coefs=2, spatial_cells=(2, 1))
+    output = estimator.fit_transform(electrodes())
+    assert isinstance(output, Sequences)
+    assert output[0].shape == (40, 5 * 4)
+    names = estimator.get_feature_names_out()
+    np.testing.assert_array_equal(output.feature_names, names)
+    assert names.dtype == object
+    codes = ["atom0+", "atom1+", "atom0-", "atom1-"]
+    assert names[:4].tolist() == [f"s1of4_{code}" for code in codes]
+    assert names[-4:].tolist() == [f"s1of1_{code}" for code in codes]
+    assert estimator.n_features_in_ == 38
+
+
+def test_split_holds_what_the_other_signs_drop():
+    trials = electrodes()
+    atoms = small().fit(trials).components_
+    split, absolute = (
+        small(dict_init=atoms, max_iter=0, sign=sign, spatial_cells=(1,))
+        .fit_transform(trials)[0]
+        .reshape(40, -1, 6)
+        for sign in ("split", "absolute")
+    )
+    strongest = split.max(axis=1)
+    np.testing.assert_allclose(
+        strongest / np.linalg.norm(strongest, axis=1, keepdims=True), absolute[:, 0]
+    )
+
+
+def test_images_and_electrodes_agree():
+    trials = electrodes()
+    images = [electrode_images(trial, LAYOUT) for trial in trials]
+    expected = small().fit_transform(trials)
+    estimator = small(layout=None).fit(images)
+    assert estimator.n_features_in_ == 42
+    for frames, wanted in zip(estimator.transform(images), expected):
+        np.testing.assert_array_equal(frames, wanted)
+
+
+def test_custom_layout():
+    rng = np.random.default_rng(0)
+    trials = [rng.normal(size=(n, 32)) for n in (20, 30)]
+    layout = np.eye(16).reshape(4, 4, 16)
+    estimator = small(layout=layout, spatial_cells=(2, 1)).fit(trials)
+    images = [
+        trial.reshape(-1, 2, 4, 4).swapaxes(1, 2).reshape(-1, 4, 8) for trial in trials
+    ]
+    expected = small(layout=None, spatial_cells=(2, 1)).fit_transform(images)
+    np.testing.assert_array_equal(estimator.transform(trials)[1], expected[1])
+
+
+def test_table_is_coded_as_by_ksvd():
+    X = np.random.default_rng(0).normal(size=(60, 9))
+    codes = small().fit_transform(X)
+    ksvd = KSVDTransformer(n_atoms=6, max_iter=3, random_state=0)
+    np.testing.assert_array_equal(codes, ksvd.fit_transform(X))
+
+
+@pytest.mark.parametrize("step", [1, 2])
+def test_more_steps_and_rectangles_compose(step):
+    estimator = small(patch_size=[4, 2], step=step, spatial_cells=(2,))
+    assert estimator.fit_transform(electrodes())[1].shape == (25, 4 * 12)
+
+
+def test_refit_on_trials_forgets_a_table():
+    estimator = small().fit(
+        pd.DataFrame(np.random.default_rng(0).normal(size=(60, 9))).rename(columns=str)
+    )
+    assert not hasattr(estimator.fit(electrodes()), "feature_names_in_")
+
+
+# Composition
+
+
+def test_pipeline_of_sensors_in_a_frame(tmp_path):
+    X = pd.DataFrame(
+        {"electrodes": electrodes((40, 25, 30)), "finger": electrodes((16, 20, 17), 1)}
+    )
+
+    def sensor(**params):
+        return Pipeline(
+            [("codes", small(**params)), ("pool", TemporalMaxPool((2, 1)))],
+            memory=str(tmp_path),
+        )
+
+    model = make_pipeline(
+        ColumnTransformer(
+            [
+                ("electrodes", sensor(), "electrodes"),
+                ("finger", sensor(patch_size=(2, 2), spatial_cells=(1,)), "finger"),
+            ]
+        ),
+        StandardScaler(),
+    ).set_output(transform="pandas")
+    frame = model.fit_transform(X)
+    assert frame.shape == (3, 3 * (14 + 1) * 12)
+    assert frame.columns.tolist() == model.get_feature_names_out().tolist()
+    assert frame.columns[0] == "electrodes__t1of2_s1of9_atom0+"
+    assert all(name.count("__") == 1 for name in frame.columns)
+
+    again = clone(model).fit(X).transform(X)  # from the cache
+    pd.testing.assert_frame_equal(again, frame)
+    loaded = pickle.loads(pickle.dumps(model))
+    pd.testing.assert_frame_equal(loaded.transform(X), frame)
+
+
+def test_union_of_dictionaries():
+    trials = electrodes()
+    union = FeatureUnion(
+        [
+            ("small", make_pipeline(small(), TemporalMaxPool())),
+            ("large", make_pipeline(small(n_atoms=8), TemporalMaxPool())),
+        ]
+    ).set_output(transform="pandas")
+    frame = union.fit_transform(trials)
+    assert frame.shape == (2, 31 * 14 * (12 + 16))
+    assert frame.columns.tolist() == union.get_feature_names_out().tolist()
+
+
+# Errors
+
+
+@pytest.mark.parametrize(
+    ("params", "trials", "message"),
+    [
+        ({}, [np.ones((5, 20))], "20 channels.*no multiple of the 19 electrodes"),
+        ({"patch_size": (8, 3)}, electrodes(), r"does not fit images of 7 × 6 pixels"),
+        ({"patch_size": (3, 0)}, electrodes(), "patch_size=.*two positive integers"),
+        ({"patch_size": (3,)}, electrodes(), "patch_size=.*two positive integers"),
+        ({"spatial_cells": (5, 1)}, electrodes(), r"5 cells along a side.*5 × 4 patch"),
+        ({"spatial_cells": ()}, electrodes(), "spatial_cells=.*positive integers"),
+        ({"layout": np.eye(19)}, electrodes(), r"layout has shape \(19, 19\)"),
+        ({"layout": None}, electrodes(), r"Trial 0 .*\(n_times, height, width\)"),
+        ({}, [np.ones((5, 7, 6))], r"Trial 0 .*\(n_times, n_channels\)"),
+    ],
+)
+def test_what_does_not_fit_together(params, trials, message):
+    with pytest.raises(ValueError, match=message):
+        small(**params).fit(trials)
+
+
+def test_other_shapes_at_transform():
+    with pytest.raises(ValueError, match="Trial 0 of X has 19 channels, but 38"):
+        small().fit(electrodes()).transform(electrodes(n_fingers=1))
+    images = np.random.default_rng(0).normal(size=(2, 9, 7, 6))
+    with pytest.raises(ValueError, match="frames of 6 × 7, but frames of 7 × 6"):
+        small(layout=None).fit(images).transform(images.swapaxes(2, 3))
+
+
+def test_table_after_trials():
+    with pytest.raises(ValueError, match="X is a table, but fit was given trials"):
+        small().fit(electrodes()).transform(np.ones((3, 38)))
