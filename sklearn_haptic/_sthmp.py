@@ -256,10 +256,14 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
 
     Notes
     -----
-    The rows of a table are taken for patches and coded without pooling.
+    The columns of a trial's array are named like `s2of9_atom3+`, the second of nine
+    cells. The cell varies slowest, levels in the order given and cells row by row;
+    then come the codes, all positive parts before all negative ones. The rows of a
+    table are taken for patches and coded without pooling.
 
-    A frame without contrast gives zeros. Any other frame is scaled to norm 1, so
-    faintly touched ones count as much as firmly touched ones.
+    A frame without contrast gives exact zeros, whatever rounding the removal of
+    means leaves. Any other frame is scaled to norm 1, so faintly touched ones count
+    as much as firmly touched ones.
 
     References
     ----------
@@ -406,7 +410,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         n_pixels = patches[0, 0, 0].size
         # The authors divide codes by the root of n_pixels before they normalise,
         # which cancels but for the weight of the term that avoids 0 / 0.
-        eps = np.finfo(np.float64).eps * np.sqrt(n_pixels)
+        eps = 2.0**-52 * n_pixels**0.5
         n_frames = max(1, _CHUNK_SIZE // (n_rows * n_columns))
         chunks = []
         for start in range(0, n_times, n_frames):
