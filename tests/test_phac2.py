@@ -436,6 +436,12 @@ def test_names_that_are_no_trials(path, name):
         load_phac2(path)
 
 
+def test_names_that_are_no_text(path):
+    edit(path, lambda file: file.create_group(b"caf\xe9_101_01"))
+    with pytest.raises(OSError, match=r"corpus\.h5 .*a name is not text"):
+        load_phac2(path)
+
+
 @pytest.mark.parametrize("module", ["h5py", "pandas"])
 def test_missing_extra(path, monkeypatch, module):
     monkeypatch.setitem(sys.modules, module, None)

@@ -47,19 +47,27 @@ def open_hdf5(path):
 def names_in(group):
     """Return the names of a group's children, none of which is opened."""
     with _reading(group):
-        return list(group)
+        names = list(group)
+        if not all(isinstance(name, str) for name in names):
+            raise ValueError("a name is not text")
+    return names
 
 
-def get_node(group, path, kind=None):
-    """Return the ``"group"`` or ``"dataset"`` (or either) at ``path`` below a group.
+def read_attribute(node, name):
+    """Return an attribute of a group or dataset, None if it has none of the name."""
+    with _reading(node):
+        return node.attrs.get(name)
+
+
+def get_node(group, path):
+    """Return the group or dataset at ``path`` below a group.
 
     Raises
     ------
     ValueError
-        If it is not there, is of the other kind, or is reached through a soft or
-        external link.
+        If it is not there or is reached through a soft or external link.
     """
-    from h5py import Dataset, Group, h5l
+    from h5py import Group, h5l
 
     node = group
     for name in path.split("/"):
@@ -79,17 +87,25 @@ def get_node(group, path, kind=None):
             )
         with _reading(node, name):
             node = node[name]
-    if not isinstance(node, {"group": Group, "dataset": Dataset}.get(kind, object)):
-        raise ValueError(f"{_place(node)} is not a {kind}.")
     return node
 
 
-def check_stored(dataset, dtype_kinds):
-    """Refuse a dataset kept outside its file or of another kind of type.
+def dtype_of(node):
+    """Return the type of a dataset's values; nothing else has one."""
+    from h5py import Dataset
+
+    if not isinstance(node, Dataset):
+        raise ValueError(f"{_place(node)} is not a dataset.")
+    with _reading(node):
+        return node.dtype
+
+
+def check_stored(node, dtype_kinds):
+    """Refuse all but a dataset whose values are in its file and of some kind.
 
     Parameters
     ----------
-    dataset : h5py.Dataset
+    node : h5py.Dataset
         What is about to be read.
     dtype_kinds : str
         The NumPy kind codes that are accepted, ``"iuf"`` for real numbers.
@@ -97,21 +113,21 @@ def check_stored(dataset, dtype_kinds):
     Raises
     ------
     ValueError
-        If its values are in another file or of another kind.
+        If it is no dataset, or its values are in another file or of another kind.
     """
     from h5py import h5d
 
-    with _reading(dataset):
-        creation = dataset.id.get_create_plist()
-        dtype = dataset.dtype
+    dtype = dtype_of(node)
+    if dtype.kind not in dtype_kinds:
+        wanted = {"S": "byte strings", "O": "references"}.get(dtype_kinds, "numbers")
+        raise ValueError(f"{_place(node)} has dtype {dtype}; it must hold {wanted}.")
+    with _reading(node):
+        creation = node.id.get_create_plist()
     if creation.get_layout() == h5d.VIRTUAL or creation.get_external_count():
         raise ValueError(
-            f"{_place(dataset)} keeps its values in another file, which is not read; "
+            f"{_place(node)} keeps its values in another file, which is not read; "
             "copy them into this one."
         )
-    if dtype.kind not in dtype_kinds:
-        wanted = "byte strings" if dtype_kinds == "S" else "numbers"
-        raise ValueError(f"{_place(dataset)} has dtype {dtype}; it must hold {wanted}.")
 
 
 def read_rows(dataset, rows=slice(None)):
@@ -121,14 +137,14 @@ def read_rows(dataset, rows=slice(None)):
 
 
 def read_references(dataset):
-    """Return the datasets that an array of references points at, in its order."""
+    """Return what an array of references points at, in its order."""
     import h5py
 
+    check_stored(dataset, "O")
     if h5py.check_ref_dtype(dataset.dtype) is not h5py.Reference:
         raise ValueError(f"{_place(dataset)} must hold references.")
-    check_stored(dataset, "O")
     with _reading(dataset):
-        return [dataset.file[reference] for reference in dataset[()].flat]
+        return [dataset.file[reference] for reference in dataset[:].flat]
 
 
 def _place(node):

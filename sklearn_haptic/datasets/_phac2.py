@@ -149,6 +149,12 @@ def load_phac2(
         data of another shape or type; if the file links elsewhere; or if the ratings
         are not found, are ambiguous or lack an object.
 
+    Notes
+    -----
+    The published files have the MD5 sums ``1817bda104b97167b93f80d920f0afa3`` (trials)
+    and ``8212ded8c50401787c684b46a7b86860`` (ratings). Check that of the ratings, as
+    SciPy's reader of MATLAB files can crash on a damaged one.
+
     References
     ----------
     .. [1] B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
@@ -180,9 +186,8 @@ def load_phac2(
         names = _choose(trials, sorted(parsed, key=parsed.get), "trial", path)
         cells = {sensor: np.empty(len(names), dtype=object) for sensor in sensors}
         for i, name in enumerate(names):
-            signals = _read_trial(
-                get_node(file, name, "group"), procedure, sensors, remove_baseline
-            )
+            trial = get_node(file, name)
+            signals = _read_trial(trial, procedure, sensors, remove_baseline)
             for sensor, signal in signals.items():
                 cells[sensor][i] = signal
     objects = np.array([parsed[name][0] for name in names])
@@ -243,7 +248,7 @@ def _parse_trial_names(file):
 
 def _read_trial(trial, procedure, sensors, remove_baseline):
     """Return {sensor: array of shape (n_times, n_channels)} of one procedure."""
-    dataset = get_node(trial, "state/controller_detail_state", "dataset")
+    dataset = get_node(trial, "state/controller_detail_state")
     check_stored(dataset, "S")
     if dataset.ndim != 1:
         raise ValueError(_shape_error(dataset, "(n_frames,)"))
@@ -290,7 +295,7 @@ def _stretches(mask):
 
 def _read_finger(trial, finger, sensor, n_frames, rows, rest):
     """Return one finger's signal, less its mean at rest, as (n_times, n_channels)."""
-    dataset = get_node(trial, f"biotacs/finger_{finger}/{sensor}", "dataset")
+    dataset = get_node(trial, f"biotacs/finger_{finger}/{sensor}")
     check_stored(dataset, "iuf")
     n_samples, n_channels = SENSORS[sensor]
     width = n_samples * n_channels

@@ -14,9 +14,11 @@ from scipy.io import loadmat
 
 from sklearn_haptic.datasets._hdf5 import (
     check_stored,
+    dtype_of,
     get_node,
     names_in,
     open_hdf5,
+    read_attribute,
     read_references,
     read_rows,
 )
@@ -251,26 +253,26 @@ def _walk_hdf5(group, prefix=""):
     for name in names_in(group):
         if name.startswith("#"):  # MATLAB's own bookkeeping
             continue
-        node = get_node(group, name, None)
-        matlab_class = node.attrs.get("MATLAB_class", b"")
+        node = get_node(group, name)
+        matlab_class = read_attribute(node, "MATLAB_class")
         if hasattr(node, "keys"):
             if prefix:
                 yield prefix + name, "nested struct"
             else:
                 yield from _walk_hdf5(node, f"{name}.")
-        elif matlab_class == b"cell":
-            cells = read_references(node)
-            if all(cell.attrs.get("MATLAB_class") == b"char" for cell in cells):
-                yield prefix + name, [text for cell in cells for text in _texts(cell)]
-            else:
-                yield prefix + name, f"{node.shape[::-1]} cell"
         elif matlab_class == b"char":
             yield prefix + name, _texts(node)
-        elif node.dtype.kind in "iuf" and "MATLAB_empty" not in node.attrs:
+        elif matlab_class == b"cell":
+            cells = read_references(node)
+            if all(read_attribute(cell, "MATLAB_class") == b"char" for cell in cells):
+                yield prefix + name, [text for cell in cells for text in _texts(cell)]
+            else:
+                yield prefix + name, f"{node.shape} cell"
+        elif dtype_of(node).kind in "iuf":
             check_stored(node, "iuf")
             yield prefix + name, read_rows(node).T
         else:
-            yield prefix + name, f"{node.shape[::-1]} {node.dtype}"
+            yield prefix + name, f"{node.shape} {dtype_of(node)}"
 
 
 def _texts(dataset):

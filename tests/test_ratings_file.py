@@ -1,0 +1,300 @@
+import warnings
+from itertools import permutations
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from sklearn_haptic.datasets._ratings_file import ADJECTIVES, read_ratings
+
+IDS = np.arange(101, 161)  # 60 objects
+TRIALS = np.repeat(IDS, 2)
+
+
+@pytest.fixture
+def ratings():
+    """Ratings of 60 objects, 10 adjectives and 12 raters, some missing."""
+    rng = np.random.default_rng(0)
+    return rng.choice(6, (60, 10, 12), p=[0.02, 0.3, 0.3, 0.2, 0.1, 0.08])
+
+
+@pytest.fixture
+def counts(ratings):
+    """How often each level occurs, by another route than the reader's."""
+    return np.array(
+        [[np.bincount(cell, minlength=6)[1:] for cell in row] for row in ratings]
+    )
+
+
+def cells(texts):
+    return np.array(texts, dtype=object)
+
+
+def save_v7(path, variables):
+    savemat(path, variables)
+
+
+def save_v73(path, variables):
+    """Write numbers and cell arrays of strings as MATLAB 7.3 does: axes reversed."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, value in variables.items():
+            value = np.asarray(value)
+            if value.dtype == object:
+                references = []
+                for i, text in enumerate(value.ravel()):
+                    codes = np.array([[ord(letter)] for letter in text], dtype="u2")
+                    cell = file.create_dataset(f"#refs#/{name}{i}", data=codes)
+                    cell.attrs["MATLAB_class"] = np.bytes_("char")
+                    references.append([cell.ref])
+                dataset = file.create_dataset(
+                    name, data=np.array(references, dtype=h5py.ref_dtype)
+                )
+                dataset.attrs["MATLAB_class"] = np.bytes_("cell")
+            else:
+                file[name] = np.atleast_2d(value).T
+                file[name].attrs["MATLAB_class"] = np.bytes_("double")
+    with open(path, "r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file")
+
+
+@pytest.fixture(params=[save_v7, save_v73])
+def save(request, tmp_path):
+    def save(**variables):
+        request.param(tmp_path / "ratings.mat", variables)
+        return tmp_path / "ratings.mat"
+
+    return save
+
+
+def read(path, objects=TRIALS, known=IDS):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return read_ratings(path, known, objects)
+
+
+def assert_ratings(found, counts, names=ADJECTIVES):
+    assert list(found) == list(names)
+    for i, name in enumerate(names):
+        assert found[name].dtype.kind == "i"
+        np.testing.assert_array_equal(found[name], counts[:, i])
+
+
+@pytest.mark.parametrize("axes", list(permutations(range(3))))
+@pytest.mark.parametrize("dtype", ["u1", "f8"])
+def test_axes_of_ratings_may_come_in_any_order(save, ratings, counts, axes, dtype):
+    path = save(a=ratings.transpose(axes).astype(dtype))
+    assert_ratings(read(path), counts.repeat(2, axis=0))
+
+
+@pytest.mark.parametrize("axes", list(permutations(range(3))))
+def test_axes_of_counts_may_come_in_any_order(save, counts, axes):
+    assert_ratings(read(save(a=counts.transpose(axes))), counts.repeat(2, axis=0))
+
+
+def test_missing_ratings_may_be_nan(save, ratings, counts):
+    path = save(a=np.where(ratings == 0, np.nan, ratings))
+    assert_ratings(read(path), counts.repeat(2, axis=0))
+
+
+def test_other_variables_do_no_harm(save, ratings, counts):
+    path = save(
+        medians=np.median(ratings, axis=2),
+        means=ratings.mean(axis=2)[..., None] + np.full(12, 0.01),
+        raters=np.arange(1, 13),
+        below=ratings - 3,
+        subjects=cells(["a", "b"]),
+        n=60,
+        ratings=ratings,
+    )
+    assert_ratings(read(path), counts.repeat(2, axis=0))
+
+
+def test_struct(tmp_path, ratings, counts):
+    path = tmp_path / "ratings.mat"
+    savemat(path, {"study": {"scores": ratings, "info": {"ids": IDS[::-1]}}})
+    assert_ratings(read(path), counts[::-1].repeat(2, axis=0))
+
+
+def test_struct_of_version_7_3(tmp_path, ratings, counts):
+    save_v73(tmp_path / "ratings.mat", {"study/scores": ratings})
+    assert_ratings(read(tmp_path / "ratings.mat"), counts.repeat(2, axis=0))
+
+
+def test_orders_that_the_file_tells(save, ratings, counts):
+    order = np.random.default_rng(1).permutation(10)
+    names = [ADJECTIVES[i] for i in order]
+    rows = np.random.default_rng(2).permutation(60)
+    path = save(
+        data=ratings[rows][:, order],
+        labels=cells([name.capitalize() for name in names]),
+        object_ids=IDS[rows].astype(float),
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = read_ratings(path, IDS, TRIALS)
+    assert_ratings(found, counts.repeat(2, axis=0)[:, order], names)
+
+
+def test_adjectives_as_a_character_matrix(tmp_path, ratings):
+    names = [name.ljust(8) for name in ADJECTIVES[::-1]]
+    savemat(tmp_path / "r.mat", {"data": ratings, "names": names})
+    assert list(read(tmp_path / "r.mat")) == list(ADJECTIVES[::-1])
+
+
+def test_adjectives_of_other_names_are_taken_as_they_are(save, ratings):
+    names = [*ADJECTIVES[:-1], "bouncy"]
+    assert list(read(save(data=ratings, names=cells(names)))) == names
+
+
+def test_known_adjectives_win_over_other_lists_of_ten(save, ratings):
+    path = save(data=ratings, a=cells(list("abcdefghij")), b=cells(ADJECTIVES[::-1]))
+    assert list(read(path)) == list(ADJECTIVES[::-1])
+
+
+def test_assumed_orders_are_warned_about(save, ratings):
+    path = save(a=ratings)
+    with pytest.warns(UserWarning, match=r"adjectives.*hard, soft.* and objects"):
+        read_ratings(path, IDS, TRIALS)
+    path = save(a=ratings, names=cells(ADJECTIVES))
+    with pytest.warns(UserWarning, match=r"ratings\.mat .* order of its objects"):
+        read_ratings(path, IDS, TRIALS)
+
+
+def test_file_of_more_objects_than_the_corpus(save, ratings, counts):
+    path = save(a=ratings, ids=IDS)
+    found = read(path, objects=IDS[[7, 3, 7]], known=IDS[[3, 7, 9]])
+    assert_ratings(found, counts[[7, 3, 7]])
+
+
+def test_five_raters_and_five_levels(save):
+    rng = np.random.default_rng(0)
+    five = rng.integers(1, 6, (60, 10, 5))
+    found = read(save(a=five))
+    np.testing.assert_array_equal(found["hard"][::2, 0], (five[:, 0] == 1).sum(axis=1))
+    even = rng.multinomial(5, [0.2] * 5, (60, 10))
+    np.testing.assert_array_equal(read(save(a=even))["hard"][::2], even[:, 0])
+    with pytest.raises(ValueError, match=r"several ways: a .* as ratings .* as counts"):
+        read(save(a=rng.integers(0, 6, (60, 10, 5))))
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.ones((60, 10)),
+        np.ones((59, 10, 12)),
+        np.full((60, 10, 12), 6),
+        np.full((60, 10, 12), 2.5),
+        np.full((60, 10, 12), -1),
+        np.full((60, 10, 5), np.inf),
+        np.full((60, 10, 12), np.nan),
+    ],
+)
+def test_no_ratings_lists_the_variables(save, array):
+    path = save(first=array, second=cells(["x", "y", "z"]))
+    with pytest.raises(
+        ValueError, match=r"ratings\.mat has no .*first: \(.*\) .*; second: 3 strings"
+    ) as caught:
+        read(path)
+    assert str(array.shape) in str(caught.value)
+
+
+def test_empty_file(save):
+    with pytest.raises(ValueError, match="no variables"):
+        read(save())
+
+
+def test_ambiguous_arrays_are_listed(save, ratings, counts):
+    with pytest.raises(ValueError, match=r"one \(60.* as ratings.*two .* as counts"):
+        read(save(one=ratings, two=counts))
+
+
+def test_ambiguous_axes_are_listed(save, ratings):
+    with pytest.raises(ValueError, match=r"axes \(0, 1, 2\).*axes \(2, 1, 0\)"):
+        read(save(a=ratings[:12]), objects=IDS[:1], known=IDS[:12])
+
+
+def test_ambiguous_ids_and_adjectives(save, ratings):
+    with pytest.raises(ValueError, match=r"object ids: \['a', 'b'\]"):
+        read(save(data=ratings, a=IDS, b=IDS[::-1]))
+    with pytest.raises(ValueError, match=r"adjectives: \['a', 'b'\]"):
+        read(
+            save(data=ratings, a=cells(list("abcdefghij")), b=cells(list("klmnopqrst")))
+        )
+
+
+def test_object_without_ratings(save, ratings):
+    path = save(a=ratings, ids=np.arange(102, 162))
+    with pytest.raises(ValueError, match=r"ratings\.mat has no ratings of object 101"):
+        read(path)
+    assert len(read(path, objects=IDS[1:])["hard"]) == 59
+    ratings[4, 2] = 0
+    with pytest.raises(ValueError, match="no 'rough' rating of object 105"):
+        read(save(a=ratings))
+
+
+def test_unreadable_variables_are_passed_over(tmp_path, ratings):
+    from scipy.sparse import eye_array
+
+    savemat(
+        tmp_path / "r.mat",
+        {
+            "sparse": eye_array(60).tocsc(),
+            "mixed": cells(["text", ratings]),
+            "complex": ratings * 1j,
+        },
+    )
+    with pytest.raises(ValueError, match=r"sparse: unreadable.*mixed.*complex"):
+        read(tmp_path / "r.mat")
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"no file .*nothing\.mat"):
+        read(tmp_path / "nothing.mat")
+
+
+@pytest.mark.parametrize("content", [b"", b"text", b"\x00" * 200, b"MATLAB 7.3 MAT"])
+def test_not_a_matlab_file(tmp_path, content):
+    path = tmp_path / "r.mat"
+    path.write_bytes(content)
+    with pytest.raises(OSError, match=r"r\.mat is not"):
+        read(path)
+
+
+@pytest.mark.parametrize("kept", [10, 127, 128, 150, 0.5, -1])
+def test_cut_short(save, ratings, kept):
+    path = save(a=ratings)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(kept * len(content)) if 0 < kept < 1 else kept])
+    with pytest.raises((OSError, ValueError), match=r"ratings\.mat"):
+        read(path)
+
+
+def test_references_in_version_7_3_to_no_text(tmp_path, ratings):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "r.mat"
+    save_v73(path, {"a": ratings, "names": cells(ADJECTIVES[::-1])})
+    with h5py.File(path, "r+") as file:
+        group = file.create_group("#refs#/group")
+        for name, target in [
+            ("cells_of_structs", group),
+            ("cells_of_numbers", file["a"]),
+        ]:
+            file[name] = np.array([[target.ref]], dtype=h5py.ref_dtype)
+            file[name].attrs["MATLAB_class"] = np.bytes_("cell")
+        file["complex"] = np.zeros((60, 10, 12), "f8,f8")
+    assert list(read(path)) == list(ADJECTIVES[::-1])
+
+
+def test_links_in_version_7_3_are_not_followed(tmp_path, ratings):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "r.mat"
+    save_v73(tmp_path / "other.mat", {"a": ratings})
+    save_v73(path, {})
+    with h5py.File(path, "r+") as file:
+        file["a"] = h5py.ExternalLink(str(tmp_path / "other.mat"), "/a")
+    with pytest.raises(ValueError, match=r"'a' in .*r\.mat is a soft or external link"):
+        read(path)
