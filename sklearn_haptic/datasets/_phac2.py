@@ -184,17 +184,17 @@ def load_phac2(
     with open_hdf5(path) as file:
         parsed = _parse_trial_names(file)
         names = _choose(trials, sorted(parsed, key=parsed.get), "trial", path)
+        objects = np.array([parsed[name][0] for name in names])
+        ratings = {}
+        if ratings_path is not None:
+            known = np.unique([object_id for object_id, _, _ in parsed.values()])
+            ratings = read_ratings(ratings_path, known, objects)
         cells = {sensor: np.empty(len(names), dtype=object) for sensor in sensors}
         for i, name in enumerate(names):
             trial = get_node(file, name)
             signals = _read_trial(trial, procedure, sensors, remove_baseline)
             for sensor, signal in signals.items():
                 cells[sensor][i] = signal
-    objects = np.array([parsed[name][0] for name in names])
-    ratings = {}
-    if ratings_path is not None:
-        known = np.unique([object_id for object_id, _, _ in parsed.values()])
-        ratings = read_ratings(ratings_path, known, objects)
     return Bunch(
         trials=pd.DataFrame(cells, index=pd.Index(names, name="trial", dtype=object)),
         objects=objects,
