@@ -14,7 +14,7 @@ from sklearn.utils.validation import (
 )
 
 from ._sparse_coding import batch_omp, dense_codes, rounding_level, row_norms, unit_rows
-from ._validation import Sequences, check_sparsity, check_trials, is_table
+from ._validation import Sequences, check_sparsity, check_trials, is_table, row_index
 
 # An atom is replaced if it is as good as parallel to another, or hardly used.
 _MAX_COHERENCE = 0.99
@@ -604,7 +604,7 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
             codes = self._encode(np.concatenate(batch).reshape(-1, self.window))
             ends = np.cumsum([len(w) for w in batch])
             arrays += np.split(codes.reshape(-1, len(names)), ends[:-1])
-        return Sequences(arrays, names)
+        return Sequences(arrays, names, row_index(X))
 
 
 def batches(items, sizes, limit=65_536):

@@ -3,13 +3,14 @@
 import numpy as np
 from sklearn.base import BaseEstimator, TransformerMixin, _fit_context
 from sklearn.utils._param_validation import StrOptions
+from sklearn.utils._set_output import _get_output_config
 from sklearn.utils.validation import (
     _check_feature_names_in,
     check_is_fitted,
     validate_data,
 )
 
-from ._validation import Sequences, check_trials, is_table
+from ._validation import Sequences, check_trials, is_table, row_index
 
 
 def cell_starts(n_items, n_cells, split="balanced"):
@@ -206,7 +207,13 @@ class TemporalMaxPool(TransformerMixin, BaseEstimator):
         """
         check_is_fitted(self)
         sequences = self._check_sequences(X, reset=False)
-        return temporal_max_pool(sequences, self.cells_, self.split)
+        pooled = temporal_max_pool(sequences, self.cells_, self.split)
+        index = row_index(X)
+        if index is None or _get_output_config("transform", self)["dense"] != "pandas":
+            return pooled
+        from pandas import DataFrame  # scikit-learn adds the names, but knows no index
+
+        return DataFrame(pooled, index=index)
 
     def get_feature_names_out(self, input_features=None):
         """Return the names of the pooled features.

@@ -10,7 +10,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ._ksvd import _DictionaryCoder, _UnwrappedSequences
 from ._pooling import cell_starts, check_cells
-from ._validation import Sequences, check_trials, is_table
+from ._validation import Sequences, check_trials, is_table, row_index
 
 # Electrodes whose mean is each pixel: rows from the tip of the finger to its base,
 # columns left, middle, right.
@@ -402,7 +402,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
             X, ndims=(len(self._frame_shape) + 1,), n_channels=self._frame_shape
         )
         frames = [self._pool(self._patches(trial, layout)) for trial in trials]
-        return Sequences(frames, self.get_feature_names_out())
+        return Sequences(frames, self.get_feature_names_out(), row_index(X))
 
     def _pool(self, patches):
         """Code, pool and normalise the frames of a trial, given as patches."""

@@ -23,11 +23,21 @@ class Sequences(list):
         One array a trial.
     feature_names : sequence of str
         The name of each column, which pooling carries into its own names.
+    row_index : pandas.Index, default=None
+        The index of the trials, if they came in a pandas container.
     """
 
-    def __init__(self, arrays, feature_names):
+    def __init__(self, arrays, feature_names, row_index=None):
         super().__init__(arrays)
         self.feature_names = np.asarray(feature_names, dtype=object)
+        self.row_index = row_index
+
+
+def row_index(X):
+    """Return the pandas index of a collection of trials, None if it has none."""
+    if isinstance(X, Sequences):
+        return X.row_index
+    return X.index if hasattr(X, "iloc") else None
 
 
 def is_table(X):
@@ -195,8 +205,8 @@ def _count_labels(y, levels, name):
     if not known.all():
         trial = int(np.argmin(known))
         raise ValueError(
-            f"{name} has the rating {y[trial]!r} in trial {trial}, which is not among "
-            f"levels={levels.tolist()}; add it to levels or mend the rating."
+            f"{name} has the rating {y.tolist()[trial]!r} in trial {trial}, which is "
+            f"not among levels={levels.tolist()}; add it to levels or mend the rating."
         )
     return matches.astype(np.float64), levels
 

@@ -27,7 +27,11 @@ from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
 @pytest.fixture(scope="module")
 def corpus():
     return make_haptic_corpus(
-        12, 3, procedure="fast_slide", sensors=["pdc", "tac", "electrodes"], random_state=0
+        12,
+        3,
+        procedure="fast_slide",
+        sensors=["pdc", "tac", "electrodes"],
+        random_state=0,
     )
 
 
@@ -55,7 +59,9 @@ def whole_pipeline():
         sensor_features(),
         VarianceThreshold(),
         StandardScaler(),
-        DistributionalOrdinalRegressor(NNPOM(0), levels=[1, 2, 3, 4, 5], random_state=0),
+        DistributionalOrdinalRegressor(
+            NNPOM(0), levels=[1, 2, 3, 4, 5], random_state=0
+        ),
     )
 
 
@@ -127,9 +133,22 @@ def test_feature_names_say_sensor_cell_and_atom(corpus):
     table = features.fit_transform(corpus.trials)
     names = features.get_feature_names_out()
     assert table.columns.tolist() == names.tolist()
+    assert table.index.equals(corpus.trials.index)
     assert len(set(names)) == len(names) == 7 * (2 * 2 * 16 + 14 * 12)
     assert "pdc__t3of4_ch1_atom7-" in names
     assert "electrodes__t1of1_s9of9_atom0+" in names
+
+
+def test_rows_stay_with_their_trial_beside_other_columns(corpus):
+    trials = corpus.trials.assign(number=np.arange(len(corpus.trials), dtype=float))
+    permuted = trials.sample(frac=1, random_state=0)
+    features = sensor_features()
+    features.set_params(remainder="passthrough")
+    expected = features.fit(trials).transform(permuted)
+    table = features.set_output(transform="pandas").transform(permuted)
+    assert table.index.equals(permuted.index)
+    np.testing.assert_array_equal(table.to_numpy(), expected)
+    np.testing.assert_array_equal(table["remainder__number"], permuted["number"])
 
 
 def test_papers_parameters_give_its_feature_counts():
