@@ -21,6 +21,7 @@ from pathlib import Path
 
 import mord
 import numpy as np
+from sklearn import set_config
 from sklearn.base import clone
 from sklearn.decomposition import TruncatedSVD
 from sklearn.exceptions import ConvergenceWarning
@@ -79,10 +80,11 @@ def phac2(folder):
 
 
 def models(levels):
-    """Name -> (estimator, grid, scorer)."""
+    """Each model with the grid that is searched for it and the score to choose by."""
     regressor = DistributionalOrdinalRegressor
     by_alpha = {"estimator__alpha": ALPHAS}
     paper = regressor(**PAPER_2020, levels=levels, random_state=0)
+    paper.set_fit_request(groups=True)  # it stops early on whole objects
     paper_grid = {
         "estimator__n_hidden": [1, 10, 30],
         "estimator__alpha": [0.01, 0.1, 1, 10],
@@ -152,6 +154,7 @@ def main():
     parser.add_argument("folder", type=Path)
     parser.add_argument("--sets", nargs="+", default=["movie", "phac2"])
     arguments = parser.parse_args()
+    set_config(enable_metadata_routing=True)
     warnings.simplefilter("ignore", ConvergenceWarning)
     warnings.simplefilter("ignore", DeprecationWarning)  # mord 0.7 on SciPy 1.17
     for name in arguments.sets:

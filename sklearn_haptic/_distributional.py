@@ -295,19 +295,23 @@ class DistributionalOrdinalRegressor(
         counts, self.levels_ = check_ratings(y, self.levels)
         self.classes_ = self.levels_
         check_consistent_length(X, groups)
+        sample_weight = _check_sample_weight(
+            sample_weight, X, dtype=np.float64, ensure_non_negative=True
+        )
+        used = sample_weight > 0
+        X, counts = X[used], counts[used]
         rng = check_random_state(self.random_state)
         self.estimator_ = self._make_estimator(rng)
         positions, level, weight = training_observations(
             counts, self.n_duplicates, self.sampling, self.balance, rng
         )
-        weight = weight * _check_sample_weight(
-            sample_weight, X, dtype=np.float64, ensure_non_negative=True
-        ).reshape(-1, 1)
+        weight = weight * sample_weight[used, None]
         inputs = self._transform(positions)
         if not hasattr(self.estimator_, "fit_with_positions"):
             return self._fit_repeated_rows(X, inputs, level, weight)
         validation = None
         if getattr(self.estimator_, "early_stopping", False):
+            groups = None if groups is None else np.asarray(groups)[used]
             train, held_out = validation_split(
                 len(X), groups, self.estimator_.validation_fraction, rng
             )

@@ -29,22 +29,7 @@ from ._proportional_odds import (
 )
 from ._solvers import Monitor, irprop_plus, lbfgs
 from ._validation import check_ratings
-
-
-def macro_mae(predicted, level, weight):
-    """Mean over trials of the absolute error averaged over the levels present.
-
-    Equation 3 of Richardson & Kuchenbecker (2020), on level indices of shape
-    (n_trials, n_observations); observations of weight 0 do not count.
-    """
-    error = np.abs(predicted - level)
-    total, n_present = np.zeros(len(weight)), np.zeros(len(weight))
-    for k in np.unique(level):
-        at_level = (level == k) & (weight > 0)
-        count = at_level.sum(axis=1)
-        total += np.sum(error * at_level, axis=1) / np.maximum(count, 1)
-        n_present += count > 0
-    return np.mean(total / n_present)
+from .metrics import _macro_mae
 
 
 def validation_split(n_trials, groups, fraction, random_state):
@@ -216,18 +201,21 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         """
         X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True)
         counts, self.levels_ = check_ratings(y, self.levels)
-        weight = counts * _check_sample_weight(
+        check_consistent_length(X, groups)
+        sample_weight = _check_sample_weight(
             sample_weight, X, dtype=np.float64, ensure_non_negative=True
-        ).reshape(-1, 1)
+        )
+        used = sample_weight > 0
+        X, weight = X[used], counts[used] * sample_weight[used, None]
         if np.ndim(y) == 1:  # a single observation a trial
-            level = counts.argmax(axis=1)[:, None]
+            level = weight.argmax(axis=1)[:, None]
             weight = np.take_along_axis(weight, level, axis=1)
         else:
             level = np.arange(len(self.levels_))[None, :]
         rng = check_random_state(self.random_state)
         if not self.early_stopping:
             return self._fit(X, None, level, weight, None, rng)
-        check_consistent_length(X, groups)
+        groups = None if groups is None else np.asarray(groups)[used]
         train, held_out = validation_split(
             len(X), groups, self.validation_fraction, rng
         )
@@ -327,7 +315,7 @@ class NNPOM(ClassifierMixin, BaseEstimator):
             latent, _ = forward(X_val, positions_val, coef, bias, output)
             proba = level_probabilities(latent, thresholds_from(first[0], gaps))
             predicted = self._present[proba.argmax(axis=-1)]
-            return macro_mae(predicted, level_val, weight_val)
+            return _macro_mae(predicted, level_val, weight_val > 0).mean()
 
         monitor = Monitor(
             None if validation is None else validation_error, self.n_iter_no_change

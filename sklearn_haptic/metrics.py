@@ -95,16 +95,8 @@ def macro_mae_per_trial(
     """
     counts, proba = _check_distributions(y_true, y_proba, levels)
     p = np.arange(1, n_quantiles + 1) / (n_quantiles + 1)
-    true = _level_index(counts, p)
-    error = np.abs(_level_index(proba, p) - true)
-    total = np.zeros(len(counts))
-    n_used = np.zeros(len(counts))
-    for level in range(counts.shape[1]):
-        here = true == level
-        n_here = here.sum(axis=1)
-        total += (error * here).sum(axis=1) / np.maximum(n_here, 1)
-        n_used += n_here > 0
-    return _summarise(total / n_used, sample_weight, average)
+    errors = _macro_mae(_level_index(proba, p), _level_index(counts, p))
+    return _summarise(errors, sample_weight, average)
 
 
 @validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
@@ -524,6 +516,31 @@ def _cdf(counts):
     """Return the proportion at or below each level but the last, where it is 1."""
     below = np.cumsum(counts, axis=1)
     return below[:, :-1] / below[:, -1:]
+
+
+def _macro_mae(predicted, true, counted=True):
+    """Absolute error of each trial, averaged over the levels that are true in it.
+
+    Parameters
+    ----------
+    predicted, true : ndarray of int of shape (n_trials, n_observations)
+        Indices of levels.
+    counted : bool or ndarray of bool of shape (n_trials, n_observations), default=True
+        Which observations count; at least one a trial.
+
+    Returns
+    -------
+    error : ndarray of shape (n_trials,)
+    """
+    error = np.abs(predicted - true)
+    total = np.zeros(len(error))
+    n_levels = np.zeros(len(error))
+    for level in np.unique(true):
+        here = (true == level) & counted
+        n_here = here.sum(axis=1)
+        total += (error * here).sum(axis=1) / np.maximum(n_here, 1)
+        n_levels += n_here > 0
+    return total / n_levels
 
 
 def _summarise(scores, sample_weight, average):

@@ -14,6 +14,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic.metrics import (
+    _macro_mae,
     dispersion,
     earth_movers_distance,
     log_score,
@@ -402,3 +403,13 @@ def test_scorers_take_labels_weights_workers_and_pickle(scorer):
         model, X, y, scoring={"a": scorer}, n_jobs=2, error_score="raise"
     )
     assert np.isfinite(result["test_a"]).all()
+
+
+def test_macro_mae_of_level_indices_by_hand():
+    predicted = np.array([[0, 1, 1, 2], [0, 0, 0, 0]])
+    level = np.array([[0, 0, 1, 1], [3, 0, 0, 0]])
+    # trial 0: level 0 errs (0 + 1) / 2, level 1 errs (0 + 1) / 2: mean 0.5
+    # trial 1: level 3 errs 3, level 0 errs 0: mean 1.5
+    assert _macro_mae(predicted, level).tolist() == [0.5, 1.5]
+    counted = np.array([[True] * 4, [False, True, True, True]])
+    assert _macro_mae(predicted, level, counted).tolist() == [0.5, 0]

@@ -17,7 +17,6 @@ from sklearn.utils.estimator_checks import (
 )
 
 from sklearn_haptic import NNPOM
-from sklearn_haptic._nnpom import macro_mae
 from sklearn_haptic._proportional_odds import (
     initial_params,
     level_probabilities,
@@ -288,14 +287,6 @@ def test_solvers_reach_the_same_linear_model():
     np.testing.assert_allclose(lbfgs.coefs_[0], irprop.coefs_[0], atol=1e-5)
 
 
-def test_macro_mae_by_hand():
-    predicted = np.array([[0, 1, 1, 2], [0, 0, 0, 0]])
-    level = np.array([[0, 0, 1, 1], [3, 0, 0, 0]])
-    # trial 0: level 0 errs (0 + 1) / 2, level 1 errs (0 + 1) / 2: mean 0.5
-    # trial 1: level 3 errs 3, level 0 errs 0: mean 1.5
-    assert macro_mae(predicted, level, np.ones((2, 4))) == pytest.approx(1.0)
-
-
 def test_early_stopping_keeps_whole_objects_and_the_best_model():
     rng = np.random.default_rng(6)
     X = rng.normal(size=(100, 30))
@@ -312,6 +303,16 @@ def test_early_stopping_keeps_whole_objects_and_the_best_model():
     assert model.n_iter_ < 500
     assert model.loss_ > min(model.loss_curve_)  # stopped later, kept an earlier one
     assert model.n_iter_ % 10 == 0
+
+
+def test_trials_of_weight_zero_are_no_trials_for_early_stopping():
+    rng = np.random.default_rng(9)
+    X, y = rng.normal(size=(60, 4)), rng.integers(1, 4, 60)
+    used = np.arange(60) % 2 == 0
+    model = NNPOM(3, early_stopping=True, n_iter_no_change=20, random_state=0)
+    weighted = clone(model).fit(X, y, sample_weight=used.astype(float))
+    removed = clone(model).fit(X[used], y[used])
+    np.testing.assert_array_equal(weighted.predict_proba(X), removed.predict_proba(X))
 
 
 def test_warns_without_convergence():
