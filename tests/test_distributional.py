@@ -15,11 +15,6 @@ from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_predict
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
-from sklearn.utils.estimator_checks import (
-    check_dataframe_column_names_consistency,
-    check_param_validation,
-    parametrize_with_checks,
-)
 
 from sklearn_haptic import (
     NNPOM,
@@ -49,29 +44,6 @@ def ordinal_trials(n_objects=20, n_trials=5, n_features=4, seed=0):
     level = np.digitize(raters, [-2, -0.7, 0.7, 2])
     counts = np.stack([(level == k).sum(axis=1) for k in range(5)], axis=1)
     return X, counts[objects], objects
-
-
-@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
-@parametrize_with_checks(
-    [
-        DistributionalOrdinalRegressor(NNPOM(0, tol=1e-10)),
-        DistributionalOrdinalRegressor(
-            LogisticRegression(tol=1e-12, max_iter=5000), decode="quantile"
-        ),
-        DummyDistribution(),
-        DummyDistribution("barycentre"),
-    ]
-)
-def test_common_checks(estimator, check):
-    check(estimator)
-
-
-@pytest.mark.parametrize(
-    "estimator", [DistributionalOrdinalRegressor(), DummyDistribution()]
-)
-def test_checks_outside_the_common_suite(estimator):
-    check_param_validation(type(estimator).__name__, estimator)
-    check_dataframe_column_names_consistency(type(estimator).__name__, estimator)
 
 
 @pytest.mark.parametrize("sampling", ["level", "lattice", "stratified", "random"])

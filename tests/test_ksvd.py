@@ -11,8 +11,6 @@ from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
 from sklearn.decomposition import SparseCoder
 from sklearn.pipeline import make_pipeline
-from sklearn.utils import estimator_checks
-from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sklearn_haptic._ksvd import KSVDTransformer, batches, initial_atoms, ksvd
 from sklearn_haptic._pooling import TemporalMaxPool
@@ -402,36 +400,3 @@ def test_errors_name_the_mend():
         model.set_params(dict_init=np.ones((4, 3))).fit(trials)
     with pytest.warns(UserWarning, match="n_nonzero_coefs=9 exceeds n_atoms=4"):
         KSVDTransformer(4, 9, random_state=0).fit(np.eye(8))
-
-
-COMMON = [
-    KSVDTransformer(),
-    KSVDTransformer(5, 2, update="exact", sign="none", remove_mean=False),
-    KSVDTransformer(5, 2, sign="absolute", max_train_windows=20),
-]
-
-
-@parametrize_with_checks(COMMON)
-def test_common_checks(estimator, check):
-    check(estimator)
-
-
-# These checks mix arrays and frames on purpose.
-@pytest.mark.filterwarnings("ignore:X (has|does not have valid) feature names")
-@pytest.mark.parametrize("estimator", COMMON)
-@pytest.mark.parametrize(
-    "name",
-    [
-        "check_param_validation",
-        "check_set_output_transform",
-        "check_set_output_transform_pandas",
-        "check_set_output_transform_polars",
-        "check_global_output_transform_pandas",
-        "check_global_set_output_transform_polars",
-        "check_transformer_get_feature_names_out",
-        "check_transformer_get_feature_names_out_pandas",
-        "check_dataframe_column_names_consistency",
-    ],
-)
-def test_more_common_checks(name, estimator):
-    getattr(estimator_checks, name)(type(estimator).__name__, clone(estimator))

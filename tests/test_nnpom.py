@@ -10,11 +10,6 @@ from scipy.special import expit
 from sklearn.base import clone
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import LogisticRegression
-from sklearn.utils.estimator_checks import (
-    check_dataframe_column_names_consistency,
-    check_param_validation,
-    parametrize_with_checks,
-)
 
 from sklearn_haptic import NNPOM
 from sklearn_haptic._proportional_odds import (
@@ -32,23 +27,6 @@ REFERENCE_CASES = [
     for data in ("melanoma_fs_H10", "tae_H3", "toy_H5")
     for case in ("init_eps0.5", "sin", "stress", "trained200")
 ]
-
-
-@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
-@parametrize_with_checks(
-    [
-        NNPOM(tol=1e-10, max_iter=5000),  # weights equal repeated rows to 1e-7 then
-        NNPOM(n_hidden=0, tol=1e-10),
-        NNPOM(n_hidden=2, solver="irprop+", tol=1e-10, max_iter=10_000),
-    ]
-)
-def test_common_checks(estimator, check):
-    check(estimator)
-
-
-def test_checks_outside_the_common_suite():
-    check_param_validation("NNPOM", NNPOM())
-    check_dataframe_column_names_consistency("NNPOM", NNPOM())
 
 
 def _from_orca(case):

@@ -8,41 +8,14 @@ from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import StandardScaler
-from sklearn.utils import estimator_checks
-from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sklearn_haptic._pooling import TemporalMaxPool, cell_starts, temporal_max_pool
 from sklearn_haptic._validation import Sequences
-
-EXTRA_CHECKS = [
-    "check_param_validation",
-    "check_set_output_transform",
-    "check_set_output_transform_pandas",
-    "check_global_output_transform_pandas",
-    "check_set_output_transform_polars",
-    "check_global_set_output_transform_polars",
-    "check_transformer_get_feature_names_out",
-    "check_transformer_get_feature_names_out_pandas",
-    "check_dataframe_column_names_consistency",
-    "check_n_features_in_after_fitting",
-]
 
 
 def sequences(lengths=(40, 23, 16), n_columns=3, dtype=np.float64, seed=0):
     rng = np.random.default_rng(seed)
     return [rng.normal(size=(n, n_columns)).astype(dtype) for n in lengths]
-
-
-@parametrize_with_checks([TemporalMaxPool(), TemporalMaxPool(split="floor")])
-def test_common_checks(estimator, check):
-    check(estimator)
-
-
-# Some of these checks fit on a data frame and transform an array, or the reverse.
-@pytest.mark.filterwarnings("ignore:X (has|does not have valid) feature names")
-@pytest.mark.parametrize("name", EXTRA_CHECKS)
-def test_further_common_checks(name):
-    getattr(estimator_checks, name)("TemporalMaxPool", TemporalMaxPool())
 
 
 @pytest.mark.parametrize("n_items", range(1, 40))

@@ -7,8 +7,6 @@ from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
-from sklearn.utils import estimator_checks
-from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sklearn_haptic import _sthmp
 from sklearn_haptic._ksvd import KSVDTransformer
@@ -23,17 +21,6 @@ from sklearn_haptic._sthmp import (
 )
 from sklearn_haptic._validation import Sequences
 
-EXTRA_CHECKS = [
-    "check_param_validation",
-    "check_set_output_transform",
-    "check_set_output_transform_pandas",
-    "check_global_output_transform_pandas",
-    "check_set_output_transform_polars",
-    "check_global_set_output_transform_polars",
-    "check_transformer_get_feature_names_out",
-    "check_transformer_get_feature_names_out_pandas",
-    "check_dataframe_column_names_consistency",
-]
 LAYOUT = biotac_layout()
 SIGNS = {"omp": "absolute", "omp_sign": "split"}
 
@@ -90,19 +77,6 @@ def authors(reference):
         )
         for variant, sign in SIGNS.items()
     }
-
-
-@parametrize_with_checks([STHMPTransformer(n_atoms=3, n_nonzero_coefs=2)])
-def test_common_checks(estimator, check):
-    check(estimator)
-
-
-# Some of these checks fit on a data frame and transform an array, or the reverse.
-@pytest.mark.filterwarnings("ignore:X (has|does not have valid) feature names")
-@pytest.mark.parametrize("name", EXTRA_CHECKS)
-def test_further_common_checks(name):
-    check = getattr(estimator_checks, name)
-    check("STHMPTransformer", STHMPTransformer(n_atoms=3, n_nonzero_coefs=2))
 
 
 # Layout

@@ -1,0 +1,79 @@
+"""scikit-learn's own checks on every estimator, none expected to fail."""
+
+import pytest
+from sklearn.linear_model import LogisticRegression
+from sklearn.utils import estimator_checks
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+import sklearn_haptic
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    DummyDistribution,
+    KSVDTransformer,
+    STHMPTransformer,
+    TemporalMaxPool,
+)
+
+TRANSFORMERS = [
+    KSVDTransformer(),
+    KSVDTransformer(5, 2, update="exact", sign="none", remove_mean=False),
+    KSVDTransformer(5, 2, sign="absolute", max_train_windows=20),
+    STHMPTransformer(),
+    TemporalMaxPool(),
+    TemporalMaxPool(split="floor"),
+]
+PREDICTORS = [
+    # With this tolerance weights equal repeated rows to seven digits.
+    NNPOM(tol=1e-10, max_iter=5000),
+    NNPOM(n_hidden=0, tol=1e-10),
+    NNPOM(n_hidden=2, solver="irprop+", tol=1e-10, max_iter=10_000),
+    DistributionalOrdinalRegressor(NNPOM(0, tol=1e-10)),
+    DistributionalOrdinalRegressor(
+        LogisticRegression(tol=1e-12, max_iter=5000), decode="quantile"
+    ),
+    DummyDistribution(),
+    DummyDistribution("barycentre"),
+]
+BEYOND_THE_SUITE = [
+    (estimator, name)
+    for estimator in [*TRANSFORMERS, NNPOM(), *PREDICTORS[3:]]
+    for name in [
+        "check_param_validation",
+        "check_dataframe_column_names_consistency",
+        "check_n_features_in_after_fitting",
+        *(
+            [
+                "check_set_output_transform",
+                "check_set_output_transform_pandas",
+                "check_set_output_transform_polars",
+                "check_global_output_transform_pandas",
+                "check_global_set_output_transform_polars",
+                "check_transformer_get_feature_names_out",
+                "check_transformer_get_feature_names_out_pandas",
+            ]
+            if estimator in TRANSFORMERS
+            else []
+        ),
+    ]
+]
+
+
+def test_every_public_estimator_is_here():
+    public = [getattr(sklearn_haptic, name) for name in sklearn_haptic.__all__]
+    checked = {type(estimator) for estimator in [*TRANSFORMERS, *PREDICTORS]}
+    assert {each for each in public if isinstance(each, type)} == checked
+
+
+# The checks' data are not scaled, so 10 hidden units take long to converge on some.
+@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
+@parametrize_with_checks([*TRANSFORMERS, *PREDICTORS])
+def test_common_checks(estimator, check):
+    check(estimator)
+
+
+# Some of these checks fit on a data frame and transform an array, or the reverse.
+@pytest.mark.filterwarnings("ignore:X (has|does not have valid) feature names")
+@pytest.mark.parametrize(("estimator", "name"), BEYOND_THE_SUITE, ids=str)
+def test_checks_beyond_the_common_suite(estimator, name):
+    getattr(estimator_checks, name)(type(estimator).__name__, estimator)
