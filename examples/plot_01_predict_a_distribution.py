@@ -120,7 +120,7 @@ say(f"{features[0].get_feature_names_out().size} features a trial.")
 # an object kept together. The two baselines ignore the features.
 search = GridSearchCV(
     DistributionalOrdinalRegressor(NNPOM(n_hidden=0), levels=corpus.levels),
-    {"estimator__alpha": [1e2, 1e3, 1e4, 1e5]},
+    {"estimator__alpha": [1e3, 1e4, 1e5, 1e6]},
     scoring=neg_rps_scorer,
     cv=GroupKFold(4),
 )

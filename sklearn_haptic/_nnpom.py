@@ -56,7 +56,8 @@ class NNPOM(ClassifierMixin, BaseEstimator):
     alpha : float, default=1.0
         L2 penalty (lambda in the paper) of all weights but the hidden biases
         and thresholds, beside the *sum* of the observations' negative
-        log-likelihoods: repeating every observation weakens it.
+        log-likelihoods: repeating every observation weakens it. Search it on a
+        log scale; thousands of standardised features want 1e3 to 1e5.
     solver : {"lbfgs", "irprop+"}, default="lbfgs"
         "irprop+" is the paper's. "lbfgs" reaches the same cost in fewer
         iterations; it works on the features' principal directions, as many as the
