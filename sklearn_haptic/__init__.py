@@ -1,10 +1,7 @@
 """Predict how a crowd will rate an object's feel, from one robotic touch."""
 
-from ._distributional import (
-    PAPER_2020,
-    DistributionalOrdinalRegressor,
-    DummyDistribution,
-)
+from ._baselines import DummyDistribution
+from ._distributional import PAPER_2020, DistributionalOrdinalRegressor
 from ._ksvd import KSVDTransformer
 from ._nnpom import NNPOM
 from ._pooling import TemporalMaxPool

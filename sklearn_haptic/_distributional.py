@@ -1,10 +1,9 @@
-"""Distributions of ratings from any ordinal model, and the featureless baselines.
+"""Distributions of ratings from any ordinal model, by sweeping the population.
 
 Richardson & Kuchenbecker (2020) let a model predict one rating for each position
 p of a rater in the population: every trial is duplicated, each duplicate carries
 a position as one more feature, and its label is the object's inverse CDF there.
-At prediction p sweeps the population. The functions say which observations stand
-for a trial; the estimator below trains on them and decodes what it learnt.
+At prediction p sweeps the population.
 """
 
 from numbers import Integral
@@ -30,85 +29,13 @@ from sklearn.utils.validation import (
 )
 
 from ._nnpom import NNPOM, validation_split
+from ._positions import quantile_grid, training_observations, unit_gauss_legendre
 from ._validation import check_ratings
 from .metrics import ranked_probability_score
 from .ratings import _level_index
 
-_GOLDEN = (np.sqrt(5) - 1) / 2
 _MIXTURE_NODES = 32
 _BATCH_VALUES = 4_000_000  # predicted probabilities held in memory at once
-
-
-# Observations ---------------------------------------------------------------
-
-
-def training_observations(counts, n_duplicates, sampling, balance, random_state):
-    """Choose positions for each trial; label and weight them by its ratings.
-
-    Parameters
-    ----------
-    counts : ndarray of shape (n_trials, n_levels)
-        How many people gave each rating.
-    n_duplicates : int
-        Number of observations of each trial; their weights sum to it.
-    sampling : {"level", "lattice", "stratified", "random"}
-        How positions are chosen, as `DistributionalOrdinalRegressor` says.
-    balance : {"macro", None}
-        Whether the levels of a trial count equally.
-    random_state : RandomState instance
-
-    Returns
-    -------
-    positions : ndarray of shape (n_trials, n_observations)
-        Positions strictly between 0 and 1.
-    level : ndarray of int of shape (n_trials, n_observations)
-        Index of the rating at each position.
-    weight : ndarray of shape (n_trials, n_observations)
-    """
-    n_trials, n_levels = counts.shape
-    if sampling == "level":
-        positions, level, weight = _level_nodes(counts, n_duplicates)
-    else:
-        cell = np.arange(n_duplicates) / n_duplicates
-        if sampling == "lattice":  # turned a little for each trial
-            shift = (_GOLDEN * (np.arange(n_trials)[:, None] + 1)) % 1
-        else:
-            shift = random_state.uniform(size=(n_trials, n_duplicates))
-        positions = shift if sampling == "random" else cell + shift / n_duplicates
-        tiny = np.finfo(float).eps
-        positions = np.clip(positions, tiny, 1 - tiny)
-        level = _level_index(counts, positions)
-        weight = np.ones_like(positions)
-    if balance == "macro":
-        total = np.stack([(weight * (level == k)).sum(1) for k in range(n_levels)], 1)
-        share = n_duplicates / (total > 0).sum(axis=1, keepdims=True)
-        factor = np.divide(share, total, out=np.zeros_like(total), where=total > 0)
-        weight = weight * np.take_along_axis(factor, level, axis=1)
-    return positions, level, weight
-
-
-def _level_nodes(counts, n_duplicates):
-    """Gauss–Legendre nodes within the stretch of the population at each level."""
-    n_trials, n_levels = counts.shape
-    share = counts / counts.sum(axis=1, keepdims=True)
-    start = np.cumsum(share, axis=1) - share
-    nodes, node_weight = unit_gauss_legendre(max(1, n_duplicates // n_levels))
-    positions = (start[:, :, None] + share[:, :, None] * nodes).reshape(n_trials, -1)
-    weight = (share[:, :, None] * node_weight).reshape(n_trials, -1) * n_duplicates
-    level = np.broadcast_to(np.arange(n_levels).repeat(len(nodes)), weight.shape)
-    tiny = np.finfo(float).eps
-    return np.clip(positions, tiny, 1 - tiny), level, weight
-
-
-def unit_gauss_legendre(n_nodes):
-    """Nodes and weights of Gauss–Legendre quadrature on (0, 1)."""
-    nodes, weight = np.polynomial.legendre.leggauss(n_nodes)
-    return (nodes + 1) / 2, weight / 2
-
-
-def quantile_grid(n_quantiles):
-    """Evenly spaced positions strictly inside (0, 1): 0.01 … 0.99 for 99."""
-    return np.arange(1, n_quantiles + 1) / (n_quantiles + 1)
 
 
 def decide(proba, rule):
@@ -116,9 +43,6 @@ def decide(proba, rule):
     if rule == "argmax":
         return proba.argmax(axis=-1)
     return np.sum(np.cumsum(proba[..., :-1], axis=-1) < 0.5, axis=-1)
-
-
-# Estimator ------------------------------------------------------------------
 
 
 class DistributionalOrdinalRegressor(
@@ -516,136 +440,9 @@ class DistributionalOrdinalRegressor(
         -------
         score : float
         """
-        return _score(self, X, y, sample_weight)
-
-
-class DummyDistribution(ClassifierMixin, BaseEstimator):
-    """Predict the same distribution for every trial, whatever its features.
-
-    The two baselines that a model must beat: which one is harder depends on
-    the score.
-
-    Parameters
-    ----------
-    strategy : {"marginal", "barycentre"}, default="marginal"
-        "marginal": the mean of the training trials' distributions, hard to beat
-        by RPS and log score. "barycentre": the distribution whose CDF is the
-        median of theirs at each level, their Wasserstein-1 barycentre, hard to
-        beat by absolute error.
-    levels : array-like of shape (n_levels,), default=None
-        All ordered levels. By default those found by ``fit``.
-
-    Attributes
-    ----------
-    levels_, classes_ : ndarray of shape (n_levels,)
-        The ordered levels.
-    proba_ : ndarray of shape (n_levels,)
-        The distribution.
-    n_features_in_ : int
-        Number of features, which are ignored.
-
-    See Also
-    --------
-    DistributionalOrdinalRegressor : Predicts from the features.
-
-    Examples
-    --------
-    >>> from sklearn_haptic import DummyDistribution
-    >>> counts = [[4, 0, 0], [3, 1, 0], [0, 0, 4]]
-    >>> DummyDistribution("marginal").fit([[0]] * 3, counts).proba_.round(2)
-    array([0.58, 0.08, 0.33])
-    >>> DummyDistribution("barycentre").fit([[0]] * 3, counts).proba_
-    array([0.75, 0.25, 0.  ])
-    """
-
-    _parameter_constraints = {  # noqa: RUF012
-        "strategy": [StrOptions({"marginal", "barycentre"})],
-        "levels": ["array-like", None],
-    }
-
-    def __init__(self, strategy="marginal", *, levels=None):
-        self.strategy = strategy
-        self.levels = levels
-
-    def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.classifier_tags.poor_score = True
-        return tags
-
-    @_fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X, y):
-        """Find the distribution.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-            Ignored but for its length.
-        y : array-like of shape (n_trials, n_levels) or (n_trials,)
-            Counts of each rating, or one rating a trial.
-
-        Returns
-        -------
-        self : DummyDistribution
-            The fitted baseline.
-        """
-        X, y = validate_data(self, X, y, multi_output=True)
-        counts, self.levels_ = check_ratings(y, self.levels)
-        self.classes_ = self.levels_
-        share = counts / counts.sum(axis=1, keepdims=True)
-        if self.strategy == "marginal":
-            self.proba_ = share.mean(axis=0)
-        else:
-            self.proba_ = np.diff(np.median(_cdf(share), axis=0), prepend=0)
-        return self
-
-    def predict_proba(self, X):
-        """Return the distribution for each trial.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-            Ignored but for its length.
-
-        Returns
-        -------
-        proba : ndarray of shape (n_trials, n_levels)
-        """
-        check_is_fitted(self)
-        X = validate_data(self, X, reset=False)
-        return np.tile(self.proba_, (len(X), 1))
-
-    def predict(self, X):
-        """Return the most common rating for each trial.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-            Ignored but for its length.
-
-        Returns
-        -------
-        rating : ndarray of shape (n_trials,)
-        """
-        proba = self.predict_proba(X)
-        return self.levels_[proba.argmax(axis=1)]
-
-    def score(self, X, y, sample_weight=None):
-        """Return the negative mean ranked probability score; higher is better.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-            Ignored but for its length.
-        y : array-like of shape (n_trials, n_levels) or (n_trials,)
-            Counts of each rating, or one rating a trial.
-        sample_weight : array-like of shape (n_trials,), default=None
-            Weight of each trial.
-
-        Returns
-        -------
-        score : float
-        """
-        return _score(self, X, y, sample_weight)
+        return -ranked_probability_score(
+            y, self.predict_proba(X), levels=self.levels_, sample_weight=sample_weight
+        )
 
 
 def _cdf(proba):
@@ -663,15 +460,6 @@ def _quantile(proba, p, levels):
         )
     index = _level_index(proba, np.broadcast_to(p, (len(proba), p.size)))
     return levels[index[:, 0] if p.ndim == 0 else index]
-
-
-def _score(estimator, X, y, sample_weight):
-    return -ranked_probability_score(
-        y,
-        estimator.predict_proba(X),
-        levels=estimator.levels_,
-        sample_weight=sample_weight,
-    )
 
 
 PAPER_2020 = {

@@ -22,8 +22,8 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     DummyDistribution,
 )
-from sklearn_haptic._distributional import (
-    decide,
+from sklearn_haptic._distributional import decide
+from sklearn_haptic._positions import (
     quantile_grid,
     training_observations,
     unit_gauss_legendre,

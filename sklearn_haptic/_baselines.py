@@ -1,0 +1,141 @@
+"""Baselines that ignore the features: what a model must beat."""
+
+import numpy as np
+from sklearn.base import BaseEstimator, ClassifierMixin, _fit_context
+from sklearn.utils._param_validation import StrOptions
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from ._validation import check_ratings
+from .metrics import ranked_probability_score
+
+
+class DummyDistribution(ClassifierMixin, BaseEstimator):
+    """Predict the same distribution for every trial, whatever its features.
+
+    The two baselines that a model must beat: which one is harder depends on
+    the score.
+
+    Parameters
+    ----------
+    strategy : {"marginal", "barycentre"}, default="marginal"
+        "marginal": the mean of the training trials' distributions, hard to beat
+        by RPS and log score. "barycentre": the distribution whose CDF is the
+        median of theirs at each level, their Wasserstein-1 barycentre, hard to
+        beat by absolute error.
+    levels : array-like of shape (n_levels,), default=None
+        All ordered levels. By default those found by ``fit``.
+
+    Attributes
+    ----------
+    levels_, classes_ : ndarray of shape (n_levels,)
+        The ordered levels.
+    proba_ : ndarray of shape (n_levels,)
+        The distribution.
+    n_features_in_ : int
+        Number of features, which are ignored.
+
+    See Also
+    --------
+    DistributionalOrdinalRegressor : Predicts from the features.
+
+    Examples
+    --------
+    >>> from sklearn_haptic import DummyDistribution
+    >>> counts = [[4, 0, 0], [3, 1, 0], [0, 0, 4]]
+    >>> DummyDistribution("marginal").fit([[0]] * 3, counts).proba_.round(2)
+    array([0.58, 0.08, 0.33])
+    >>> DummyDistribution("barycentre").fit([[0]] * 3, counts).proba_
+    array([0.75, 0.25, 0.  ])
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "strategy": [StrOptions({"marginal", "barycentre"})],
+        "levels": ["array-like", None],
+    }
+
+    def __init__(self, strategy="marginal", *, levels=None):
+        self.strategy = strategy
+        self.levels = levels
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.classifier_tags.poor_score = True
+        return tags
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X, y):
+        """Find the distribution.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Ignored but for its length.
+        y : array-like of shape (n_trials, n_levels) or (n_trials,)
+            Counts of each rating, or one rating a trial.
+
+        Returns
+        -------
+        self : DummyDistribution
+            The fitted baseline.
+        """
+        X, y = validate_data(self, X, y, multi_output=True)
+        counts, self.levels_ = check_ratings(y, self.levels)
+        self.classes_ = self.levels_
+        share = counts / counts.sum(axis=1, keepdims=True)
+        if self.strategy == "marginal":
+            self.proba_ = share.mean(axis=0)
+        else:
+            cdf = np.median(np.cumsum(share, axis=1), axis=0)
+            self.proba_ = np.diff(cdf, prepend=0) / cdf[-1]
+        return self
+
+    def predict_proba(self, X):
+        """Return the distribution for each trial.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Ignored but for its length.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_levels)
+        """
+        check_is_fitted(self)
+        X = validate_data(self, X, reset=False)
+        return np.tile(self.proba_, (len(X), 1))
+
+    def predict(self, X):
+        """Return the most common rating for each trial.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Ignored but for its length.
+
+        Returns
+        -------
+        rating : ndarray of shape (n_trials,)
+        """
+        proba = self.predict_proba(X)
+        return self.levels_[proba.argmax(axis=1)]
+
+    def score(self, X, y, sample_weight=None):
+        """Return the negative mean ranked probability score; higher is better.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Ignored but for its length.
+        y : array-like of shape (n_trials, n_levels) or (n_trials,)
+            Counts of each rating, or one rating a trial.
+        sample_weight : array-like of shape (n_trials,), default=None
+            Weight of each trial.
+
+        Returns
+        -------
+        score : float
+        """
+        return -ranked_probability_score(
+            y, self.predict_proba(X), levels=self.levels_, sample_weight=sample_weight
+        )

@@ -1,0 +1,80 @@
+"""Positions in the population of raters: what observations stand for a trial.
+
+Every rating of an object is a stretch of its population; a position p in (0, 1) is
+one of its people, lowest ratings first.
+"""
+
+import numpy as np
+
+from .ratings import _level_index
+
+_GOLDEN = (np.sqrt(5) - 1) / 2
+
+
+def training_observations(counts, n_duplicates, sampling, balance, random_state):
+    """Choose positions for each trial; label and weight them by its ratings.
+
+    Parameters
+    ----------
+    counts : ndarray of shape (n_trials, n_levels)
+        How many people gave each rating.
+    n_duplicates : int
+        Number of observations of each trial; their weights sum to it.
+    sampling : {"level", "lattice", "stratified", "random"}
+        How positions are chosen, as `DistributionalOrdinalRegressor` says.
+    balance : {"macro", None}
+        Whether the levels of a trial count equally.
+    random_state : RandomState instance
+
+    Returns
+    -------
+    positions : ndarray of shape (n_trials, n_observations)
+        Positions strictly between 0 and 1.
+    level : ndarray of int of shape (n_trials, n_observations)
+        Index of the rating at each position.
+    weight : ndarray of shape (n_trials, n_observations)
+    """
+    n_trials, n_levels = counts.shape
+    if sampling == "level":
+        positions, level, weight = _level_nodes(counts, n_duplicates)
+    else:
+        cell = np.arange(n_duplicates) / n_duplicates
+        if sampling == "lattice":  # turned a little for each trial
+            shift = (_GOLDEN * (np.arange(n_trials)[:, None] + 1)) % 1
+        else:
+            shift = random_state.uniform(size=(n_trials, n_duplicates))
+        positions = shift if sampling == "random" else cell + shift / n_duplicates
+        tiny = np.finfo(float).eps
+        positions = np.clip(positions, tiny, 1 - tiny)
+        level = _level_index(counts, positions)
+        weight = np.ones_like(positions)
+    if balance == "macro":
+        total = np.stack([(weight * (level == k)).sum(1) for k in range(n_levels)], 1)
+        share = n_duplicates / (total > 0).sum(axis=1, keepdims=True)
+        factor = np.divide(share, total, out=np.zeros_like(total), where=total > 0)
+        weight = weight * np.take_along_axis(factor, level, axis=1)
+    return positions, level, weight
+
+
+def _level_nodes(counts, n_duplicates):
+    """Gauss–Legendre nodes within the stretch of the population at each level."""
+    n_trials, n_levels = counts.shape
+    share = counts / counts.sum(axis=1, keepdims=True)
+    start = np.cumsum(share, axis=1) - share
+    nodes, node_weight = unit_gauss_legendre(max(1, n_duplicates // n_levels))
+    positions = (start[:, :, None] + share[:, :, None] * nodes).reshape(n_trials, -1)
+    weight = (share[:, :, None] * node_weight).reshape(n_trials, -1) * n_duplicates
+    level = np.broadcast_to(np.arange(n_levels).repeat(len(nodes)), weight.shape)
+    tiny = np.finfo(float).eps
+    return np.clip(positions, tiny, 1 - tiny), level, weight
+
+
+def unit_gauss_legendre(n_nodes):
+    """Nodes and weights of Gauss–Legendre quadrature on (0, 1)."""
+    nodes, weight = np.polynomial.legendre.leggauss(n_nodes)
+    return (nodes + 1) / 2, weight / 2
+
+
+def quantile_grid(n_quantiles):
+    """Evenly spaced positions strictly inside (0, 1): 0.01 … 0.99 for 99."""
+    return np.arange(1, n_quantiles + 1) / (n_quantiles + 1)
