@@ -108,7 +108,7 @@ def check_trials(X, *, ndims=(2,), n_channels=None, min_times=1):
         if trial.shape[1:] != shape:
             raise ValueError(
                 f"Trial {i} of X has {_samples(trial.shape[1:])}, but "
-                f"{_samples(shape)} {'is' if len(shape) > 1 else 'are'} expected, as "
+                f"{_samples(shape)} {'is' if shape == (1,) else 'are'} expected, as "
                 f"in {'the first trial' if n_channels is None else 'fit'}."
             )
     if len({trial.dtype for trial in trials}) > 1:
