@@ -485,4 +485,6 @@ PAPER_2020 = {
 
 The paper chooses ``estimator__n_hidden`` among 1, 5, 10, 20, 30 and
 ``estimator__alpha`` among 0.001 … 10 on validation objects.
+Pass the trials' objects to ``fit`` as `groups`, so that early stopping validates
+on whole objects as the paper does.
 """
