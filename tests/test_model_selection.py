@@ -1,0 +1,273 @@
+import pickle
+import sys
+import warnings
+from functools import partial
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import sem
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from sklearn.experimental import enable_halving_search_cv  # noqa: F401
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import (
+    GridSearchCV,
+    GroupKFold,
+    HalvingGridSearchCV,
+    RandomizedSearchCV,
+)
+
+from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
+from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
+from sklearn_haptic.model_selection import (
+    cheapest_within_one_se,
+    is_non_dominated,
+    speed_accuracy_frontier,
+)
+
+
+def make_results(seconds, splits, metric="score", **more):
+    """What a search stores, from the time and the split scores a candidate."""
+    splits = np.asarray(splits, dtype=float)
+    return {
+        "params": [{"size": i} for i in range(len(seconds))],
+        "mean_fit_time": np.array(seconds, dtype=float) - 0.25,
+        "mean_score_time": np.full(len(seconds), 0.25),
+        **{f"split{k}_test_{metric}": column for k, column in enumerate(splits.T)},
+        f"mean_test_{metric}": splits.mean(axis=1),
+        **more,
+    }
+
+
+# Means 5, 4, 2.5, 1; the best has standard error 1.
+RESULTS = make_results([8, 4, 2, 1], [[4, 4, 6, 6, 5], [4] * 5, [2.5] * 5, [1] * 5])
+RESULTS_SE = np.sqrt(4 / 4 / 5)
+
+DATA = st.lists(st.tuples(st.integers(0, 6), st.integers(-3, 3)), min_size=1)
+
+
+@given(DATA)
+def test_non_dominated_equals_brute_force(pairs):
+    cost, score = np.array(pairs, dtype=float).T
+    brute = [
+        not any(c <= a and s >= b and (c < a or s > b) for c, s in pairs)
+        for a, b in pairs
+    ]
+    np.testing.assert_array_equal(is_non_dominated(cost, score), brute)
+
+
+@given(DATA)
+def test_frontier_is_sorted_and_nothing_outside_beats_it(pairs):
+    seconds, score = np.array(pairs, dtype=float).T + np.array([[1], [0]])
+    table = speed_accuracy_frontier(make_results(seconds, np.tile(score, (2, 1)).T))
+    assert (np.diff(table["seconds"]) >= 0).all()
+    assert (np.diff(table["score"]) >= 0).all()
+    for s, q in zip(seconds, score):
+        assert ((table["seconds"] <= s) & (table["score"] >= q)).any()
+
+
+def test_table_by_hand():
+    results = make_results([3, 1, 2, 1.5], [[5, 7], [1, 2], [3, 4], [1, 1]], "rps")
+    table = speed_accuracy_frontier(results)
+    assert table.columns.tolist() == ["param_size", "seconds", "score", "score_se"]
+    assert table.index.tolist() == table["param_size"].tolist() == [1, 2, 0]
+    assert table["seconds"].tolist() == [1, 2, 3]
+    assert table["score"].tolist() == [1.5, 3.5, 6]
+    np.testing.assert_allclose(table["score_se"], [0.5, 0.5, 1])
+
+
+def test_candidates_equal_in_both_are_all_kept():
+    results = make_results([2, 1, 2, 2], [[3, 3], [1, 1], [3, 3], [2, 2]])
+    assert speed_accuracy_frontier(results).index.tolist() == [1, 0, 2]
+
+
+def test_parameters_that_only_some_candidates_have():
+    results = make_results([1, 2], [[1, 1], [2, 2]])
+    results["params"] = [{"cells": (4, 2)}, {"cells": (8,), "alpha": 1.0}]
+    table = speed_accuracy_frontier(results)
+    assert table["param_cells"].tolist() == [(4, 2), (8,)]
+    assert table["param_alpha"].isna().tolist() == [True, False]
+
+
+@pytest.mark.parametrize(
+    "gap, index",
+    [(0.99 * RESULTS_SE, 1), (1.01 * RESULTS_SE, 0)],
+)
+def test_one_standard_error_by_hand(gap, index):
+    splits = [[4, 4, 6, 6, 5], [5 - gap] * 5, [2.5] * 5, [1] * 5]
+    assert cheapest_within_one_se(make_results([8, 4, 2, 1], splits)) == index
+
+
+def test_the_standard_error_is_that_of_the_best():
+    # The fast candidate varies a great deal, the best not at all.
+    assert cheapest_within_one_se(make_results([1, 9], [[-9, 9], [1, 1]])) == 1
+
+
+def test_ties_go_to_the_better_then_the_first():
+    splits = [[0, 2], [0.5, 0.5], [0.75, 0.75], [0.75, 0.75]]
+    assert cheapest_within_one_se(make_results([9, 1, 1, 1], splits)) == 2
+    assert cheapest_within_one_se(make_results([2, 1, 1], [[1, 1]] * 3)) == 1
+    # Of two best the fastest sets the threshold: exact here, loose in the other.
+    splits = [[-9, 11], [1, 1], [0, 0]]
+    assert cheapest_within_one_se(make_results([3, 2, 1], splits)) == 1
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(1, 5), st.integers(-9, 9), st.integers(-9, 9))
+    ).filter(len)
+)
+def test_cheapest_is_on_the_frontier_and_fastest_within_reach(rows):
+    rows = np.array(rows, dtype=float)
+    results = make_results(rows[:, 0], rows[:, 1:])
+    index = cheapest_within_one_se(results)
+    mean, se = rows[:, 1:].mean(axis=1), sem(rows[:, 1:], axis=1)
+    best = min(range(len(rows)), key=lambda i: (-mean[i], rows[i, 0], i))
+    near = [i for i in range(len(rows)) if mean[i] >= mean[best] - se[best]]
+    assert index == min(near, key=lambda i: (rows[i, 0], -mean[i], i))
+    assert index in speed_accuracy_frontier(results).index
+
+
+@pytest.mark.parametrize("failed", [np.nan, -np.inf])
+def test_failed_candidates_are_left_out(failed):
+    splits = [[1, failed], [2, 2], [failed, failed], [3, 3]]
+    results = make_results([1, 2, 3, 4], splits)
+    assert speed_accuracy_frontier(results).index.tolist() == [1, 3]
+    assert cheapest_within_one_se(results) == 3
+
+
+def test_halving_compares_only_the_last_iteration():
+    more = {"iter": np.array([0, 0, 1, 1])}
+    results = make_results([1, 1, 5, 6], [[9, 9], [8, 8], [2, 2], [3, 3]], **more)
+    assert speed_accuracy_frontier(results).index.tolist() == [2, 3]
+    assert cheapest_within_one_se(results) == 3
+
+
+def test_several_metrics():
+    results = {
+        **make_results([1, 2], [[1, 1], [2, 2]], "rps"),
+        **make_results([1, 2], [[3, 3], [1, 1]], "mae"),
+    }
+    assert cheapest_within_one_se(results, metric="rps") == 1
+    assert cheapest_within_one_se(results, metric="mae") == 0
+    assert speed_accuracy_frontier(results, metric="mae").index.tolist() == [0]
+
+
+@pytest.mark.parametrize("function", [speed_accuracy_frontier, cheapest_within_one_se])
+@pytest.mark.parametrize(
+    "results, metric, message",
+    [
+        (make_results([1], [[np.nan] * 2]), None, "No candidate has a finite"),
+        (make_results([1], [[2]]), None, "test scores of 1 split"),
+        (RESULTS, "rps", r"metric is 'rps', which is unknown; .* \['score'\]"),
+        (RESULTS | {"mean_test_b": [0]}, None, r"is missing; .* \['score', 'b'\]"),
+    ],
+)
+def test_errors(function, results, metric, message):
+    with pytest.raises(ValueError, match=message):
+        function(results, metric=metric)
+
+
+@pytest.mark.parametrize("function", [speed_accuracy_frontier, cheapest_within_one_se])
+def test_search_must_be_fitted(function):
+    with pytest.raises(NotFittedError):
+        function(GridSearchCV(LogisticRegression(), {}))
+
+
+def test_without_pandas_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError, match=r"pip install sklearn_haptic\[plot\]"):
+        speed_accuracy_frontier(RESULTS)
+    assert cheapest_within_one_se(RESULTS) == 0
+
+
+@pytest.fixture(scope="module")
+def trials():
+    """Thirty trials of ten objects, and counts that follow the first feature."""
+    rng = np.random.default_rng(0)
+    objects = np.repeat(np.arange(10), 3)
+    feel = rng.normal(size=10)
+    X = rng.normal(scale=0.3, size=(30, 3))
+    X[:, 0] += feel[objects]
+    shares = np.exp(-((np.arange(3) - 1 - feel[:, None]) ** 2))
+    counts = np.stack([rng.multinomial(12, share / share.sum()) for share in shares])
+    return X, counts[objects], objects
+
+
+def make_search(kind=GridSearchCV, scoring=neg_rps_scorer, **options):
+    model = DistributionalOrdinalRegressor(NNPOM(max_iter=20, tol=1e-2, random_state=0))
+    grid = {"estimator__n_hidden": [0, 4], "estimator__alpha": [0.1, 10.0]}
+    return kind(model, grid, scoring=scoring, cv=GroupKFold(3), **options)
+
+
+def fit(search, trials):
+    X, y, groups = trials
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # few iterations
+        return search.fit(X, y, groups=groups)
+
+
+def test_refit_in_a_grid_search(trials):
+    search = fit(clone(make_search(refit=cheapest_within_one_se)), trials)
+    results = search.cv_results_
+    score = results["mean_test_score"]
+    seconds = results["mean_fit_time"] + results["mean_score_time"]
+    splits = np.array([results[f"split{k}_test_score"] for k in range(3)])
+    near = score >= score.max() - sem(splits)[score.argmax()]
+    assert search.best_index_ == np.where(near, seconds, np.inf).argmin()
+    assert search.best_index_ in speed_accuracy_frontier(search).index
+    assert search.predict_proba(trials[0]).shape == (30, 3)
+    loaded = pickle.loads(pickle.dumps(search))
+    assert loaded.refit is cheapest_within_one_se
+    assert loaded.best_index_ == cheapest_within_one_se(loaded) == search.best_index_
+
+
+def test_refit_with_several_metrics(trials):
+    scoring = {"rps": neg_rps_scorer, "mae": neg_macro_mae_scorer}
+    refit = partial(cheapest_within_one_se, metric="rps")
+    search = pickle.loads(
+        pickle.dumps(clone(make_search(scoring=scoring, refit=refit)))
+    )
+    fit(search, trials)
+    assert search.best_index_ == cheapest_within_one_se(search, metric="rps")
+    assert search.best_index_ in speed_accuracy_frontier(search, metric="rps").index
+    with pytest.raises(ValueError, match=r"metric is missing; .*\['rps', 'mae'\]"):
+        speed_accuracy_frontier(search)
+
+
+def test_metric_is_that_of_refit(trials):
+    scoring = {"rps": neg_rps_scorer, "mae": neg_macro_mae_scorer}
+    search = fit(make_search(scoring=scoring, refit="mae"), trials)
+    table = speed_accuracy_frontier(search)
+    expected = search.cv_results_["mean_test_mae"][table.index]
+    np.testing.assert_array_equal(table["score"], expected)
+    assert table["score"].iloc[-1] == search.best_score_
+
+
+def test_randomised_search(trials):
+    search = make_search(RandomizedSearchCV, n_iter=3, random_state=0)
+    table = speed_accuracy_frontier(fit(search, trials))
+    assert table["score"].iloc[-1] == search.best_score_
+    for index, row in table.iterrows():
+        params = search.cv_results_["params"][index]
+        assert row["param_estimator__n_hidden"] == params["estimator__n_hidden"]
+
+
+def test_halving_search(trials):
+    search = make_search(HalvingGridSearchCV, factor=2, min_resources=15)
+    fit(search, trials)
+    last = np.flatnonzero(search.cv_results_["iter"] == search.n_iterations_ - 1)
+    table = speed_accuracy_frontier(search)
+    assert set(table.index) <= set(last)
+    assert table["score"].iloc[-1] == search.best_score_
+    assert cheapest_within_one_se(search) in table.index
+
+
+def test_a_search_with_failing_candidates(trials):
+    search = make_search(refit=cheapest_within_one_se)
+    search.param_grid = {"estimator__n_hidden": [0, -1]}
+    fit(search, trials)
+    assert search.best_index_ == 0
+    assert speed_accuracy_frontier(search).index.tolist() == [0]
