@@ -334,6 +334,7 @@ class SpeedAccuracyDisplay:
         """
         try:
             from matplotlib import pyplot as plt
+            from matplotlib.ticker import LogLocator
         except ImportError as error:
             raise ImportError(
                 "SpeedAccuracyDisplay needs matplotlib; install it with "
@@ -402,6 +403,10 @@ class SpeedAccuracyDisplay:
             xlabel="time to fit and score, seconds a fold",
             ylabel=f"mean test {metric}, higher is better",
         )
+        ticks = (1, 2, 5) if seconds.max() < 1000 * seconds.min() else (1,)
+        ax.xaxis.set_major_locator(LogLocator(subs=ticks))
+        ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_formatter("")
         ax.legend(
             loc="lower center", bbox_to_anchor=(0.5, 1.01), ncols=3, frameon=False
         )
