@@ -65,6 +65,7 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
     """
     n_slots = min(n_nonzero_coefs, *atoms.shape)
     norms = row_norms(atoms)
+    norms[norms == 0] = 1  # all-zero atoms, whose coefficients are 0
     directions = unit_rows(atoms.astype(np.float64, copy=False))
     gram = directions @ directions.T
     coherence = np.abs(np.triu(gram, 1)).max()
@@ -74,22 +75,22 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
 
     support = np.zeros((n_slots, len(signals)), dtype=np.intp)
     coefs = np.zeros((n_slots, len(signals)), dtype=signals.dtype)
+    chunk_size = min(_CHUNK_SIZE, len(signals))
+    buffers = np.empty((n_slots + 1, len(atoms), chunk_size), dtype=work_dtype)
     for start in range(0, len(signals), _CHUNK_SIZE):
         chunk = slice(start, start + _CHUNK_SIZE)
-        columns, exponents = _normalise(signals[chunk].astype(work_dtype, copy=False))
+        columns, units = _normalise(signals[chunk].astype(work_dtype, copy=False))
+        work = buffers[..., : columns.shape[1]]
+        np.matmul(directions, columns, out=work[0])
         if scale is None:
             magnitude = np.sqrt(np.einsum("ij,ij->j", columns, columns))
         else:
             with np.errstate(over="ignore"):
-                magnitude = np.ldexp(scale[chunk], -exponents)
+                magnitude = scale[chunk] / units
         support[:, chunk], pursued = _pursue(
-            directions @ columns,
-            gram,
-            magnitude * rounding_level(signals.dtype),
-            n_slots,
+            work, gram, magnitude * rounding_level(signals.dtype)
         )
-        used = np.where(pursued == 0, 1, norms[support[:, chunk]])
-        coefs[:, chunk] = np.ldexp(pursued / used, exponents)
+        coefs[:, chunk] = pursued / norms[support[:, chunk]] * units
     return support, coefs
 
 
@@ -137,8 +138,8 @@ def row_norms(signals):
     norms : ndarray of shape (n_signals,)
         Their norms.
     """
-    columns, exponents = _normalise(signals.astype(np.float64, copy=False))
-    return np.ldexp(np.sqrt(np.einsum("ij,ij->j", columns, columns)), exponents)
+    columns, units = _normalise(signals.astype(np.float64, copy=False))
+    return np.sqrt(np.einsum("ij,ij->j", columns, columns)) * units
 
 
 def rounding_level(dtype):
@@ -155,13 +156,16 @@ def unit_rows(rows):
 def _normalise(signals):
     """Transpose signals and divide each by a power of two that brings it near 1."""
     columns = signals.T.copy()
-    _, exponents = np.frexp(np.abs(columns).max(axis=0))
-    exponents = np.maximum(exponents, np.finfo(signals.dtype).minexp)
-    columns *= np.ldexp(signals.dtype.type(1), -exponents)
-    return columns, exponents
+    limits = np.finfo(signals.dtype)
+    _, exponents = np.frexp(np.maximum(columns.max(axis=0), -columns.min(axis=0)))
+    # Both the power and its reciprocal are finite.
+    exponents = np.clip(exponents, limits.minexp, limits.maxexp - 1)
+    units = np.ldexp(signals.dtype.type(1), exponents)
+    columns *= 1 / units
+    return columns, units
 
 
-def _pursue(correlations, gram, thresholds, n_slots):
+def _pursue(buffers, gram, thresholds):
     """Run the pursuit in Gram space, all signals in step.
 
     Gram–Schmidt orthogonalises each atom taken against those before it, so the
@@ -169,20 +173,20 @@ def _pursue(correlations, gram, thresholds, n_slots):
 
     Parameters
     ----------
-    correlations : ndarray of shape (n_atoms, n_signals)
-        Products of unit-norm atoms and signals; overwritten.
+    buffers : ndarray of shape (n_slots + 1, n_atoms, n_signals)
+        The first holds the products of unit-norm atoms and signals. All are
+        overwritten.
     gram : ndarray of shape (n_atoms, n_atoms)
         Products of the atoms with each other.
     thresholds : ndarray of shape (n_signals,)
         Correlations up to these are noise.
-    n_slots : int
-        Number of steps.
 
     Returns
     -------
     support, coefs : ndarray of shape (n_slots, n_signals)
     """
-    n_atoms, n_signals = correlations.shape
+    correlations, work, *directions = buffers
+    n_slots, n_signals = len(buffers) - 1, len(thresholds)
     dtype = correlations.dtype
     smallest_pivot = rounding_level(dtype)
     each = np.arange(n_signals)
@@ -192,14 +196,13 @@ def _pursue(correlations, gram, thresholds, n_slots):
     # factor[k, i]: multiple of orthogonal direction i contained in atom k.
     factor = np.zeros((n_slots, n_slots, n_signals), dtype=dtype)
     pivots = np.ones((n_slots, n_signals), dtype=dtype)
-    directions = np.empty((n_slots - 1, n_atoms, n_signals), dtype=dtype)
-    work = np.empty_like(correlations)
 
     for k in range(n_slots):
         atom, peak = _argmax(np.abs(correlations, out=work))
+        here = atom * n_signals + each  # positions of the atoms taken, flattened
         pivot = gram.diagonal()[atom]
         for i in range(k):
-            along = directions[i, atom, each]
+            along = directions[i].take(here)
             factor[k, i] = along / pivots[i]
             pivot -= along * factor[k, i]
         active &= (peak > thresholds) & (pivot > smallest_pivot)
@@ -207,7 +210,7 @@ def _pursue(correlations, gram, thresholds, n_slots):
             break
         pivots[k] = np.where(active, pivot, 1)
         support[k] = np.where(active, atom, 0)
-        coefs[k] = np.where(active, correlations[atom, each] / pivots[k], 0)
+        coefs[k] = np.where(active, correlations.take(here) / pivots[k], 0)
         if k < n_slots - 1:
             np.take(gram, atom, axis=1, out=directions[k], mode="clip")
             for i in range(k):
@@ -228,5 +231,5 @@ def _argmax(values):
     n_rows = len(values)
     peak = values.max(axis=0)
     countdown = np.arange(n_rows, 0, -1, dtype=np.min_scalar_type(n_rows))
-    highest = ((values == peak) * countdown[:, None]).max(axis=0)
+    highest = (countdown[:, None] * (values == peak)).max(axis=0)
     return n_rows - highest.astype(np.intp), peak
