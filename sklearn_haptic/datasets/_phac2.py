@@ -180,10 +180,10 @@ def load_phac2(
             "load_phac2 requires pandas; install it with "
             "`pip install sklearn_haptic[phac2]`."
         ) from error
-    sensors = _choose(sensors, list(SENSORS), "sensor", "the corpus")
+    sensors = choose(sensors, list(SENSORS), "sensor", "the corpus")
     with open_hdf5(path) as file:
         parsed = _parse_trial_names(file)
-        names = _choose(trials, sorted(parsed, key=parsed.get), "trial", path)
+        names = choose(trials, sorted(parsed, key=parsed.get), "trial", path)
         objects = np.array([parsed[name][0] for name in names])
         ratings = {}
         if ratings_path is not None:
@@ -206,7 +206,7 @@ def load_phac2(
     )
 
 
-def _choose(asked, known, what, where):
+def choose(asked, known, what, where):
     """Return the names asked for, or all; each must be known and come once."""
     if asked is None:
         return known

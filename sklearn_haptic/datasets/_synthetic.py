@@ -18,7 +18,7 @@ from sklearn_haptic.datasets._crowd import (
     population,
     rate,
 )
-from sklearn_haptic.datasets._phac2 import FRAME_RATE, SENSORS, _choose
+from sklearn_haptic.datasets._phac2 import FRAME_RATE, SENSORS, choose
 from sklearn_haptic.datasets._touch import PROCEDURES, draw_conditions, touch
 
 # Per material: first digit of its ids, share of the objects, then the middle of
@@ -180,7 +180,7 @@ def make_haptic_corpus(
             "make_haptic_corpus requires pandas; install it with "
             "`pip install sklearn_haptic[plot]`."
         ) from error
-    sensors = _choose(sensors, list(SENSORS), "sensor", "the corpus")
+    sensors = choose(sensors, list(SENSORS), "sensor", "the corpus")
     seed = int(check_random_state(random_state).randint(np.iinfo(np.int32).max))
 
     properties = _draw_properties(n_objects, np.random.default_rng([seed, 0]))
