@@ -1,0 +1,204 @@
+"""K-SVD: learning the dictionary over which signals have sparse codes.
+
+Signals and atoms are rows.
+"""
+
+import numpy as np
+
+from ._sparse_coding import batch_omp, dense_codes, rounding_level, row_norms, unit_rows
+
+# An atom is replaced if it is as good as parallel to another, or hardly used.
+_MAX_COHERENCE = 0.99
+_MIN_USERS = 4
+# Iterations over which the error must fall by the fraction `tol` to go on.
+_PATIENCE = 5
+
+
+def ksvd(
+    signals,
+    atoms,
+    n_nonzero_coefs,
+    *,
+    update="approximate",
+    max_iter=50,
+    tol=1e-3,
+    scale=None,
+    rng,
+):
+    """Fit a dictionary to signals by K-SVD.
+
+    Each iteration codes all signals by :func:`batch_omp`, then fits the atoms
+    one by one, in random order and with their coefficients, to what the other
+    atoms leave of the signals that use them. An unused atom becomes the signal
+    represented worst. So does, after each iteration, an atom that is nearly
+    parallel to another or that fewer than four signals use.
+
+    Parameters
+    ----------
+    signals : ndarray of shape (n_signals, n_features)
+        Training signals.
+    atoms : ndarray of shape (n_atoms, n_features)
+        Initial dictionary of unit-norm atoms.
+    n_nonzero_coefs : int
+        Most atoms that one code may use.
+    update : {"approximate", "exact"}, default="approximate"
+        Fit an atom and its coefficients by one step of alternating least
+        squares, or by the leading singular pair of the residual.
+    max_iter : int, default=50
+        Most iterations.
+    tol : float, default=1e-3
+        Stop when five iterations lower the error by less than this fraction.
+    scale : ndarray of shape (n_signals,), default=None
+        Magnitudes passed on to :func:`batch_omp`.
+    rng : RandomState
+        Gives the order of the atoms by its method `permutation`.
+
+    Returns
+    -------
+    atoms : ndarray of shape (n_atoms, n_features)
+        Unit-norm atoms, each with its largest-magnitude entry positive.
+    errors : ndarray of shape (n_iter,)
+        Root mean squared error of every iteration, before the replacement of
+        atoms that ends it.
+
+    References
+    ----------
+    M. Aharon, M. Elad and A. Bruckstein, "K-SVD: an algorithm for designing
+    overcomplete dictionaries for sparse representation", IEEE Trans. Signal
+    Processing 54(11), 2006, doi:10.1109/TSP.2006.881199. The approximate update
+    is that of R. Rubinstein et al., Technion CS-2008-08, 2008.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic._dictionary_learning import ksvd
+    >>> rng = np.random.RandomState(0)
+    >>> signals = rng.normal(size=(200, 1)) * [0.6, 0.8]
+    >>> atoms, errors = ksvd(signals, np.eye(2)[:1], 1, rng=rng)
+    >>> atoms.round(3), errors[-1].round(3)
+    (array([[0.6, 0.8]]), np.float64(0.0))
+    """
+    # A common power of two brings squares into range and changes no digit.
+    exponent = int(np.frexp(np.abs(signals).max(initial=0))[1])
+    signals = np.ldexp(signals, -exponent)
+    scale = None if scale is None else np.ldexp(scale, -exponent)
+    atoms = atoms.astype(signals.dtype)
+    errors = []
+    for _ in range(max_iter):
+        support, coefs = batch_omp(signals, atoms, n_nonzero_coefs, scale=scale)
+        residual = signals - dense_codes(support, coefs, len(atoms)) @ atoms
+        users = _users_of_atoms(support, coefs, len(atoms))
+        available = _informative(signals, scale)
+        replaced = set()
+        for j in rng.permutation(len(atoms)):
+            if len(users[j]):
+                _update_atom(atoms, j, coefs, users[j], residual, update)
+            elif _replace_atom(atoms, j, signals, residual, available):
+                replaced.add(j)
+        errors.append(np.sqrt(np.square(residual).mean(dtype=np.float64)))
+        for j in range(len(atoms)):
+            if j not in replaced and (
+                len(users[j]) < _MIN_USERS or _coherence(atoms, j) > _MAX_COHERENCE
+            ):
+                _replace_atom(atoms, j, signals, residual, available)
+        if _converged(errors, tol):
+            break
+    largest = np.take_along_axis(
+        atoms, np.abs(atoms).argmax(axis=1, keepdims=True), axis=1
+    )
+    return np.where(largest < 0, -atoms, atoms), np.ldexp(errors, exponent)
+
+
+def initial_atoms(signals, n_atoms, rng, *, scale=None):
+    """Draw unit-norm training signals, no two nearly parallel, as a dictionary.
+
+    Where there are not enough such signals, random directions fill the rest.
+
+    Parameters
+    ----------
+    signals : ndarray of shape (n_signals, n_features)
+        Training signals.
+    n_atoms : int
+        Number of atoms.
+    rng : RandomState
+        Source of randomness.
+    scale : ndarray of shape (n_signals,), default=None
+        Signals at rounding level relative to this are not drawn; by default
+        all-zero ones.
+
+    Returns
+    -------
+    atoms : ndarray of shape (n_atoms, n_features)
+        Initial dictionary.
+    """
+    left = unit_rows(signals[_informative(signals, scale)])
+    atoms = unit_rows(rng.normal(size=(n_atoms, signals.shape[1])))
+    atoms = atoms.astype(signals.dtype)
+    for j in range(n_atoms):
+        if len(left) == 0:
+            break
+        atoms[j] = left[rng.randint(len(left))]
+        left = left[np.abs(left @ atoms[j]) <= _MAX_COHERENCE]
+    return atoms
+
+
+def _users_of_atoms(support, coefs, n_atoms):
+    """Return, for every atom, the flat indices into `coefs` of its coefficients."""
+    used = np.flatnonzero(coefs)
+    atoms = support.reshape(-1)[used].astype(np.min_scalar_type(n_atoms))
+    counts = np.bincount(atoms, minlength=n_atoms)
+    return np.split(used[np.argsort(atoms, kind="stable")], np.cumsum(counts)[:-1])
+
+
+def _update_atom(atoms, j, coefs, users, residual, update):
+    """Fit atom `j` and its coefficients, in place, to what the others leave."""
+    rows = users % len(residual)
+    gains = coefs.reshape(-1)[users]
+    rest = residual[rows] + np.outer(gains, atoms[j])
+    atom = unit_rows(
+        (_leading_direction(rest) if update == "exact" else gains @ rest)[None]
+    )[0]
+    if not atom.any():
+        return
+    gains = rest @ atom
+    atoms[j] = atom
+    coefs.reshape(-1)[users] = gains
+    residual[rows] = rest - np.outer(gains, atom)
+
+
+def _leading_direction(rows):
+    """Return a leading right singular vector, by the smaller Gram matrix."""
+    if len(rows) < rows.shape[1]:
+        return np.linalg.eigh(rows @ rows.T)[1][:, -1] @ rows
+    return np.linalg.eigh(rows.T @ rows)[1][:, -1]
+
+
+def _replace_atom(atoms, j, signals, residual, available):
+    """Make atom `j` the available signal represented worst; tell if there is one."""
+    errors = np.where(available, np.einsum("ij,ij->i", residual, residual), 0)
+    worst = errors.argmax()
+    if errors[worst] == 0:
+        return False
+    atoms[j] = unit_rows(signals[worst : worst + 1])[0]
+    available[worst] = False
+    return True
+
+
+def _coherence(atoms, j):
+    """Return the largest |cosine| of atom `j` and another."""
+    cosines = np.abs(atoms @ atoms[j])
+    cosines[j] = 0
+    return cosines.max()
+
+
+def _converged(errors, tol):
+    """Tell whether the latest iterations lowered the error by less than `tol`."""
+    latest, before = errors[-_PATIENCE:], errors[:-_PATIENCE]
+    return len(before) > 0 and min(latest) >= (1 - tol) * min(before)
+
+
+def _informative(signals, scale):
+    """Tell which signals are more than rounding noise."""
+    norms = row_norms(signals)
+    scale = norms if scale is None else scale
+    return norms > scale * rounding_level(signals.dtype)
