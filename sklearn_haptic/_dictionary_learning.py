@@ -24,6 +24,7 @@ def ksvd(
     tol=1e-3,
     scale=None,
     rng,
+    callback=None,
 ):
     """Fit a dictionary to signals by K-SVD.
 
@@ -52,6 +53,9 @@ def ksvd(
         Magnitudes passed on to :func:`batch_omp`.
     rng : RandomState
         Gives the order of the atoms by its method `permutation`.
+    callback : callable, default=None
+        Called with the number of iterations so far and the latest error after
+        each iteration; stops if true.
 
     Returns
     -------
@@ -101,7 +105,8 @@ def ksvd(
                 len(users[j]) < _MIN_USERS or _coherence(atoms, j) > _MAX_COHERENCE
             ):
                 _replace_atom(atoms, j, signals, residual, available)
-        if _converged(errors, tol):
+        stopped = callback and callback(len(errors), np.ldexp(errors[-1], exponent))
+        if stopped or _converged(errors, tol):
             break
     largest = np.take_along_axis(
         atoms, np.abs(atoms).argmax(axis=1, keepdims=True), axis=1
