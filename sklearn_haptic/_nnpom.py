@@ -17,13 +17,13 @@ from sklearn.utils.validation import (
 )
 
 from ._proportional_odds import (
-    change_basis,
-    even_out,
+    EvenedFeatures,
+    NetworkLoss,
+    change_weights,
     forward,
     initial_params,
     level_probabilities,
     monotone_bounds,
-    network_loss,
     thresholds_from,
     unpack,
 )
@@ -285,36 +285,39 @@ class NNPOM(ClassifierMixin, BaseEstimator):
             minlength=len(self.levels_),
         )
         self._present = np.flatnonzero(level_weight)
-        n_inputs = X.shape[1] + (positions is not None)
         if len(self._present) == 1:
-            return self._fit_constant(n_inputs)
+            return self._fit_constant()
         rank = np.zeros(len(self.levels_), dtype=np.intp)
         rank[self._present] = np.arange(len(self._present))
 
-        params = initial_params(
-            n_inputs, self.n_hidden, level_weight[self._present], rng
-        )
-        alpha, basis = self.alpha, None
+        n_hidden, n_inputs = self.n_hidden, self.n_features_in_
+        params = initial_params(n_inputs, n_hidden, level_weight[self._present], rng)
+        alpha, evened = self.alpha, None
         if self.solver == "lbfgs":
-            trial_weight = weight.sum() / len(X)
-            X, basis, inverse, alpha = even_out(X, self.alpha, trial_weight)
-            params = change_basis(params, inverse, n_inputs, self.n_hidden)
-            n_inputs = X.shape[1] + (positions is not None)
-            alpha = np.pad(
-                alpha, (0, n_inputs + 1 - len(alpha)), constant_values=self.alpha
+            evened = EvenedFeatures(X, self.alpha, weight.sum() / len(X))
+            params = change_weights(
+                params, evened.to_inputs, X.shape[1], n_hidden, n_inputs
             )
+            X = evened.inputs
+            n_inputs = X.shape[1] + (positions is not None)
+            n_others = n_inputs + 1 - X.shape[1]  # the position and the output
+            alpha = np.append(evened.alpha, np.full(n_others, self.alpha))
+        fun = NetworkLoss(X, positions, rank[level], weight, n_hidden, alpha)
 
-        def fun(params):
-            return network_loss(
-                params, X, positions, rank[level], weight, self.n_hidden, alpha
+        def of_features(params):
+            if evened is None:
+                return params
+            return change_weights(
+                params, evened.to_features, X.shape[1], n_hidden, n_inputs
             )
 
         def validation_error(params):
             X_val, positions_val, level_val, weight_val = validation
-            X_val = X_val if basis is None else X_val @ basis
-            coef, bias, output, first, gaps = unpack(params, n_inputs, self.n_hidden)
-            latent, _ = forward(X_val, positions_val, coef, bias, output)
-            proba = level_probabilities(latent, thresholds_from(first[0], gaps))
+            *weights, first, gap_logits = unpack(
+                of_features(params), self.n_features_in_, n_hidden
+            )
+            latent, _ = forward(X_val, positions_val, *weights)
+            proba = level_probabilities(latent, thresholds_from(first[0], gap_logits))
             predicted = self._present[proba.argmax(axis=-1)]
             return _macro_mae(predicted, level_val, weight_val > 0).mean()
 
@@ -325,7 +328,7 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         if self.solver == "lbfgs":
             bounds = None
             if monotone:
-                bounds = monotone_bounds(len(params), n_inputs, self.n_hidden)
+                bounds = monotone_bounds(len(params), n_inputs, n_hidden)
                 params = np.clip(params, *bounds.T)
             result = lbfgs(fun, params, bounds=bounds, **options)
         else:
@@ -343,13 +346,12 @@ class NNPOM(ClassifierMixin, BaseEstimator):
             )
         self.loss_ = float(fun(params)[0])
         self.loss_curve_ = monitor.costs
-        if basis is not None:
-            params = change_basis(params, basis, n_inputs, self.n_hidden)
-            n_inputs = self.n_features_in_
-        return self._store(params, n_inputs)
+        return self._store(of_features(params))
 
-    def _store(self, params, n_inputs):
-        coef, bias, output, first, gap_logits = unpack(params, n_inputs, self.n_hidden)
+    def _store(self, params):
+        coef, bias, output, first, gap_logits = unpack(
+            params, self.n_features_in_, self.n_hidden
+        )
         self.coefs_ = [coef, output] if self.n_hidden else [coef]
         self.intercepts_ = bias
         present_thresholds = thresholds_from(first[0], gap_logits)
@@ -361,10 +363,10 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         self._present_thresholds = present_thresholds
         return self
 
-    def _fit_constant(self, n_inputs):
+    def _fit_constant(self):
         """Fit the model that always predicts the only level there is."""
-        n_params = n_inputs * max(self.n_hidden, 1) + 2 * self.n_hidden + 1
-        self._store(np.zeros(n_params), n_inputs)
+        n_params = self.n_features_in_ * max(self.n_hidden, 1) + 2 * self.n_hidden + 1
+        self._store(np.zeros(n_params))
         self.thresholds_ = np.where(
             np.arange(len(self.levels_) - 1) < self._present[0], -np.inf, np.inf
         )

@@ -17,7 +17,7 @@ an observation, and the features are multiplied with the weights once a trial.
 """
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, sparse
 from scipy.special import expit, log_expit
 
 # Second derivative of -log P in the latent response, where ratings are uncertain.
@@ -39,11 +39,11 @@ def ordinal_loss(latent, level, weight, first, gap_logits):
 
     Parameters
     ----------
-    latent : ndarray of shape (n_trials, n_observations) or (n_trials, 1)
-        The latent response f; one column is shared by all observations.
-    level : ndarray of int, broadcastable to (n_trials, n_observations)
+    latent : ndarray of shape (n_observations,)
+        The latent response f.
+    level : ndarray of int of shape (n_observations,)
         The index of the level of each observation, 0 … n_levels - 1.
-    weight : ndarray of shape (n_trials, n_observations)
+    weight : ndarray of shape (n_observations,)
         The non-negative weight of each observation.
     first : float
         The first threshold.
@@ -54,32 +54,27 @@ def ordinal_loss(latent, level, weight, first, gap_logits):
     -------
     loss : float
         The weighted sum of -log P.
-    grad_latent : ndarray of the shape of ``latent``
+    grad_latent : ndarray of shape (n_observations,)
     grad_first : float
     grad_gap_logits : ndarray of shape (n_levels - 2,)
     """
     n_levels = len(gap_logits) + 2
     padded = np.concatenate(([-np.inf], thresholds_from(first, gap_logits), [np.inf]))
-    above = latent - padded[level + 1]  # how far f lies above the upper threshold
+    above = latent - padded[1:][level]  # how far f lies above the upper threshold
     below = padded[level] - latent
-    flat_level = np.broadcast_to(level, weight.shape).ravel()
-    level_weight = np.bincount(flat_level, weight.ravel(), minlength=n_levels)
-    inner = level_weight[1:-1]
-    loss = np.sum(weight * (softplus(above) + softplus(below)))
+    inner = np.bincount(level, weight, minlength=n_levels)[1:-1]
+    loss = weight @ (softplus(above) + softplus(below))
     loss += inner @ softplus(-gap_logits)
 
     push_up = weight * expit(above)  # of the upper threshold, and of f downwards
     push_down = weight * expit(below)
-    grad_latent = push_up - push_down
-    if latent.shape[1] == 1:
-        grad_latent = grad_latent.sum(axis=1, keepdims=True)
     grad_thresholds = (
-        np.bincount(flat_level, push_down.ravel(), minlength=n_levels)[1:]
-        - np.bincount(flat_level, push_up.ravel(), minlength=n_levels)[:-1]
+        np.bincount(level, push_down, minlength=n_levels)[1:]
+        - np.bincount(level, push_up, minlength=n_levels)[:-1]
     )
     later = np.cumsum(grad_thresholds[::-1])[::-1]  # of this threshold and all above
     grad_gaps = later[1:] * expit(gap_logits) - inner * expit(-gap_logits)
-    return loss, grad_latent, later[0], grad_gaps
+    return loss, push_up - push_down, later[0], grad_gaps
 
 
 def level_probabilities(latent, thresholds):
@@ -119,20 +114,20 @@ def unpack(params, n_inputs, n_hidden):
 
 
 def forward(X, positions, coef, bias, output):
-    """Latent response and hidden activations of every observation.
+    """Latent response and hidden activations of every trial at every position.
 
     Parameters
     ----------
     X : ndarray of shape (n_trials, n_features)
-    positions : ndarray broadcastable to (n_trials, n_observations), or None
+    positions : ndarray broadcastable to (n_trials, n_positions), or None
         The extra input that the observations of a trial do not share.
     coef, bias, output : ndarray
         As `unpack` returns them.
 
     Returns
     -------
-    latent : ndarray of shape (n_trials, n_observations)
-    hidden : ndarray of shape (n_trials, n_observations, n_hidden), or None
+    latent : ndarray of shape (n_trials, n_positions)
+    hidden : ndarray of shape (n_trials, n_positions, n_hidden), or None
     """
     shared = X @ coef[: X.shape[1]]
     if len(output) == 0:
@@ -141,48 +136,95 @@ def forward(X, positions, coef, bias, output):
     shared = (shared + bias)[:, None]
     if positions is not None:
         shared = shared + positions[:, :, None] * coef[-1]
-    hidden = expit(shared)
+    hidden = expit(shared, out=shared)
     return hidden @ output, hidden
 
 
-def network_loss(params, X, positions, level, weight, n_hidden, alpha):
+class NetworkLoss:
     """Penalised mean negative log-likelihood of the network, and its gradient.
 
     With W the sum of the weights, the cost is ``(NLL + alpha / 2 * |weights|²) /
     W``; hidden biases and thresholds are not penalised. A weight of 2 therefore
-    equals the same row given twice. `alpha` may be an array of shape (n_inputs +
-    1,): the penalty of each input's weights, and of the output weights.
+    equals the same row given twice. Observations of weight zero cost nothing.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_trials, n_features)
+    positions : ndarray of shape (n_trials, n_observations), or None
+        The extra input that the observations of a trial do not share.
+    level : ndarray of int, broadcastable to (n_trials, n_observations)
+        The index of the level of each observation.
+    weight : ndarray of shape (n_trials, n_observations)
+        The non-negative weight of each observation.
+    n_hidden : int
+    alpha : float or ndarray of shape (n_inputs + 1,)
+        Penalty, the same for all or that of each input's weights and, last, of
+        the output weights.
     """
-    alpha = np.broadcast_to(alpha, X.shape[1] + (positions is not None) + 1)
-    input_alpha, output_alpha = alpha[:-1], alpha[-1]
-    n_inputs = X.shape[1] + (positions is not None)
-    coef, bias, output, first, gap_logits = unpack(params, n_inputs, n_hidden)
-    latent, hidden = forward(X, positions, coef, bias, output)
-    loss, g_latent, g_first, g_gaps = ordinal_loss(
-        latent, level, weight, first[0], gap_logits
-    )
-    if n_hidden == 0:
-        g_coef = np.empty_like(coef)
-        g_coef[: X.shape[1]] = X.T @ g_latent.sum(axis=1)
-        if positions is not None:
-            g_coef[-1] = np.sum(g_latent * positions)
-        g_bias = g_output = bias
-    else:
-        g_output = np.einsum("to,toh->h", g_latent, hidden)
-        g_hidden = g_latent[:, :, None] * (output * hidden * (1.0 - hidden))
-        g_shared = g_hidden.sum(axis=1)
-        g_coef = np.empty_like(coef)
-        g_coef[: X.shape[1]] = X.T @ g_shared
-        if positions is not None:
-            g_coef[-1] = np.einsum("to,toh->h", positions, g_hidden)
-        g_bias = g_shared.sum(axis=0)
-    penalty = (input_alpha * coef.T).T
-    g_coef = g_coef + penalty
-    g_output = g_output + output_alpha * output
-    loss += 0.5 * (np.sum(penalty * coef) + output_alpha * (output @ output))
-    grad = np.concatenate((g_coef.ravel(), g_bias, g_output, [g_first], g_gaps))
-    total = weight.sum()
-    return loss / total, grad / total
+
+    def __init__(self, X, positions, level, weight, n_hidden, alpha):
+        self.X, self.n_hidden = X, n_hidden
+        self.n_inputs = X.shape[1] + (positions is not None)
+        alpha = np.broadcast_to(alpha, self.n_inputs + 1)
+        self.input_alpha, self.output_alpha = alpha[:-1], alpha[-1]
+        # Observations lie one after the other, trial by trial.
+        used = weight > 0
+        self.trial = np.nonzero(used)[0]
+        self.positions = None if positions is None else positions[used]
+        self.level = np.broadcast_to(level, weight.shape)[used]
+        self.weight = weight[used]
+        self.total = self.weight.sum()
+        each = np.arange(len(self.trial))
+        ends = np.append(0, np.cumsum(used.sum(axis=1)))
+        self.sum_by_trial = sparse.csr_array((np.ones(len(each)), each, ends))
+        # A hidden layer for each observation, or for each trial if they share it.
+        n_rows = len(X) if positions is None else len(each)
+        self.buffers = np.empty((2, n_rows, n_hidden) if n_hidden else (2, n_rows))
+
+    def __call__(self, params):
+        """Return the cost and its gradient at `params`, laid out as by `unpack`."""
+        coef, bias, output, first, gap_logits = unpack(
+            params, self.n_inputs, self.n_hidden
+        )
+        layer, work = self.buffers
+        shared = self.X @ coef[: self.X.shape[1]]
+        if self.n_hidden:
+            shared += bias
+        if self.positions is None:
+            layer[...] = shared
+        else:
+            np.take(shared, self.trial, axis=0, out=layer, mode="clip")
+            layer += np.multiply.outer(self.positions, coef[-1], out=work)
+        latent = expit(layer, out=layer) @ output if self.n_hidden else layer
+
+        loss, g_latent, g_first, g_gaps = ordinal_loss(
+            latent[self.trial] if self.positions is None else latent,
+            self.level,
+            self.weight,
+            first[0],
+            gap_logits,
+        )
+        if self.positions is None:
+            g_latent = self.sum_by_trial @ g_latent
+
+        g_layer, g_output, g_bias = g_latent, output, bias
+        if self.n_hidden:
+            g_output = g_latent @ layer + self.output_alpha * output
+            g_layer = np.subtract(1, layer, out=work)
+            g_layer *= layer
+            g_layer *= g_latent[:, None]
+            g_layer *= output
+        g_shared = g_layer if self.positions is None else self.sum_by_trial @ g_layer
+        if self.n_hidden:
+            g_bias = g_shared.sum(axis=0)
+        g_coef = (self.input_alpha * coef.T).T
+        loss += 0.5 * (np.vdot(g_coef, coef) + self.output_alpha * (output @ output))
+        g_coef[: self.X.shape[1]] += self.X.T @ g_shared
+        if self.positions is not None:
+            g_coef[-1] += self.positions @ g_layer
+        grad = np.concatenate((g_coef.ravel(), g_bias, g_output, [g_first], g_gaps))
+        grad /= self.total
+        return loss / self.total, grad
 
 
 def initial_params(n_inputs, n_hidden, level_weight, random_state):
@@ -201,13 +243,13 @@ def initial_params(n_inputs, n_hidden, level_weight, random_state):
     return np.concatenate((np.zeros(n_inputs), thresholds[:1], gap_logits))
 
 
-def even_out(X, alpha, trial_weight):
-    """Change the basis of the features so that the cost curves about evenly.
+class EvenedFeatures:
+    """Features in a basis of weights in which the cost curves about evenly.
 
-    The axes are the principal directions of ``X``, as many as its rows span,
-    each scaled by the curvature that data and penalty give it. With more features
-    than trials nothing is lost, since the penalty drives weights outside that
-    span to zero.
+    The axes are orthonormal, near the principal directions of the features, as
+    many as the trials span, each then scaled by the curvature that data and penalty
+    give it. With more features than trials nothing is lost, since the penalty
+    drives weights outside that span to zero.
 
     Parameters
     ----------
@@ -217,35 +259,49 @@ def even_out(X, alpha, trial_weight):
     trial_weight : float
         Mean weight of a trial.
 
-    Returns
-    -------
+    Attributes
+    ----------
     inputs : ndarray of shape (n_trials, rank)
-        ``X @ basis``.
-    basis : ndarray of shape (n_features, rank)
-        Turns weights of the inputs into weights of the features.
-    inverse : ndarray of shape (rank, n_features)
-        Turns weights of the features into weights of the inputs.
+        The features in the new basis.
     alpha : ndarray of shape (rank,)
         Penalty of the weights of each input.
     """
-    left, singular, axes = linalg.svd(X, full_matrices=False)
-    rank = np.sum(singular > singular[:1] * max(X.shape) * np.finfo(X.dtype).eps)
-    left, singular, axes = left[:, :rank], singular[:rank], axes[:rank]
-    stiffness = alpha / (_TYPICAL_CURVATURE * trial_weight)
-    scale = np.sqrt((singular**2 + stiffness) / len(X))
-    return (
-        left * (singular / scale),
-        axes.T / scale,
-        axes * scale[:, None],
-        (alpha / scale**2),
-    )
+
+    def __init__(self, X, alpha, trial_weight):
+        # A power of two brings squares into range and changes no digit.
+        unit = np.ldexp(1.0, np.frexp(np.abs(X).max(initial=0))[1])
+        X = X / unit
+        self._span = None  # orthonormal basis of the span of the trials
+        if X.shape[1] > X.shape[0]:
+            self._span, triangle = linalg.qr(X.T, mode="economic", check_finite=False)
+            X = triangle.T
+        _, axes = linalg.eigh(X.T @ X, driver="evd", check_finite=False)
+        X = X @ axes
+        length = np.sqrt(np.einsum("ij,ij->j", X, X))
+        kept = length > length.max(initial=0) * max(X.shape) * np.finfo(float).eps
+        root_alpha = np.sqrt(alpha) / unit
+        stiffness = root_alpha / np.sqrt(_TYPICAL_CURVATURE * trial_weight)
+        scale = np.hypot(length[kept], stiffness) / np.sqrt(len(X))
+        self.inputs = X[:, kept] / scale
+        self.alpha = (root_alpha / scale) ** 2
+        self._axes, self._scale = axes[:, kept], scale * unit
+
+    def to_features(self, weights):
+        """Turn weights of the inputs into weights of the features."""
+        weights = self._axes @ (weights.T / self._scale).T
+        return weights if self._span is None else self._span @ weights
+
+    def to_inputs(self, weights):
+        """Turn weights of the features, within the span, into those of the inputs."""
+        if self._span is not None:
+            weights = self._span.T @ weights
+        return ((self._axes.T @ weights).T * self._scale).T
 
 
-def change_basis(params, matrix, n_inputs, n_hidden):
-    """Multiply the feature weights by a matrix; the position's stay as they are."""
-    n_features = matrix.shape[1]
+def change_weights(params, change, n_features, n_hidden, n_inputs):
+    """Apply a function to the weights of the features, not to the position's."""
     coef = unpack(params, n_inputs, n_hidden)[0]
-    changed = np.concatenate((matrix @ coef[:n_features], coef[n_features:]))
+    changed = np.concatenate((change(coef[:n_features]), coef[n_features:]))
     return np.concatenate((changed.ravel(), params[coef.size :]))
 
 

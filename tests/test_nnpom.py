@@ -13,9 +13,9 @@ from sklearn.linear_model import LogisticRegression
 
 from sklearn_haptic import NNPOM
 from sklearn_haptic._proportional_odds import (
+    NetworkLoss,
     initial_params,
     level_probabilities,
-    network_loss,
     ordinal_loss,
     thresholds_from,
     unpack,
@@ -49,15 +49,14 @@ def test_cost_and_gradient_equal_sixty_digit_arithmetic(shared_data, name):
     case = np.load(shared_data / "nnpom_reference" / f"{name}.npz")
     params, n_hidden, n_features, t = _from_orca(case)
     y = case["y_train"].ravel().astype(int) - 1
-    cost, grad = network_loss(
-        params,
+    cost, grad = NetworkLoss(
         case["X_train"],
         None,
         y[:, None],
         np.ones((len(y), 1)),
         n_hidden,
         float(case["lam"]),
-    )
+    )(params)
     coef, bias, output, first, gap_logits = unpack(grad, n_features, n_hidden)
     gap_logit_of_t = 2 * t[1:] / expit(unpack(params, n_features, n_hidden)[4])
     ours = np.concatenate(
@@ -102,7 +101,7 @@ def test_loss_is_exact_where_probabilities_underflow(latent, gap_logit):
         exact = [float(-mpmath.log(p)) for p in proba]
     for k in range(4):
         loss, *grads = ordinal_loss(
-            np.array([[latent]]), np.array([[k]]), np.ones((1, 1)), first, gaps
+            np.array([latent]), np.array([k]), np.ones(1), first, gaps
         )
         assert loss == pytest.approx(exact[k], rel=1e-12, abs=1e-300)
         assert all(np.isfinite(grad).all() for grad in grads)
@@ -153,10 +152,7 @@ def test_row_space_rotation_reaches_the_same_minimum(n_hidden):
     X, y = rng.normal(size=(20, 60)), rng.integers(0, 4, 20)
     model = NNPOM(n_hidden, random_state=0, tol=1e-8, max_iter=2000).fit(X, y)
 
-    def cost(params):
-        return network_loss(
-            params, X, None, y[:, None], np.ones((20, 1)), n_hidden, 1.0
-        )
+    cost = NetworkLoss(X, None, y[:, None], np.ones((20, 1)), n_hidden, 1.0)
 
     params = np.concatenate(
         [
@@ -207,16 +203,10 @@ def test_fit_with_positions_equals_repeated_rows():
         ) + 0.1 * np.random.RandomState(1).normal(
             size=len(initial_params(41, n_hidden, np.ones(4), np.random.RandomState(0)))
         )
-        shared = network_loss(params, X, positions, level, weight, n_hidden, 0.7)
-        repeated = network_loss(
-            params,
-            rows,
-            None,
-            level.reshape(-1, 1),
-            weight.reshape(-1, 1),
-            n_hidden,
-            0.7,
-        )
+        shared = NetworkLoss(X, positions, level, weight, n_hidden, 0.7)(params)
+        repeated = NetworkLoss(
+            rows, None, level.reshape(-1, 1), weight.reshape(-1, 1), n_hidden, 0.7
+        )(params)
         assert shared[0] == pytest.approx(repeated[0], rel=1e-13)
         np.testing.assert_allclose(shared[1], repeated[1], rtol=1e-11, atol=1e-14)
         model = NNPOM(n_hidden, random_state=0).fit_with_positions(
