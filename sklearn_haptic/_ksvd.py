@@ -1,21 +1,242 @@
 """Codes over a dictionary learned by K-SVD, of tables and of sliding windows."""
 
+from functools import partial
 from numbers import Integral, Real
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from sklearn.base import BaseEstimator, TransformerMixin, _fit_context
+from sklearn.callback import CallbackSupportMixin
 from sklearn.utils import check_array, check_random_state
-from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
+from sklearn.utils.random import sample_without_replacement
 from sklearn.utils.validation import (
     _check_feature_names_in,
     check_is_fitted,
+    check_memory,
     validate_data,
 )
 
 from ._dictionary_learning import initial_atoms, ksvd
 from ._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows
 from ._validation import Sequences, check_sparsity, check_trials, is_table, row_index
+
+
+def encode(observations, atoms, n_nonzero_coefs, *, remove_mean=True, sign="split"):
+    """Code observations over a dictionary.
+
+    Parameters
+    ----------
+    observations : ndarray of shape (n_obs, n_obs_features)
+        Observations, float32 or float64.
+    atoms : ndarray of shape (n_atoms, n_obs_features)
+        Dictionary.
+    n_nonzero_coefs : int
+        Most atoms that one code may use.
+    remove_mean : bool, default=True
+        Whether to subtract each observation's mean.
+    sign : {"split", "absolute", "none"}, default="split"
+        What becomes of signs, see :func:`dense_codes`.
+
+    Returns
+    -------
+    codes : ndarray of shape (n_obs, n_atoms) or (n_obs, 2 * n_atoms)
+        Columns are the atoms or, with `sign="split"`, the positive parts of all
+        followed by the negative parts of all.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic._ksvd import encode
+    >>> encode(np.array([[5.0, 3.0]]), np.array([[0.8, -0.6]]), 1).round(2)
+    array([[1.4, 0. ]])
+    """
+    signals, scale = centre(observations, remove_mean)
+    support, coefs = batch_omp(signals, atoms, n_nonzero_coefs, scale=scale)
+    return dense_codes(support, coefs, len(atoms), sign=sign)
+
+
+def centre(observations, remove_mean):
+    """Return observations, mean removed if asked, and their norms before."""
+    scale = row_norms(observations)
+    if remove_mean:
+        observations = observations - observations.mean(axis=1, keepdims=True)
+    return observations, scale
+
+
+def sliding_windows(trial, window, overlap):
+    """View the windows of a trial's channels.
+
+    Parameters
+    ----------
+    trial : ndarray of shape (n_times, n_channels)
+        Recording.
+    window : int
+        Time samples a window.
+    overlap : float
+        Fraction of a window shared with the next.
+
+    Returns
+    -------
+    windows : ndarray of shape (n_windows, n_channels, window)
+        A view, no copy.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic._ksvd import sliding_windows
+    >>> sliding_windows(np.arange(6)[:, np.newaxis], window=4, overlap=0.5)[:, 0]
+    array([[0, 1, 2, 3],
+           [2, 3, 4, 5]])
+    """
+    step = max(1, window - round(overlap * window))
+    return sliding_window_view(trial, window, axis=0)[::step]
+
+
+def encode_windows(
+    trial, atoms, n_nonzero_coefs, *, window, overlap, remove_mean, sign
+):
+    """Code the windows of a trial.
+
+    Parameters
+    ----------
+    trial : ndarray of shape (n_times, n_channels)
+        Recording.
+    atoms : ndarray of shape (n_atoms, window)
+        Dictionary.
+    window, overlap
+        See :func:`sliding_windows`.
+    n_nonzero_coefs, remove_mean, sign
+        See :func:`encode`.
+
+    Returns
+    -------
+    codes : ndarray of shape (n_windows, n_channels * n_codes)
+        Codes, the channel slowest.
+    """
+    windows = sliding_windows(trial, window, overlap)
+    codes = encode(
+        windows.reshape(-1, window),
+        atoms,
+        n_nonzero_coefs,
+        remove_mean=remove_mean,
+        sign=sign,
+    )
+    return codes.reshape(len(windows), -1)
+
+
+def draw_observations(trials, counts, limit, observe, rng):
+    """Gather at most `limit` observations, drawn without replacement.
+
+    Parameters
+    ----------
+    trials : list of ndarray
+        What the observations are drawn from.
+    counts : list of int
+        Number of observations in each trial.
+    limit : int or None
+        Most observations; None takes all.
+    observe : callable
+        Called with a trial and indices of its observations; returns these as
+        rows.
+    rng : RandomState
+        Source of randomness.
+
+    Returns
+    -------
+    observations : ndarray of shape (n_obs, n_obs_features)
+        The observations drawn, in their order.
+    """
+    ends = np.cumsum(counts)
+    if limit is None or limit >= ends[-1]:
+        picked = np.arange(ends[-1])
+    else:
+        picked = np.sort(sample_without_replacement(ends[-1], limit, random_state=rng))
+    shares = np.split(picked, np.searchsorted(picked, ends[:-1]))
+    return np.concatenate(
+        [
+            observe(trial, share - (end - count))
+            for trial, share, end, count in zip(trials, shares, ends, counts)
+        ]
+    )
+
+
+class _Stopped(Exception):
+    """Carries a dictionary whose learning a callback stopped past the cache."""
+
+
+def learn_dictionary(
+    observations,
+    n_atoms,
+    n_nonzero_coefs,
+    *,
+    dict_init,
+    remove_mean,
+    update,
+    max_iter,
+    tol,
+    seed,
+    callback=None,
+):
+    """Learn a dictionary, determined by all arguments but the callback.
+
+    Parameters
+    ----------
+    observations : ndarray of shape (n_obs, n_obs_features)
+        Training observations.
+    n_atoms, n_nonzero_coefs, remove_mean, update, max_iter, tol
+        As in :class:`KSVDTransformer`.
+    dict_init : ndarray of shape (n_atoms, n_obs_features) or None
+        Initial atoms; None draws them.
+    seed : int
+        Seed of the initial atoms and of the order of updates.
+    callback : callable, default=None
+        Passed on to :func:`ksvd`.
+
+    Returns
+    -------
+    atoms : ndarray of shape (n_atoms, n_obs_features)
+        The dictionary.
+    n_iter : int
+        Iterations run.
+    error : float
+        Root mean squared error of the observations coded over it.
+
+    Raises
+    ------
+    _Stopped
+        If the callback ended the iterations; holds what would be returned.
+    """
+    rng = np.random.RandomState(seed)
+    signals, scale = centre(observations, remove_mean)
+    atoms = dict_init
+    if atoms is None:
+        atoms = initial_atoms(signals, n_atoms, rng, scale=scale)
+    errors, stopped = [], False
+
+    def report(n_iter, error):
+        nonlocal stopped
+        stopped = callback is not None and callback(n_iter, error)
+        return stopped
+
+    if max_iter:
+        atoms, errors = ksvd(
+            signals,
+            unit_rows(atoms),
+            n_nonzero_coefs,
+            update=update,
+            max_iter=max_iter,
+            tol=tol,
+            scale=scale,
+            rng=rng,
+            callback=report,
+        )
+    support, coefs = batch_omp(signals, atoms, n_nonzero_coefs, scale=scale)
+    residual = signals - dense_codes(support, coefs, len(atoms)) @ atoms
+    error = row_norms(residual.reshape(1, -1))[0] / np.sqrt(residual.size)
+    if stopped:
+        raise _Stopped(atoms, len(errors), error)
+    return atoms, len(errors), error
 
 
 class _UnwrappedSequences:
@@ -54,8 +275,9 @@ class _UnwrappedSequences:
         Returns
         -------
         codes : ndarray of shape (n_samples, n_codes) or Sequences
-            One row an observation for a table. For trials a list of arrays, one
-            a trial, which `set_output` leaves as they are.
+            One row an observation for a table. For trials a sequence of arrays, one
+            a trial, which `set_output` leaves as it is. A trial is coded each time
+            its array is asked for; `list` codes all once and keeps the arrays.
         """
         check_is_fitted(self)
         if self._codes_trials:
@@ -63,13 +285,13 @@ class _UnwrappedSequences:
         return super().transform(X)
 
 
-class _DictionaryCoder(TransformerMixin, BaseEstimator):
+class _DictionaryCoder(CallbackSupportMixin, TransformerMixin, BaseEstimator):
     """What transformers with a learned dictionary share; codes tables.
 
     A subclass takes the parameters below, puts :class:`_UnwrappedSequences`
     before this class, and provides `_codes_trials` (whether the fitted
-    transformer takes trials), `_transform_trials` and, for trials, its own
-    `get_feature_names_out`.
+    transformer takes trials), `_draw_from_trials`, `_transform_trials` and, for
+    trials, its own `get_feature_names_out`.
     """
 
     _parameter_constraints = {  # noqa: RUF012
@@ -82,74 +304,86 @@ class _DictionaryCoder(TransformerMixin, BaseEstimator):
         "max_train_windows": [Interval(Integral, 1, None, closed="left"), None],
         "dict_init": ["array-like", None],
         "sign": [StrOptions({"split", "absolute", "none"})],
+        "memory": [str, HasMethods("cache"), None],
         "random_state": ["random_state"],
     }
 
-    def _fit_dictionary(self, blocks, *, obs_ndim=1):
-        """Learn the dictionary.
+    def _learn(self, X, y):
+        """Learn the dictionary from a table or, if `_codes_trials`, from trials."""
+        context = self._init_callback_context(max_subtasks=self.max_iter)
+        context.call_on_fit_task_begin(estimator=self, X=X, y=y)
 
-        Parameters
-        ----------
-        blocks : list of ndarray
-            Observations along the last axes, float32 or float64; views are only
-            copied for the observations drawn.
-        obs_ndim : int, default=1
-            Number of axes of one observation.
-        """
-        n_nonzero_coefs = check_sparsity(self.n_nonzero_coefs, self.n_atoms)
+        def end_iteration(n_iter, error):
+            task = context.subcontext(task_name=f"iteration {n_iter}")
+            task.call_on_fit_task_begin(estimator=self, X=X, y=y)
+            return task.call_on_fit_task_end(estimator=self, X=X, y=y)
+
         rng = check_random_state(self.random_state)
-        observations = _draw_observations(blocks, self.max_train_windows, rng, obs_ndim)
-        signals, scale = self._centre(observations)
-        if self.dict_init is None:
-            atoms = initial_atoms(signals, self.n_atoms, rng, scale=scale)
+        if self._codes_trials:
+            observations = self._draw_from_trials(X, rng)
         else:
-            atoms = self._check_dict_init(signals)
-        self.n_iter_ = 0
-        if self.max_iter:
-            atoms, errors = ksvd(
-                signals,
-                unit_rows(atoms),
-                n_nonzero_coefs,
+            rows = validate_data(self, X, dtype=[np.float64, np.float32])
+            observations = draw_observations(
+                [rows], [len(rows)], self.max_train_windows, np.ndarray.__getitem__, rng
+            )
+        learn = check_memory(self.memory).cache(learn_dictionary, ignore=["callback"])
+        try:
+            learned = learn(
+                observations,
+                self.n_atoms,
+                check_sparsity(self.n_nonzero_coefs, self.n_atoms),
+                dict_init=self._check_dict_init(observations),
+                remove_mean=self.remove_mean,
                 update=self.update,
                 max_iter=self.max_iter,
                 tol=self.tol,
-                scale=scale,
-                rng=rng,
+                # Drawn here, so that a cached result leaves rng in the same state.
+                seed=rng.randint(np.iinfo(np.int32).max),
+                callback=end_iteration,
             )
-            self.n_iter_ = len(errors)
-        self.components_ = atoms
-        self.reconstruction_error_ = self._reconstruction_error(signals, scale)
+        except _Stopped as stopped:
+            learned = stopped.args
+        self.components_, self.n_iter_, self.reconstruction_error_ = learned
+        context.call_on_fit_task_end(
+            estimator=self, X=X, y=y, reconstruction_attributes={}
+        )
         return self
 
-    def _encode(self, observations):
-        """Code observations, shape (n_obs, n_obs_features), as dense rows.
-
-        Columns are the atoms or, with `sign="split"`, the positive parts of all
-        followed by the negative parts of all.
-        """
-        signals, scale = self._centre(observations)
-        support, coefs = batch_omp(
-            signals, self.components_, self.n_nonzero_coefs, scale=scale
+    def _sequences(self, trials, lengths, encode_trial, index, **options):
+        """Return trials' codes, each made by the cached `encode_trial` on demand."""
+        encode_trial = partial(
+            check_memory(self.memory).cache(encode_trial),
+            atoms=self.components_,
+            n_nonzero_coefs=self.n_nonzero_coefs,
+            remove_mean=self.remove_mean,
+            sign=self.sign,
+            **options,
         )
-        return dense_codes(support, coefs, len(self.components_), sign=self.sign)
+        return Sequences(
+            trials,
+            self.get_feature_names_out(),
+            index,
+            encode=encode_trial,
+            lengths=lengths,
+        )
 
     @property
     def _code_names(self):
-        """Names of the columns of `_encode`."""
+        """Names of the columns of :func:`encode`."""
         suffixes = ["+", "-"] if self.sign == "split" else [""]
         atoms = range(len(self.components_))
         return [f"atom{j}{suffix}" for suffix in suffixes for j in atoms]
 
-    def _fit_table(self, X):
-        """Learn from the rows of a table."""
-        return self._fit_dictionary(
-            [validate_data(self, X, dtype=[np.float64, np.float32])]
-        )
-
     def transform(self, X):
         """Code the rows of a table; see :class:`_UnwrappedSequences`."""
         X = validate_data(self, X, dtype=[np.float64, np.float32], reset=False)
-        return self._encode(X)
+        return encode(
+            X,
+            self.components_,
+            self.n_nonzero_coefs,
+            remove_mean=self.remove_mean,
+            sign=self.sign,
+        )
 
     def get_feature_names_out(self, input_features=None):
         """Return the names of the code columns.
@@ -168,30 +402,19 @@ class _DictionaryCoder(TransformerMixin, BaseEstimator):
         _check_feature_names_in(self, input_features, generate_names=False)
         return np.asarray(self._code_names, dtype=object)
 
-    def _centre(self, observations):
-        """Return observations, mean removed if asked, and their norms before."""
-        scale = row_norms(observations)
-        if self.remove_mean:
-            observations = observations - observations.mean(axis=1, keepdims=True)
-        return observations, scale
-
-    def _check_dict_init(self, signals):
-        atoms = check_array(self.dict_init, dtype=signals.dtype, input_name="dict_init")
-        expected = (self.n_atoms, signals.shape[1])
+    def _check_dict_init(self, observations):
+        if self.dict_init is None:
+            return None
+        atoms = check_array(
+            self.dict_init, dtype=observations.dtype, input_name="dict_init"
+        )
+        expected = (self.n_atoms, observations.shape[1])
         if atoms.shape != expected:
             raise ValueError(
                 f"dict_init has shape {atoms.shape}, but {expected} is expected: one "
                 "row an atom, one column an entry of an observation."
             )
         return atoms
-
-    def _reconstruction_error(self, signals, scale):
-        support, coefs = batch_omp(
-            signals, self.components_, self.n_nonzero_coefs, scale=scale
-        )
-        codes = dense_codes(support, coefs, len(self.components_))
-        residual = signals - codes @ self.components_
-        return row_norms(residual.reshape(1, -1))[0] / np.sqrt(residual.size)
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
@@ -249,6 +472,12 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
         Give positive and negative parts of a coefficient columns of their own,
         take absolute values, or keep coefficients as they are. The ST-HMP authors
         recommend the split.
+    memory : str or object with the joblib.Memory interface, default=None
+        Where to cache the dictionary and the codes of every trial: a folder or a
+        :class:`joblib.Memory`. A search over later steps, or scoring after `fit`,
+        then learns and codes nothing twice; results are the same, bit for bit.
+        Give `random_state` an int, and clear the cache after an upgrade. By
+        default nothing is cached.
     random_state : int, RandomState instance or None, default=None
         Draws the training observations, the initial atoms and the order of
         updates.
@@ -321,6 +550,7 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
         max_train_windows=20_000,
         dict_init=None,
         sign="split",
+        memory=None,
         random_state=None,
     ):
         self.n_atoms = n_atoms
@@ -334,6 +564,7 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
         self.max_train_windows = max_train_windows
         self.dict_init = dict_init
         self.sign = sign
+        self.memory = memory
         self.random_state = random_state
 
     @_fit_context(prefer_skip_nested_validation=True)
@@ -352,16 +583,12 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
         self : KSVDTransformer
             The fitted transformer.
         """
-        if self._codes_trials:
-            trials = self._check_windowed(X)
-            self.n_features_in_ = trials[0].shape[1]
-            return self._fit_dictionary([self._windows(trial) for trial in trials])
-        if not is_table(X):
+        if not self._codes_trials and not is_table(X):
             raise ValueError(
                 "X is a collection of trials, but window=None codes the rows of a "
                 "table; set window to the number of time samples a window."
             )
-        return self._fit_table(X)
+        return self._learn(X, y)
 
     def get_feature_names_out(self, input_features=None):
         """Return the names of the code columns.
@@ -395,43 +622,30 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
             X = check_array(X, dtype=[np.float64, np.float32])
         return check_trials(X, n_channels=n_channels, min_times=self.window)
 
-    def _windows(self, trial):
-        """Return a view of shape (n_windows, n_channels, window)."""
-        step = max(1, self.window - round(self.overlap * self.window))
-        return sliding_window_view(trial, self.window, axis=0)[::step]
+    def _draw_from_trials(self, X, rng):
+        trials = self._check_windowed(X)
+        self.n_features_in_ = trials[0].shape[1]
+
+        def observe(trial, indices):
+            windows = sliding_windows(trial, self.window, self.overlap)
+            return windows[np.unravel_index(indices, windows.shape[:2])]
+
+        counts = [n * self.n_features_in_ for n in self._lengths(trials)]
+        return draw_observations(trials, counts, self.max_train_windows, observe, rng)
 
     def _transform_trials(self, X):
         trials = self._check_windowed(X, self.n_features_in_)
-        windows = [self._windows(trial) for trial in trials]
-        names = self.get_feature_names_out()
-        arrays = []
-        for batch in batches(windows, [len(w) * w.shape[1] for w in windows]):
-            codes = self._encode(np.concatenate(batch).reshape(-1, self.window))
-            ends = np.cumsum([len(w) for w in batch])
-            arrays += np.split(codes.reshape(-1, len(names)), ends[:-1])
-        return Sequences(arrays, names, row_index(X))
+        return self._sequences(
+            trials,
+            self._lengths(trials),
+            encode_windows,
+            row_index(X),
+            window=self.window,
+            overlap=self.overlap,
+        )
 
-
-def batches(items, sizes, limit=65_536):
-    """Yield lists of consecutive items whose sizes add up to at most about `limit`."""
-    numbers = np.cumsum(sizes) // limit
-    for number in np.unique(numbers):
-        yield [items[i] for i in np.flatnonzero(numbers == number)]
-
-
-def _draw_observations(blocks, limit, rng, obs_ndim):
-    """Gather at most `limit` observations, drawn without replacement, as rows."""
-    grids = [block.shape[:-obs_ndim] for block in blocks]
-    ends = np.cumsum([np.prod(grid, dtype=int) for grid in grids])
-    picked = np.arange(ends[-1])
-    if limit is not None and limit < ends[-1]:
-        picked = np.sort(rng.choice(ends[-1], limit, replace=False))
-    shares = np.split(picked, np.searchsorted(picked, ends[:-1]))
-    starts = np.append(0, ends[:-1])
-    drawn = np.concatenate(
-        [
-            block[np.unravel_index(share - start, grid)]
-            for block, grid, share, start in zip(blocks, grids, shares, starts)
+    def _lengths(self, trials):
+        """Return the number of windows in each trial."""
+        return [
+            len(sliding_windows(trial, self.window, self.overlap)) for trial in trials
         ]
-    )
-    return drawn.reshape(len(drawn), -1)

@@ -2,6 +2,7 @@
 
 import numpy as np
 from sklearn.base import BaseEstimator, TransformerMixin, _fit_context
+from sklearn.callback import CallbackSupportMixin
 from sklearn.utils._param_validation import StrOptions
 from sklearn.utils._set_output import _get_output_config
 from sklearn.utils.validation import (
@@ -10,7 +11,13 @@ from sklearn.utils.validation import (
     validate_data,
 )
 
-from ._validation import Sequences, check_trials, is_table, row_index
+from ._validation import (
+    Sequences,
+    check_sequences,
+    check_trials,
+    is_table,
+    row_index,
+)
 
 
 def cell_starts(n_items, n_cells, split="balanced"):
@@ -48,8 +55,9 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
 
     Parameters
     ----------
-    sequences : list of ndarray of shape (n_times_i, n_columns)
+    sequences : sequence of ndarray of shape (n_times_i, n_columns)
         Sequences of one data type, each with `max(cells)` time samples or more.
+        Each is asked for once, in order.
     cells : sequence of int, default=(16, 8, 4, 2, 1)
         Number of cells of each level of the pyramid.
     split : {"balanced", "floor"}, default="balanced"
@@ -68,21 +76,22 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
     >>> temporal_max_pool([np.array([[0, 5], [3, 1], [2, 2]])], cells=(2, 1))
     array([[0, 5, 3, 2, 3, 5]])
     """
-    n_columns = sequences[0].shape[1]
-    pooled = np.empty((len(sequences), sum(cells), n_columns), sequences[0].dtype)
     level_ends = np.cumsum(cells)
-    for sequence, out in zip(sequences, pooled):
+    for i, sequence in enumerate(sequences):
+        if i == 0:
+            shape = (len(sequences), level_ends[-1], sequence.shape[1])
+            pooled = np.empty(shape, sequence.dtype)
         starts = np.concatenate([cell_starts(len(sequence), n, split) for n in cells])
         # One pass over time: every cell, of whatever level, is a run of segments.
         edges, first = np.unique(starts, return_inverse=True)
         segments = np.maximum.reduceat(sequence, edges, axis=0)
         for n, end in zip(cells, level_ends):
             level = slice(end - n, end)
-            np.maximum.reduceat(segments, first[level], axis=0, out=out[level])
+            np.maximum.reduceat(segments, first[level], axis=0, out=pooled[i, level])
     return pooled.reshape(len(sequences), -1)
 
 
-class TemporalMaxPool(TransformerMixin, BaseEstimator):
+class TemporalMaxPool(CallbackSupportMixin, TransformerMixin, BaseEstimator):
     """Pool sequences of any length into one row of features a trial.
 
     Time is divided into a pyramid of levels, each with its number of cells, and
@@ -175,7 +184,11 @@ class TemporalMaxPool(TransformerMixin, BaseEstimator):
             If `cells` are not positive integers, or no level fits the shortest
             sequence.
         """
-        lengths = [len(sequence) for sequence in self._check_sequences(X, reset=True)]
+        context = self._init_callback_context()
+        context.call_on_fit_task_begin(estimator=self, X=X, y=y)
+        sequences = self._check_sequences(X, reset=True)
+        named = isinstance(sequences, Sequences)
+        lengths = sequences.lengths if named else [len(each) for each in sequences]
         cells = check_cells(self.cells)
         self.cells_ = tuple(n for n in cells if n <= min(lengths))
         if not self.cells_:
@@ -183,6 +196,9 @@ class TemporalMaxPool(TransformerMixin, BaseEstimator):
                 f"No level of cells={cells} fits trial {np.argmin(lengths)} of X, "
                 f"which has {min(lengths)} time samples; add a level with fewer cells."
             )
+        context.call_on_fit_task_end(
+            estimator=self, X=X, y=y, reconstruction_attributes={}
+        )
         return self
 
     def transform(self, X):
@@ -247,7 +263,7 @@ class TemporalMaxPool(TransformerMixin, BaseEstimator):
         )
 
     def _check_sequences(self, X, *, reset):
-        """Validate `X`; return a list of arrays of shape (n_times_i, n_columns)."""
+        """Validate `X`; return its arrays of shape (n_times_i, n_columns)."""
         if reset:
             self._takes_table = is_table(X)
         if self._takes_table:
@@ -258,15 +274,17 @@ class TemporalMaxPool(TransformerMixin, BaseEstimator):
                 )
             X = validate_data(self, X, dtype=[np.float64, np.float32], reset=reset)
             return list(X[:, :, np.newaxis])
-        sequences = check_trials(
-            X,
-            n_channels=None if reset else self.n_features_in_,
-            min_times=1 if reset else max(self.cells_),
-        )
+        n_columns = None if reset else self.n_features_in_
+        min_times = 1 if reset else max(self.cells_)
+        if isinstance(X, Sequences):
+            check_sequences(X, n_columns=n_columns, min_times=min_times)
+        else:
+            X = check_trials(X, n_channels=n_columns, min_times=min_times)
         if reset:
-            self.n_features_in_ = sequences[0].shape[1]
+            named = isinstance(X, Sequences)
+            self.n_features_in_ = len(X.feature_names) if named else X[0].shape[1]
         self._check_column_names(X, reset=reset)
-        return sequences
+        return X
 
     def _check_column_names(self, X, *, reset):
         if reset:

@@ -8,9 +8,9 @@ from sklearn.utils import check_array
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
-from ._ksvd import _DictionaryCoder, _UnwrappedSequences
+from ._ksvd import _DictionaryCoder, _UnwrappedSequences, draw_observations, encode
 from ._pooling import cell_starts, check_cells
-from ._validation import Sequences, check_trials, is_table, row_index
+from ._validation import check_trials, is_table, row_index
 
 # Electrodes whose mean is each pixel: rows from the tip of the finger to its base,
 # columns left, middle, right.
@@ -64,7 +64,7 @@ def electrode_images(trial, layout):
     Returns
     -------
     images : ndarray of shape (n_times, height, n_fingers * width)
-        Images of the dtype of `trial`.
+        Images of the dtype of `trial`. In memory time runs fastest.
 
     Examples
     --------
@@ -77,9 +77,11 @@ def electrode_images(trial, layout):
     """
     height, width, n_electrodes = layout.shape
     weights = layout.reshape(-1, n_electrodes).T.astype(trial.dtype)
-    pixels = trial.reshape(len(trial), -1, n_electrodes) @ weights
-    images = pixels.reshape(len(trial), -1, height, width).swapaxes(1, 2)
-    return images.reshape(len(trial), height, -1)
+    pixels = (trial.reshape(-1, n_electrodes) @ weights).reshape(
+        len(trial), -1, height, width
+    )
+    images = pixels.transpose(2, 1, 3, 0).reshape(height, -1, len(trial))
+    return np.moveaxis(images, -1, 0)
 
 
 def image_patches(images, patch_size, step=1):
@@ -118,14 +120,14 @@ def spatial_max_pool(codes, cells):
 
     Parameters
     ----------
-    codes : ndarray of shape (n_rows, n_columns, n_times, n_codes)
-        Codes by patch position, the position slowest.
+    codes : ndarray of shape (n_rows, n_columns, n_codes, n_times)
+        Codes by patch position.
     cells : sequence of int
         Cells along a side, a number each level.
 
     Returns
     -------
-    pooled : ndarray of shape (n_times, n_cells, n_codes)
+    pooled : ndarray of shape (n_cells, n_codes, n_times)
         Maxima, level by level in the order given, cells row by row.
 
     Examples
@@ -135,17 +137,15 @@ def spatial_max_pool(codes, cells):
     >>> spatial_max_pool(np.arange(6).reshape(2, 3, 1, 1), (2, 1)).ravel()
     array([0, 2, 3, 5, 5])
     """
-    n_rows, n_columns, n_times, n_codes = codes.shape
-    regions = [
-        codes[top:bottom, left:right]
-        for n in cells
-        for top, bottom in _cell_bounds(n_rows, n)
-        for left, right in _cell_bounds(n_columns, n)
-    ]
-    pooled = np.empty((n_times, len(regions), n_codes), dtype=codes.dtype)
-    for i, region in enumerate(regions):
-        region.max(axis=(0, 1), out=pooled[:, i])
-    return pooled
+    n_rows, n_columns = codes.shape[:2]
+    return np.stack(
+        [
+            codes[top:bottom, left:right].max(axis=(0, 1))
+            for n in cells
+            for top, bottom in _cell_bounds(n_rows, n)
+            for left, right in _cell_bounds(n_columns, n)
+        ]
+    )
 
 
 def _cell_bounds(n_items, n_cells):
@@ -184,6 +184,62 @@ def normalise_frames(frames, eps):
     with np.errstate(over="ignore"):
         frames /= (norms + eps / peaks)[:, np.newaxis]
     return frames
+
+
+def encode_frames(
+    trial,
+    atoms,
+    n_nonzero_coefs,
+    *,
+    layout,
+    patch_size,
+    step,
+    spatial_cells,
+    remove_mean,
+    sign,
+):
+    """Code the frames of a trial: code their patches, pool over space, normalise.
+
+    Parameters
+    ----------
+    trial : ndarray of shape (n_times, n_channels) or (n_times, height, width)
+        Electrode readings, or images if `layout` is None.
+    atoms : ndarray of shape (n_atoms, n_patch_pixels)
+        Dictionary.
+    layout : ndarray of shape (height, width, n_electrodes) or None
+        See :func:`electrode_images`.
+    patch_size, step
+        See :func:`image_patches`.
+    spatial_cells : sequence of int
+        See :func:`spatial_max_pool`.
+    n_nonzero_coefs, remove_mean, sign
+        See :func:`encode`.
+
+    Returns
+    -------
+    frames : ndarray of shape (n_times, n_cells * n_codes)
+        A row a frame, of norm 1 or all zero. In memory time runs fastest.
+    """
+    images = trial if layout is None else electrode_images(trial, layout)
+    patches = image_patches(images, patch_size, step)
+    n_times, n_rows, n_columns = patches.shape[:3]
+    n_pixels = atoms.shape[1]
+    # The authors divide codes by the root of n_pixels before they normalise, which
+    # cancels but for the weight of the term that avoids 0 / 0.
+    eps = 2.0**-52 * n_pixels**0.5
+    n_frames = max(1, _CHUNK_SIZE // (n_rows * n_columns))
+    frames = []
+    for start in range(0, n_times, n_frames):
+        # Time last, so that every operation runs over contiguous memory.
+        chunk = np.moveaxis(patches[start : start + n_frames], 0, -1)
+        by_pixel = chunk.transpose(2, 3, 0, 1, 4).reshape(n_pixels, -1)
+        codes = encode(
+            by_pixel.T, atoms, n_nonzero_coefs, remove_mean=remove_mean, sign=sign
+        )
+        by_time = codes.reshape(n_rows, n_columns, chunk.shape[-1], -1).swapaxes(2, 3)
+        pooled = spatial_max_pool(np.ascontiguousarray(by_time), spatial_cells)
+        frames.append(normalise_frames(pooled.reshape(-1, chunk.shape[-1]).T, eps).T)
+    return np.concatenate(frames, axis=1).T
 
 
 class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
@@ -232,6 +288,12 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         Give positive and negative parts of a coefficient columns of their own,
         take absolute values, or keep coefficients as they are. The authors
         recommend the split.
+    memory : str or object with the joblib.Memory interface, default=None
+        Where to cache the dictionary and the frames of every trial: a folder or a
+        :class:`joblib.Memory`. A search over later steps, or scoring after `fit`,
+        then learns and codes nothing twice; results are the same, bit for bit.
+        Give `random_state` an int, and clear the cache after an upgrade. By
+        default nothing is cached.
     random_state : int, RandomState instance or None, default=None
         Draws the training patches, the initial atoms and the order of updates.
 
@@ -308,6 +370,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         max_train_windows=20_000,
         dict_init=None,
         sign="split",
+        memory=None,
         random_state=None,
     ):
         self.n_atoms = n_atoms
@@ -323,6 +386,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         self.max_train_windows = max_train_windows
         self.dict_init = dict_init
         self.sign = sign
+        self.memory = memory
         self.random_state = random_state
 
     @_fit_context(prefer_skip_nested_validation=True)
@@ -349,22 +413,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
             images are too small for a patch or for the cells.
         """
         self._codes_trials = not is_table(X)
-        if not self._codes_trials:
-            return self._fit_table(X)
-        vars(self).pop("feature_names_in_", None)
-        layout = self._check_layout()
-        trials = check_trials(X, ndims=(2,) if layout is not None else (3,))
-        self._frame_shape = trials[0].shape[1:]
-        if layout is not None and self._frame_shape[0] % layout.shape[2]:
-            raise ValueError(
-                f"X has {self._frame_shape[0]} channels, which is no multiple of the "
-                f"{layout.shape[2]} electrodes of layout; select the electrodes' "
-                "channels or give the layout of your sensor."
-            )
-        self.n_features_in_ = int(np.prod(self._frame_shape))
-        patches = [self._patches(trial, layout) for trial in trials]
-        self._check_cells(patches[0].shape[1:3])
-        return self._fit_dictionary(patches, obs_ndim=2)
+        return self._learn(X, y)
 
     def get_feature_names_out(self, input_features=None):
         """Return the names of the code columns.
@@ -392,34 +441,48 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
             dtype=object,
         )
 
+    def _draw_from_trials(self, X, rng):
+        vars(self).pop("feature_names_in_", None)
+        layout = self._check_layout()
+        trials = check_trials(X, ndims=(2,) if layout is not None else (3,))
+        self._frame_shape = trials[0].shape[1:]
+        self.n_features_in_ = int(np.prod(self._frame_shape))
+        if layout is not None and self.n_features_in_ % layout.shape[2]:
+            raise ValueError(
+                f"X has {self.n_features_in_} channels, which is no multiple of the "
+                f"{layout.shape[2]} electrodes of layout; select the electrodes' "
+                "channels or give the layout of your sensor."
+            )
+        positions = self._patches(trials[0][:1], layout).shape[1:3]
+        self._check_cells(positions)
+
+        def observe(trial, indices):
+            frame, row, column = np.unravel_index(indices, (len(trial), *positions))
+            patches = self._patches(trial[frame], layout)
+            drawn = patches[np.arange(len(indices)), row, column]
+            return drawn.reshape(len(indices), -1)
+
+        counts = [len(trial) * np.prod(positions) for trial in trials]
+        return draw_observations(trials, counts, self.max_train_windows, observe, rng)
+
     def _transform_trials(self, X):
         if is_table(X):
             raise ValueError(
                 "X is a table, but fit was given trials; give a collection of trials."
             )
-        layout = self._check_layout()
         trials = check_trials(
             X, ndims=(len(self._frame_shape) + 1,), n_channels=self._frame_shape
         )
-        frames = [self._pool(self._patches(trial, layout)) for trial in trials]
-        return Sequences(frames, self.get_feature_names_out(), row_index(X))
-
-    def _pool(self, patches):
-        """Code, pool and normalise the frames of a trial, given as patches."""
-        n_times, n_rows, n_columns = patches.shape[:3]
-        n_pixels = patches[0, 0, 0].size
-        # The authors divide codes by the root of n_pixels before they normalise,
-        # which cancels but for the weight of the term that avoids 0 / 0.
-        eps = 2.0**-52 * n_pixels**0.5
-        n_frames = max(1, _CHUNK_SIZE // (n_rows * n_columns))
-        chunks = []
-        for start in range(0, n_times, n_frames):
-            by_position = np.moveaxis(patches[start : start + n_frames], 0, 2)
-            codes = self._encode(by_position.reshape(-1, n_pixels))
-            codes = codes.reshape(*by_position.shape[:3], -1)
-            pooled = spatial_max_pool(codes, self.spatial_cells)
-            chunks.append(normalise_frames(pooled.reshape(len(pooled), -1), eps))
-        return np.concatenate(chunks)
+        return self._sequences(
+            trials,
+            [len(trial) for trial in trials],
+            encode_frames,
+            row_index(X),
+            layout=self._check_layout(),
+            patch_size=tuple(self.patch_size),
+            step=self.step,
+            spatial_cells=check_cells(self.spatial_cells, "spatial_cells"),
+        )
 
     def _patches(self, trial, layout):
         images = trial if layout is None else electrode_images(trial, layout)

@@ -7,6 +7,7 @@ scikit-learn's ordinary two-dimensional input; every transformer takes both.
 """
 
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import sparse
@@ -14,23 +15,53 @@ from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_array, column_or_1d
 
 
-class Sequences(list):
-    """What a sequence step returns: a list of arrays that know their columns.
+class Sequences(Sequence):
+    """What a sequence step returns: arrays, one a trial, that know their columns.
+
+    It indexes and iterates like a list. A trial is coded each time it is asked
+    for, so that the codes of a whole corpus need not fit in memory; `list` codes
+    every trial once and keeps the arrays.
 
     Parameters
     ----------
-    arrays : iterable of ndarray of shape (n_times_i, n_columns)
-        One array a trial.
+    trials : sequence of ndarray
+        Arrays of shape (n_times_i, n_columns), or what `encode` turns into them.
     feature_names : sequence of str
         The name of each column, which pooling carries into its own names.
     row_index : pandas.Index, default=None
         The index of the trials, if they came in a pandas container.
+    encode : callable, default=None
+        Returns the array of a trial. None if `trials` are the arrays.
+    lengths : sequence of int, default=None
+        Length of each array; by default that of each trial.
     """
 
-    def __init__(self, arrays, feature_names, row_index=None):
-        super().__init__(arrays)
+    def __init__(
+        self, trials, feature_names, row_index=None, *, encode=None, lengths=None
+    ):
         self.feature_names = np.asarray(feature_names, dtype=object)
         self.row_index = row_index
+        self.lengths = [len(trial) for trial in trials] if lengths is None else lengths
+        self._trials = trials
+        self._encode = encode
+
+    def __len__(self):
+        return len(self._trials)
+
+    def __getitem__(self, key):
+        if not isinstance(key, slice):
+            trial = self._trials[key]
+            return trial if self._encode is None else self._encode(trial)
+        return Sequences(
+            self._trials[key],
+            self.feature_names,
+            None if self.row_index is None else self.row_index[key],
+            encode=self._encode,
+            lengths=self.lengths[key],
+        )
+
+    def __repr__(self):
+        return f"<Sequences: {len(self)} trials, {len(self.feature_names)} columns>"
 
 
 def row_index(X):
@@ -99,21 +130,41 @@ def check_trials(X, *, ndims=(2,), n_channels=None, min_times=1):
             "X has several columns of trials; choose one with ColumnTransformer, a "
             "transformer for each sensor."
         )
-    if len(cells) == 0:
-        raise ValueError("X holds no trials; at least one is required.")
+    _check_any(cells)
     trials = [_check_trial(cell, i, ndims, min_times) for i, cell in enumerate(cells)]
     shape = trials[0].shape[1:] if n_channels is None else n_channels
     shape = (shape,) if np.ndim(shape) == 0 else tuple(shape)
+    where = "the first trial" if n_channels is None else "fit"
     for i, trial in enumerate(trials):
-        if trial.shape[1:] != shape:
-            raise ValueError(
-                f"Trial {i} of X has {_samples(trial.shape[1:])}, but "
-                f"{_samples(shape)} {'is' if shape == (1,) else 'are'} expected, as "
-                f"in {'the first trial' if n_channels is None else 'fit'}."
-            )
+        _check_samples(i, trial.shape[1:], shape, where)
     if len({trial.dtype for trial in trials}) > 1:
         trials = [trial.astype(np.float64, copy=False) for trial in trials]
     return trials
+
+
+def check_sequences(sequences, *, n_columns=None, min_times=1):
+    """Check what a sequence step returned, without coding any trial.
+
+    Parameters
+    ----------
+    sequences : Sequences
+        The codes, which are finite and alike.
+    n_columns : int, default=None
+        Required number of columns; by default any.
+    min_times : int, default=1
+        Fewest time samples that a trial may have.
+
+    Raises
+    ------
+    ValueError
+        If there is no trial, or one is too short or has another number of
+        columns; the message names the trial.
+    """
+    _check_any(sequences)
+    for i, length in enumerate(sequences.lengths):
+        _check_length(i, length, min_times)
+    if n_columns is not None:
+        _check_samples(0, (len(sequences.feature_names),), (n_columns,), "fit")
 
 
 def check_sparsity(n_nonzero_coefs, n_atoms):
@@ -250,13 +301,30 @@ def _check_trial(trial, i, ndims, min_times):
         raise ValueError(
             f"Trial {i} of X has shape {trial.shape}; it must be {wanted}."
         )
-    if len(trial) < min_times:
-        raise ValueError(
-            f"Trial {i} of X has {len(trial)} time samples, but at least {min_times} "
-            "are required; remove it or use shorter windows or fewer cells."
-        )
+    _check_length(i, len(trial), min_times)
     if not np.isfinite(trial).all():
         raise ValueError(
             f"Trial {i} of X contains NaN or infinity; impute or remove those samples."
         )
     return trial
+
+
+def _check_any(trials):
+    if len(trials) == 0:
+        raise ValueError("X holds no trials; at least one is required.")
+
+
+def _check_length(i, length, min_times):
+    if length < min_times:
+        raise ValueError(
+            f"Trial {i} of X has {length} time samples, but at least {min_times} "
+            "are required; remove it or use shorter windows or fewer cells."
+        )
+
+
+def _check_samples(i, shape, expected, where):
+    if shape != expected:
+        raise ValueError(
+            f"Trial {i} of X has {_samples(shape)}, but {_samples(expected)} "
+            f"{'is' if expected == (1,) else 'are'} expected, as in {where}."
+        )
