@@ -24,7 +24,7 @@ _BIOTAC_ROWS = [
     [[6], [19], [16]],
 ]
 # Patches coded at a time: their codes stay in the cache until they are pooled.
-_CHUNK_SIZE = 8192
+_CHUNK_SIZE = 4096
 
 
 def biotac_layout():

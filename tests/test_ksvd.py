@@ -3,6 +3,7 @@
 import pickle
 import re
 
+import joblib
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,6 +14,7 @@ from sklearn.datasets import make_sparse_coded_signal
 from sklearn.decomposition import SparseCoder
 from sklearn.pipeline import make_pipeline
 
+from sklearn_haptic import _ksvd
 from sklearn_haptic._ksvd import KSVDTransformer
 from sklearn_haptic._pooling import TemporalMaxPool
 from sklearn_haptic._validation import Sequences
@@ -271,6 +273,160 @@ def test_clone_and_pickle():
         np.testing.assert_array_equal(restored[i], code)
         np.testing.assert_array_equal(refitted[i], code)
         np.testing.assert_array_equal(restored_codes[i], code)
+
+
+@pytest.fixture
+def coded(monkeypatch):
+    """A list that receives the number of observations of every call of `encode`."""
+    numbers, encode = [], _ksvd.encode
+
+    def counting(observations, *args, **params):
+        numbers.append(len(observations))
+        return encode(observations, *args, **params)
+
+    monkeypatch.setattr(_ksvd, "encode", counting)
+    return numbers
+
+
+def test_sequences_are_coded_when_asked_for(coded):
+    trials = make_trials()
+    model = KSVDTransformer(4, 2, window=20, random_state=0).fit(trials)
+    codes = model.transform(trials)
+    assert coded == []
+    assert repr(codes) == "<Sequences: 6 trials, 16 columns>"
+    arrays = list(codes)
+    assert len(coded) == len(codes) == len(trials)
+    assert codes.lengths == [len(array) for array in arrays]
+    np.testing.assert_array_equal(codes[-1], arrays[-1])
+    assert isinstance(codes[1:5:2], Sequences)
+    for some in (codes[1:5:2], codes[:][1:5][::2]):
+        assert some.lengths == codes.lengths[1:5:2]
+        for array, expected in zip(some, arrays[1:5:2]):
+            np.testing.assert_array_equal(array, expected)
+    with pytest.raises(IndexError):
+        codes[6]
+
+
+def test_slices_of_sequences_keep_the_index():
+    trials = pd.Series(make_trials(), index=list("abcdef"))
+    codes = KSVDTransformer(4, 2, window=20, random_state=0).fit_transform(trials)
+    assert codes[2:4].row_index.tolist() == ["c", "d"]
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_cache_changes_nothing_and_codes_a_trial_once(tmp_path, coded, dtype):
+    trials = make_trials(dtype=dtype)
+    plain = KSVDTransformer(4, 2, window=20, random_state=0).fit(trials)
+    expected = list(plain.transform(trials))
+    for memory in (str(tmp_path), joblib.Memory(str(tmp_path), verbose=0)):
+        coded.clear()
+        model = clone(plain).set_params(memory=memory)
+        for codes in (
+            model.fit_transform(trials),
+            model.transform(trials),
+            model.transform(trials[::-1])[::-1],
+            clone(model).fit_transform(trials),
+            pickle.loads(pickle.dumps(model.transform(trials))),
+        ):
+            for got, wanted in zip(codes, expected, strict=True):
+                np.testing.assert_array_equal(got, wanted)
+                assert got.dtype == dtype
+        np.testing.assert_array_equal(model.components_, plain.components_)
+        assert model.n_iter_ == plain.n_iter_
+        assert model.reconstruction_error_ == plain.reconstruction_error_
+        # The second round finds everything: both memories are one folder.
+        assert len(coded) == (len(trials) if isinstance(memory, str) else 0)
+
+
+def test_cached_codes_depend_on_every_parameter(tmp_path, coded):
+    trials = make_trials()
+    model = KSVDTransformer(
+        4, 2, window=20, max_iter=2, memory=str(tmp_path), random_state=0
+    )
+    list(model.fit_transform(trials))
+    for name, value in {
+        "sign": "none",
+        "n_nonzero_coefs": 3,
+        "overlap": 0.25,
+        "remove_mean": False,
+    }.items():
+        coded.clear()
+        changed = clone(model).set_params(**{name: value})
+        expected = clone(changed).set_params(memory=None).fit_transform(trials)
+        for got, wanted in zip(changed.fit_transform(trials), expected):
+            np.testing.assert_array_equal(got, wanted)
+        assert len(coded) == 2 * len(trials)
+
+
+def test_cached_dictionary_depends_on_the_draw(tmp_path):
+    X = np.random.default_rng(0).normal(size=(60, 8))
+
+    def dictionaries(random_state, memory):
+        model = KSVDTransformer(
+            4, 2, max_iter=2, memory=memory, random_state=random_state
+        )
+        return [model.fit(X).components_ for _ in range(3)]
+
+    for memory in (None, str(tmp_path)):
+        first, second, third = dictionaries(None, memory)
+        assert (first != second).any() and (second != third).any()
+    for seed in (1, 1):  # the second time from the cache
+        for got, wanted in zip(
+            dictionaries(np.random.RandomState(seed), str(tmp_path)),
+            dictionaries(np.random.RandomState(seed), None),
+        ):
+            np.testing.assert_array_equal(got, wanted)
+    same, again, _ = dictionaries(0, str(tmp_path))
+    np.testing.assert_array_equal(same, again)
+
+
+class Recorder:
+    """Callback that records finished tasks and may stop the iterations."""
+
+    def __init__(self, stop_after=None):
+        self.tasks = []
+        self.stop_after = stop_after
+
+    def setup(self, estimator, context):
+        self.tasks.append("setup")
+
+    def on_fit_task_begin(self, estimator, context):
+        pass
+
+    def on_fit_task_end(self, estimator, context):
+        self.tasks.append(context.task_name)
+        return context.task_name == f"iteration {self.stop_after}"
+
+    def teardown(self, estimator, context):
+        self.tasks.append("teardown")
+
+
+def test_callbacks_see_every_iteration():
+    X = np.random.default_rng(0).normal(size=(60, 8))
+    plain = KSVDTransformer(4, 2, max_iter=30, random_state=0).fit(X)
+    recorder = Recorder()
+    model = clone(plain).set_callbacks(recorder).fit(X)
+    iterations = [f"iteration {i}" for i in range(1, plain.n_iter_ + 1)]
+    assert recorder.tasks == ["setup", *iterations, "fit", "teardown"]
+    np.testing.assert_array_equal(model.components_, plain.components_)
+    restored = pickle.loads(pickle.dumps(model))
+    np.testing.assert_array_equal(restored.transform(X), plain.transform(X))
+    recorder.tasks.clear()
+    np.testing.assert_array_equal(clone(model).fit_transform(X), plain.transform(X))
+    assert recorder.tasks == ["setup", *iterations, "fit", "teardown"]
+
+
+def test_a_callback_stops_without_spoiling_the_cache(tmp_path):
+    X = np.random.default_rng(0).normal(size=(60, 8))
+    model = KSVDTransformer(4, 2, memory=str(tmp_path), random_state=0)
+    three = KSVDTransformer(4, 2, max_iter=3, random_state=0).fit(X)
+    stopped = clone(model).set_callbacks(Recorder(stop_after=3)).fit(X)
+    assert stopped.n_iter_ == 3
+    np.testing.assert_array_equal(stopped.components_, three.components_)
+    assert model.fit(X).n_iter_ > 3
+    recorder = Recorder()
+    assert clone(model).set_callbacks(recorder).fit(X).n_iter_ == model.n_iter_
+    assert recorder.tasks == ["setup", "fit", "teardown"]  # from the cache
 
 
 def test_errors_name_the_mend():

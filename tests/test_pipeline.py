@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from sklearn import config_context
 from sklearn.base import clone
+from sklearn.callback import ProgressBar
 from sklearn.compose import ColumnTransformer
 from sklearn.feature_selection import VarianceThreshold
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
@@ -19,6 +20,7 @@ from sklearn_haptic import (
     KSVDTransformer,
     STHMPTransformer,
     TemporalMaxPool,
+    _sthmp,
 )
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
@@ -204,6 +206,117 @@ def test_union_memory_and_pickle(corpus, tmp_path):
     np.testing.assert_array_equal(
         loaded.predict_proba(corpus.trials), model.predict_proba(corpus.trials)
     )
+
+
+def electrodes_head(*, memory=None, max_iter=3):
+    return make_pipeline(
+        STHMPTransformer(6, 3, max_iter=max_iter, memory=memory, random_state=0),
+        TemporalMaxPool((4, 2, 1)),
+        StandardScaler(),
+        DistributionalOrdinalRegressor(NNPOM(0), levels=[1, 2, 3, 4, 5]),
+    )
+
+
+def test_search_with_a_cache_codes_a_trial_once_a_dictionary(
+    corpus, tmp_path, monkeypatch
+):
+    chunks, encode = [], _sthmp.encode
+
+    def counting(*args, **params):
+        chunks.append(args)
+        return encode(*args, **params)
+
+    monkeypatch.setattr(_sthmp, "encode", counting)
+    monkeypatch.setattr(_sthmp, "_CHUNK_SIZE", 10**6)
+    results = []
+    for memory in (None, str(tmp_path)):
+        chunks.clear()
+        search = GridSearchCV(
+            electrodes_head(memory=memory),
+            {HEAD + "alpha": [10.0, 100.0, 1000.0]},
+            scoring=neg_rps_scorer,
+            cv=GroupKFold(3),
+            error_score="raise",
+        ).fit(
+            corpus.trials["electrodes"], corpus.ratings["hard"], groups=corpus.objects
+        )
+        results.append(search.cv_results_["mean_test_score"])
+    np.testing.assert_array_equal(*results)
+    # Once over each fold's dictionary, and over that of all trials.
+    assert len(chunks) == (3 + 1) * len(corpus.trials)
+
+
+def test_cache_with_workers(corpus, tmp_path):
+    scores = [
+        cross_validate(
+            electrodes_head(memory=memory),
+            corpus.trials["electrodes"],
+            corpus.ratings["hard"],
+            groups=corpus.objects,
+            cv=GroupKFold(2),
+            scoring=neg_rps_scorer,
+            n_jobs=n_jobs,
+            error_score="raise",
+        )["test_score"]
+        for n_jobs, memory in [(1, None), (2, str(tmp_path)), (1, str(tmp_path))]
+    ]
+    np.testing.assert_allclose(scores[1], scores[0], rtol=1e-12)
+    np.testing.assert_allclose(scores[2], scores[0], rtol=1e-12)
+
+
+class Recorder:
+    """Callback that scikit-learn hands on to steps and candidates."""
+
+    max_propagation_depth = None
+
+    def __init__(self):
+        self.tasks = []
+
+    def setup(self, estimator, context):
+        pass
+
+    def on_fit_task_begin(self, estimator, context):
+        pass
+
+    def on_fit_task_end(self, estimator, context):
+        self.tasks.append((type(estimator).__name__, context.task_name))
+
+    def teardown(self, estimator, context):
+        pass
+
+
+def test_callbacks_reach_the_iterations_from_a_search(corpus):
+    recorder = Recorder()
+    search = GridSearchCV(
+        make_pipeline(
+            KSVDTransformer(8, 3, window=20, max_iter=4, tol=0, random_state=0),
+            TemporalMaxPool((4, 2, 1)),
+            StandardScaler(),
+        ),
+        {"temporalmaxpool__split": ["balanced", "floor"]},
+        scoring=lambda estimator, X, y: 0.0,
+        cv=GroupKFold(3),
+    ).set_callbacks(recorder)
+    search.fit(corpus.trials["pdc"], corpus.ratings["hard"], groups=corpus.objects)
+    iterations = [
+        name for name, task in recorder.tasks if task.startswith("iteration ")
+    ]
+    n_fits = 2 * 3 + 1
+    assert iterations == ["KSVDTransformer"] * (4 * n_fits)
+    assert recorder.tasks.count(("TemporalMaxPool", "fit")) == n_fits
+
+
+def test_progress_bar(corpus, capsys):
+    pytest.importorskip("rich")
+    steps = make_pipeline(
+        STHMPTransformer(6, 3, max_iter=3, random_state=0), TemporalMaxPool((4, 2, 1))
+    )
+    expected = clone(steps).fit_transform(corpus.trials["electrodes"])
+    pooled = steps.set_callbacks(ProgressBar()).fit_transform(
+        corpus.trials["electrodes"]
+    )
+    np.testing.assert_array_equal(pooled, expected)
+    assert "STHMPTransformer" in capsys.readouterr().out
 
 
 def test_real_recordings_through_all_five_sensors(shared_data):

@@ -223,3 +223,33 @@ def test_trials_after_a_table():
     pool = TemporalMaxPool().fit(np.ones((3, 20)))
     with pytest.raises(ValueError, match="collection of trials, but fit was given"):
         pool.transform(sequences())
+
+
+def test_each_sequence_is_asked_for_once():
+    asked = []
+
+    def encode(trial):
+        asked.append(len(trial))
+        return trial
+
+    X = sequences()
+    lazy = Sequences(X, ["a", "b", "c"], encode=encode)
+    pooled = TemporalMaxPool().fit_transform(lazy)
+    assert asked == [len(x) for x in X]
+    np.testing.assert_array_equal(pooled, temporal_max_pool(X))
+
+
+@pytest.mark.parametrize(
+    ("X", "message"),
+    [
+        (sequences((7,)), "Trial 0 of X has 7 time samples, but at least 16"),
+        (sequences((16, 15)), "Trial 1 of X has 15 time samples, but at least 16"),
+        (sequences(n_columns=2), "Trial 0 of X has 2 channels, but 3 channels are"),
+        ([], "X holds no trials"),
+    ],
+)
+def test_bad_sequences_fail_before_they_are_coded(X, message):
+    pool = TemporalMaxPool().fit(sequences())
+    names = ["a", "b", "c"][: X[0].shape[1] if X else 3]
+    with pytest.raises(ValueError, match=message):
+        pool.transform(Sequences(X, names, encode=pytest.fail))

@@ -453,6 +453,26 @@ def test_union_of_dictionaries():
     assert frame.columns.tolist() == union.get_feature_names_out().tolist()
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_cache_changes_nothing(tmp_path, dtype):
+    trials = electrodes((40, 25, 30), dtype=dtype)
+    plain = small().fit(trials[:2])
+    expected = list(plain.transform(trials))
+    for _ in range(2):
+        model = small(memory=str(tmp_path)).fit(trials[:2])
+        np.testing.assert_array_equal(model.components_, plain.components_)
+        for frames, wanted in zip(model.transform(trials), expected, strict=True):
+            np.testing.assert_array_equal(frames, wanted)
+    # Another layout, step or pyramid is another entry.
+    for params in ({"step": 2}, {"spatial_cells": (2, 1)}, {"layout": LAYOUT[::-1]}):
+        params = {"spatial_cells": (2,), **params}
+        cached, fresh = (
+            small(memory=memory, **params).fit_transform(trials)[0]
+            for memory in (str(tmp_path), None)
+        )
+        np.testing.assert_array_equal(cached, fresh)
+
+
 # Errors
 
 
