@@ -1,0 +1,664 @@
+"""What each knob costs and gains, one at a time around a base setting.
+
+    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \
+        python benchmarks/speed_accuracy.py FOLDER [--csv FILE] [--quick] \
+        [--sets synthetic bolt movie phac2] [--knobs atoms "hidden units" …]
+
+FOLDER holds ``bolt_pilot/``, ``movie_ratings/`` and ``phac2_static/``; the synthetic
+set needs none of them. mord comes with this package. About 40 minutes on one core,
+``--quick`` a few; progress goes to stderr, a Markdown table a knob to stdout.
+
+Five folds, objects kept whole, repeated with other folds and seeds. Dictionaries,
+scaling and the penalty ``alpha`` come from the training fold alone. The first value
+of every knob is its reference: it has scores ± standard errors, the others have
+their score and, in brackets, the paired difference to the reference on the same
+folds ± the standard error of that difference, in bold where it exceeds twice that.
+The folds of a cross-validation share training objects, so the standard errors are
+those of Nadeau and Bengio [1]_, which are larger than the naive ones.
+
+Features are standardised, rotated to as many axes as there are trials, which loses
+nothing, and divided by one number, such that the mean squared norm of a training
+trial is 1. So ``alpha`` means the same whatever the number of features; for features
+that are only standardised, multiply it by their number. It is chosen for the base
+setting by grouped cross-validation within each training fold, and every value of a
+knob gets that one; exceptions say "alpha searched".
+
+Seconds are medians over folds: "features" learns dictionaries and codes, scales and
+rotates the training trials, "transform" does the same for the test trials, "fit" and
+"predict" are the head's, an adjective. Memory is the peak that Python and NumPy
+report to tracemalloc, in runs of their own on the first fold: of one sensor's
+features at a time, or of the head, whichever the knob changes.
+
+.. [1] Nadeau, C. & Bengio, Y. (2003). Inference for the generalization error.
+   Machine Learning 52. https://doi.org/10.1023/A:1024068626366
+"""
+
+import argparse
+import csv
+import os
+import sys
+import time
+import tracemalloc
+import warnings
+from functools import cache, cached_property, lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import joblib
+import mord
+import numpy as np
+from real_ratings import movie, phac2
+from sklearn.base import BaseEstimator, clone
+from sklearn.decomposition import PCA
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.model_selection import GridSearchCV, GroupKFold, GroupShuffleSplit
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils.validation import has_fit_parameter
+
+from sklearn_haptic import (
+    NNPOM,
+    PAPER_2020,
+    DistributionalOrdinalRegressor,
+    DummyDistribution,
+    KSVDTransformer,
+    STHMPTransformer,
+    TemporalMaxPool,
+)
+from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.metrics import (
+    earth_movers_distance,
+    log_score,
+    macro_mae_per_trial,
+    neg_rps_scorer,
+    ranked_probability_score,
+)
+
+sys.path.append(str(Path(__file__).parents[1] / "examples"))
+from run_real_recordings import FORCES, SIZES, read
+
+SENSORS = (*SIZES, "electrodes")
+ADJECTIVES = ["hard", "smooth", "springy"]  # whose extreme levels every fold has
+ALPHAS = np.logspace(-2, 2, 9)
+NETWORK_ALPHAS = [0.1, 1, 10, 100]
+REPEATS = {"synthetic": 2, "bolt": 1, "movie": 1, "phac2": 2}
+SECONDS = ["features", "transform", "fit", "predict"]
+SCORES = {
+    "mae_m": macro_mae_per_trial,
+    "emd": earth_movers_distance,
+    "rps": ranked_probability_score,
+    "log": log_score,
+}
+TITLES = ["MAE^M", "EMD", "RPS", "log score"]
+COLUMNS = [
+    *("set", "knob", "value", "repeat", "fold"),
+    *(f"seconds_{stage}" for stage in SECONDS),
+    "memory_mb",
+    *SCORES,
+]
+started = time.perf_counter()
+
+
+def say(text):
+    minutes = (time.perf_counter() - started) / 60
+    print(f"[{minutes:5.1f} min] {text}", file=sys.stderr, flush=True)
+
+
+# ----------------------------------------------------------------------------------
+# Settings: what a value of a knob changes in the features and in the head
+
+
+class Setting(NamedTuple):
+    """A model and its features, as far as they differ from the base."""
+
+    features: dict = {}  # noqa: RUF012
+    model: BaseEstimator = DistributionalOrdinalRegressor(NNPOM(n_hidden=0))
+    alphas: list | str | None = "base"  # the base's, the list to search, the model's
+    unit_norm: bool = True  # or standardised only
+
+
+def features(**changes):
+    """Other features, the base's head."""
+    return Setting(changes)
+
+
+def head(**changes):
+    """The base's features, another head."""
+    return Setting(model=clone(Setting().model).set_params(**changes))
+
+
+def network(**changes):
+    """The base with ten hidden units; alpha is chosen for their number."""
+    return head(estimator=NNPOM(**{"n_hidden": 10, "random_state": 0} | changes))
+
+
+def standardised(setting, alphas):
+    """The same on features that are standardised only."""
+    return setting._replace(alphas=list(alphas), unit_norm=False)
+
+
+def vary(make, name, values):
+    return {str(value): make(**{name: value}) for value in values}
+
+
+BASE = Setting()
+FEATURE_KNOBS = {
+    # First, while the base's codes are still in the cache.
+    "temporal pooling": {
+        " ".join(map(str, cells)): features(cells=cells)
+        for cells in [
+            (16, 8, 4, 2, 1),
+            (1,),
+            (4, 2, 1),
+            (8, 4, 2, 1),
+            (16,),
+            (32, 16, 8, 4, 2, 1),
+        ]
+    },
+    "atoms": {
+        "40, 25, 25, 10, 10": BASE,
+        "half": features(atoms=0.5),
+        "double": features(atoms=2),
+    },
+    "sparsity": vary(features, "n_nonzero_coefs", [4, 1, 2, 8]),
+    "K-SVD iterations": vary(features, "max_iter", [50, 0, 5, 20, 100]),
+    "training windows": vary(
+        features, "max_train_windows", [20_000, 2000, 5000, 50_000]
+    ),
+    "update": vary(features, "update", ["approximate", "exact"]),
+    "precision": vary(features, "dtype", ["float32", "float64"]),
+    "spatial pooling": {
+        " ".join(map(str, cells)): features(spatial_cells=cells)
+        for cells in [(3, 2, 1), (1,), (2, 1), (3,)]
+    },
+    "mean removed": {
+        "pac, electrodes": BASE,
+        "every sensor": features(mean_removed=SENSORS),
+        "none": features(mean_removed=()),
+    },
+    "sensors": {
+        "all": BASE,
+        **{f"{s} alone": features(sensors=(s,)) for s in SENSORS},
+        **{
+            f"without {s}": features(sensors=tuple(t for t in SENSORS if t != s))
+            for s in SENSORS
+        },
+        **{f"best {n}, chosen in training": features(sensors=n) for n in (1, 2, 3, 4)},
+    },
+}
+HEAD_KNOBS = {
+    "n_duplicates": vary(head, "n_duplicates", [15, 3, 5, 50]),
+    "sampling": vary(head, "sampling", ["level", "lattice", "stratified", "random"]),
+    "p_transform": vary(head, "p_transform", ["logit", None]),
+    "balance": vary(head, "balance", [None, "macro"]),
+    "monotone": vary(head, "monotone", [False, True]),
+    "decoding": {
+        "mixture": BASE,
+        "quantile 99, median": head(decode="quantile"),
+        "quantile 99, argmax": head(decode="quantile", rule="argmax"),
+        "quantile 9, median": head(decode="quantile", n_quantiles=9),
+    },
+    "alpha": {
+        "searched": BASE,
+        **{
+            f"{alpha:g}": head(estimator__alpha=alpha)._replace(alphas=None)
+            for alpha in np.logspace(-2, 3, 6)
+        },
+    },
+    "scale of features, alpha searched": {
+        "unit norm": BASE,
+        "standardised": standardised(BASE, np.logspace(1, 5, 9)),
+        "unit norm, quantile decoding": head(decode="quantile"),
+        "standardised, quantile decoding": standardised(
+            head(decode="quantile"), np.logspace(1, 5, 9)
+        ),
+        "unit norm, 10 hidden units": network(),
+        "standardised, 10 hidden units": standardised(network(), np.logspace(1, 4, 4)),
+    },
+    "max_iter": vary(head, "estimator__max_iter", [500, 10, 25, 75, 200]),
+    "tol": vary(head, "estimator__tol", [1e-5, 1e-4, 1e-3, 1e-2]),
+    "solver": vary(head, "estimator__solver", ["lbfgs", "irprop+"]),
+    "hidden units, alpha searched": {
+        "0": BASE,
+        **vary(network, "n_hidden", [1, 5, 10, 20, 30]),
+    },
+    "max_iter, 10 hidden units": vary(network, "max_iter", [500, 25, 75, 200]),
+    "early stopping, 10 hidden units": {
+        "none": network(),
+        **{
+            f"patience {n}": network(early_stopping=True, n_iter_no_change=n)
+            for n in (20, 150)
+        },
+    },
+    "tol, 10 hidden units": vary(network, "tol", [1e-5, 1e-4, 1e-3]),
+    "solver, 10 hidden units": vary(network, "solver", ["lbfgs", "irprop+"]),
+    "model": {
+        "base": BASE,
+        "mord LogisticAT, lattice": head(
+            estimator=mord.LogisticAT(), sampling="lattice"
+        ),
+        "counts, no p, alpha searched": Setting(
+            model=NNPOM(n_hidden=0), alphas=list(ALPHAS)
+        ),
+        "paper's settings": Setting(
+            model=DistributionalOrdinalRegressor(**PAPER_2020, random_state=0),
+            alphas=None,
+            unit_norm=False,
+        ),
+        "marginal": Setting(model=DummyDistribution("marginal"), alphas=None),
+        "W1 barycentre": Setting(model=DummyDistribution("barycentre"), alphas=None),
+    },
+}
+KNOBS = FEATURE_KNOBS | HEAD_KNOBS
+
+
+# ----------------------------------------------------------------------------------
+# Data
+
+
+class Data(NamedTuple):
+    trials: object  # DataFrame, a column a sensor, or a table of features
+    targets: dict  # name -> counts or labels
+    groups: np.ndarray
+    levels: np.ndarray | None
+    scale: BaseEstimator  # what comes before the head
+    title: str
+
+
+def load(name, folder, quick):
+    rotate = make_pipeline(StandardScaler(), PCA())
+    if name == "synthetic":
+        n_objects, n_trials = (15, 3) if quick else (30, 5)
+        corpus = make_haptic_corpus(
+            n_objects, n_trials, procedure="slow_slide", random_state=0
+        )
+        targets = {a: corpus.ratings[a] for a in ADJECTIVES}
+        title = f"{n_objects} objects × {n_trials} slow slides, {len(targets)} ratings"
+        return Data(
+            corpus.trials, targets, corpus.objects, corpus.levels, rotate, title
+        )
+    if name == "bolt":
+        path = folder / "bolt_pilot" / "bolt_pilot_phac2_layout.h5"
+        trials, materials, forces = read(path)
+        title = f"{len(trials)} recorded holds of 5 materials, grip force in 3 levels"
+        return Data(trials["hold"], {"force": forces}, materials, FORCES, rotate, title)
+    X, y, groups, scale, levels = {"movie": movie, "phac2": phac2}[name](folder)
+    if name == "movie":
+        n_films = 500 if quick else 2000
+        drawn = np.random.default_rng(0).choice(len(X), n_films, replace=False)
+        X, y, groups = X[drawn], y[drawn], groups[drawn]
+    title = f"{len(X)} rows, {len(np.unique(groups))} groups"
+    return Data(X, {"rating": y}, groups, levels, scale, title)
+
+
+# ----------------------------------------------------------------------------------
+# Features of one fold
+
+
+class Block(NamedTuple):
+    """Features of the training and the test trials, and what they cost."""
+
+    train: np.ndarray
+    test: np.ndarray
+    seconds: tuple  # for the training and the test trials
+    size: int  # features before the rotation
+
+
+class Timer:
+    """Seconds since the last call."""
+
+    def __init__(self):
+        self.last = time.perf_counter()
+
+    def __call__(self):
+        last, self.last = self.last, time.perf_counter()
+        return self.last - last
+
+
+def make_coder(sensor, atoms=1, spatial_cells=(3, 2, 1), mean_removed=None, **changes):
+    """The sensor's dictionary, ``atoms`` times the paper's size."""
+    mean_removed = ("pac", "electrodes") if mean_removed is None else mean_removed
+    changes["remove_mean"] = sensor in mean_removed
+    if sensor == "electrodes":
+        n_atoms = round(10 * atoms)
+        return STHMPTransformer(n_atoms, spatial_cells=spatial_cells, **changes)
+    window, n_atoms = SIZES[sensor]
+    return KSVDTransformer(round(n_atoms * atoms), window=window, **changes)
+
+
+class Fold:
+    """One split of a set; everything that its settings share is computed once."""
+
+    def __init__(self, data, repeat, fold, train, test):
+        self.data, self.repeat, self.fold = data, repeat, fold
+        self.train, self.test = train, test
+        self._codes = lru_cache(len(SENSORS))(self._codes)
+        self._block = cache(self._block)
+        self._memory = cache(self._memory)
+        self._base_alpha = cache(self._base_alpha)
+        self._results = {}
+
+    def _codes(self, sensor, dtype, changes):
+        """Sequences of codes of a sensor, the paired seconds to make them."""
+        cells = self.data.trials[sensor].map(lambda trial: trial.astype(dtype))
+        coder = make_coder(sensor, **dict(changes)).set_params(random_state=self.repeat)
+        timer = Timer()
+        train = coder.fit(cells.iloc[self.train]).transform(cells.iloc[self.train])
+        seconds = timer()
+        return train, coder.transform(cells.iloc[self.test]), (seconds, timer())
+
+    def _block(self, sensor, cells, dtype, changes):
+        """Pooled, scaled and rotated features of a sensor."""
+        train, test, (before, before_test) = self._codes(sensor, dtype, changes)
+        pool = TemporalMaxPool(cells)
+        timer = Timer()
+        pooled = pool.fit_transform(train)
+        rows = clone(self.data.scale).fit(pooled)
+        A, seconds = rows.transform(pooled), timer()
+        B = rows.transform(pool.transform(test))
+        costs = (before + seconds, before_test + timer())
+        return Block(A, B, costs, pooled.shape[1])
+
+    def sensor_block(self, sensor, *, cells=(16, 8, 4, 2, 1), dtype="float32", **more):
+        # Only what concerns this sensor, so that others come from the cache.
+        if sensor != "electrodes":
+            more.pop("spatial_cells", None)
+        if "mean_removed" in more:
+            removed = sensor in more["mean_removed"]
+            more["mean_removed"] = (sensor,) if removed else ()
+        coder = make_coder(sensor, **more)
+        same = joblib.hash(coder) == joblib.hash(make_coder(sensor))
+        changes = () if same else tuple(more.items())
+        return sensor, cells, dtype, changes
+
+    def table(self, sensors=SENSORS, **changes):
+        """Features of some sensors side by side, or of the tabular set."""
+        if not isinstance(self.data.trials, np.ndarray):
+            blocks = [self._block(*self.sensor_block(s, **changes)) for s in sensors]
+            if len(blocks) == 1:
+                return blocks[0]
+            A = np.hstack([block.train for block in blocks])
+            B = np.hstack([block.test for block in blocks])
+            seconds = np.sum([block.seconds for block in blocks], axis=0)
+            timer = Timer()
+            rotation = PCA().fit(A)
+            A = rotation.transform(A)
+            seconds[0] += timer()
+            B = rotation.transform(B)
+            seconds[1] += timer()
+            return Block(A, B, tuple(seconds), sum(block.size for block in blocks))
+        X = self.data.trials
+        timer = Timer()
+        scale = clone(self.data.scale)
+        A = scale.fit_transform(X[self.train])
+        seconds = timer()
+        return Block(A, scale.transform(X[self.test]), (seconds, timer()), A.shape[1])
+
+    @cached_property
+    def base_table(self):
+        return self.table()
+
+    def block(self, setting):
+        """The features of a setting, at the scale that it asks for."""
+        changes = dict(setting.features)
+        if isinstance(changes.get("sensors"), int):
+            changes["sensors"] = self.sensor_chain[: changes["sensors"]]
+        block = self.table(**changes) if changes else self.base_table
+        if not setting.unit_norm:
+            return block
+        scale = np.sqrt(np.mean(np.sum(block.train**2, axis=1)))
+        return block._replace(train=block.train / scale, test=block.test / scale)
+
+    def features_memory(self, setting):
+        """Largest peak of a sensor's features in MB."""
+        changes = dict(setting.features)
+        sensors = changes.pop("sensors", SENSORS)
+        if isinstance(sensors, int):
+            sensors = self.sensor_chain[:sensors]
+        return max(self._memory(*self.sensor_block(s, **changes)) for s in sensors)
+
+    def _memory(self, *arguments):
+        codes = self._codes
+        self._codes = codes.__wrapped__  # neither the cache's results nor its memory
+        peak = peak_mb(lambda: self._block.__wrapped__(*arguments))
+        self._codes = codes
+        return peak
+
+    def _base_alpha(self, target, n_hidden):
+        """Alpha of the base or, with hidden units, of `network`."""
+        setting = network(n_hidden=n_hidden) if n_hidden else BASE
+        alphas = NETWORK_ALPHAS if n_hidden else ALPHAS
+        return self.search(setting.model, alphas, target, self.block(BASE))
+
+    def search(self, model, alphas, target, block):
+        """Choose alpha by RPS on held-out groups of the training fold."""
+        model = clone(model).set_params(levels=self.data.levels)
+        cv = GroupKFold(4)
+        if hidden_units(model):  # slow: one validation set and fewer iterations
+            model.set_params(estimator__max_iter=100)
+            cv = GroupShuffleSplit(1, test_size=0.25, random_state=self.repeat)
+        search = GridSearchCV(
+            model,
+            {alpha_name(model): list(alphas)},
+            scoring=neg_rps_scorer,
+            cv=cv,
+            refit=False,
+            error_score="raise",
+        )
+        y, groups = self.data.targets[target][self.train], self.data.groups[self.train]
+        return search.fit(block.train, y, groups=groups).best_params_[alpha_name(model)]
+
+    @cached_property
+    def sensor_chain(self):
+        """Sensors in the order of greedy forward selection on the training fold."""
+        chain = []
+        splits = list(
+            GroupKFold(4).split(self.train, groups=self.data.groups[self.train])
+        )
+        while len(chain) < len(SENSORS):
+            scores = {}
+            for sensor in [s for s in SENSORS if s not in chain]:
+                block = self.block(features(sensors=(*chain, sensor)))
+                scores[sensor] = np.mean(
+                    [
+                        self.run(BASE, block._replace(train=A, test=B), target, a, b)[1]
+                        for target in self.data.targets
+                        for a, b in splits
+                        for A, B in [(block.train[a], block.train[b])]
+                    ],
+                    axis=0,
+                )[list(SCORES).index("rps")]
+            chain.append(min(scores, key=scores.get))
+        return tuple(chain)
+
+    def model(self, setting, target, block):
+        model = clone(setting.model).set_params(levels=self.data.levels)
+        if setting.alphas is None:
+            return model
+        if setting.alphas == "base":
+            # The penalty works against weights that sum to n_duplicates.
+            alpha = self._base_alpha(target, hidden_units(model))
+            alpha *= model.n_duplicates / BASE.model.n_duplicates
+        else:
+            alpha = self.search(model, setting.alphas, target, block)
+        return model.set_params(**{alpha_name(model): alpha})
+
+    def run(self, setting, block, target, train=None, test=None):
+        """Seconds to fit and predict, and the scores."""
+        train = self.train if train is None else self.train[train]
+        test = self.test if test is None else self.train[test]
+        model = self.model(setting, target, block)
+        y, levels = self.data.targets[target], self.data.levels
+        keywords = {}
+        if has_fit_parameter(model, "groups"):
+            keywords["groups"] = self.data.groups[train]
+        timer = Timer()
+        model.fit(block.train, y[train], **keywords)
+        seconds = timer()
+        proba = model.predict_proba(block.test)
+        seconds = (seconds, timer())
+        if levels is None:
+            levels = model.levels_
+        return seconds, [
+            score(y[test], proba, levels=levels) for score in SCORES.values()
+        ]
+
+    def evaluate(self, setting):
+        """Seconds of the four stages and the scores, means over the targets."""
+        key = joblib.hash(setting)
+        if key not in self._results:
+            block = self.block(setting)
+            runs = [self.run(setting, block, target) for target in self.data.targets]
+            seconds, scores = (np.mean(values, axis=0) for values in zip(*runs))
+            self._results[key] = [*block.seconds, *seconds], list(scores)
+        return self._results[key]
+
+    def head_memory(self, setting):
+        """Peak of the head's fit and prediction in MB."""
+        target, y = next(iter(self.data.targets.items()))
+        block = self.block(setting)
+        model = self.model(setting, target, block)
+        return peak_mb(
+            lambda: model.fit(block.train, y[self.train]).predict_proba(block.test)
+        )
+
+
+def hidden_units(model):
+    return getattr(getattr(model, "estimator", model), "n_hidden", 0)
+
+
+def alpha_name(model):
+    return "estimator__alpha" if hasattr(model, "estimator") else "alpha"
+
+
+def peak_mb(function):
+    tracemalloc.start()
+    function()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak / 1e6
+
+
+# ----------------------------------------------------------------------------------
+# Tables
+
+
+def folds(data, n_folds, n_repeats):
+    for repeat in range(n_repeats):
+        splits = GroupKFold(n_folds, shuffle=True, random_state=repeat)
+        splits = splits.split(data.groups, groups=data.groups)
+        for fold, (train, test) in enumerate(splits):
+            yield Fold(data, repeat, fold, train, test)
+
+
+def measure(name, data, knobs, n_folds, n_repeats, write):
+    """Rows of every knob, its values and the folds; ``write`` gets each as it comes."""
+    rows = []
+    for fold in folds(data, n_folds, n_repeats):
+        for knob in knobs:
+            for value, setting in KNOBS[knob].items():
+                seconds, scores = fold.evaluate(setting)
+                memory = ""
+                if fold.repeat == fold.fold == 0:
+                    of_features = knob in FEATURE_KNOBS
+                    memory = (
+                        fold.features_memory if of_features else fold.head_memory
+                    )(setting)
+                row = [name, knob, value, fold.repeat, fold.fold]
+                rows.append(dict(zip(COLUMNS, [*row, *seconds, memory, *scores])))
+                write(rows[-1])
+            say(f"{name}, repeat {fold.repeat}, fold {fold.fold}: {knob}")
+    return rows
+
+
+def standard_error(scores, n_folds):
+    """Nadeau and Bengio's, of a mean over folds that share training objects."""
+    test_to_train = 1 / (n_folds - 1)
+    return scores.std(ddof=1) * np.sqrt(1 / len(scores) + test_to_train)
+
+
+def describe(scores, reference, n_folds):
+    """The reference with its standard error, others with the paired difference."""
+    if not np.isfinite(scores).all():
+        return "inf"
+    if scores is reference:
+        return f"{scores.mean():.3f} ± {standard_error(scores, n_folds):.3f}"
+    if not np.isfinite(reference).all():
+        return f"{scores.mean():.3f}"
+    difference = scores - reference
+    error = standard_error(difference, n_folds)
+    text = f"{difference.mean():+.3f} ± {error:.3f}".replace("-", "−")
+    if abs(difference.mean()) > max(2 * error, 0.0005):
+        text = f"**{text}**"
+    return f"{scores.mean():.3f} ({text})"
+
+
+def table(rows, knob, n_folds):
+    """Markdown table of one knob; seconds that do not depend on it are left out."""
+    rows = [row for row in rows if row["knob"] == knob]
+    by_value = {}
+    for row in rows:
+        by_value.setdefault(row["value"], []).append(row)
+
+    def column(value, name):
+        return np.array([row[name] for row in by_value[value]])
+
+    stages = [
+        stage
+        for stage in SECONDS
+        if len({row[f"seconds_{stage}"] for row in rows if row["memory_mb"] != ""}) > 1
+    ]
+    header = [knob, *(f"{stage}, s" for stage in stages), "memory, MB", *TITLES]
+    lines = [header, ["---"] * len(header)]
+    first = next(iter(by_value))
+    reference = {score: column(first, score) for score in SCORES}
+    for value, of_value in by_value.items():
+        seconds = [np.median(column(value, f"seconds_{stage}")) for stage in stages]
+        cells = [
+            value,
+            *(f"{s:.3g}" for s in seconds),
+            f"{of_value[0]['memory_mb']:.3g}",
+        ]
+        for score, of_reference in reference.items():
+            scores = of_reference if value == first else column(value, score)
+            cells.append(describe(scores, of_reference, n_folds))
+        lines.append(cells)
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--sets", nargs="+", default=list(REPEATS), choices=REPEATS)
+    parser.add_argument("--knobs", nargs="+", default=list(KNOBS), choices=KNOBS)
+    parser.add_argument("--repeats", type=int, help="of the five folds")
+    parser.add_argument("--quick", action="store_true", help="small sets, three folds")
+    parser.add_argument("--csv", type=Path, help="file for a row a value and fold")
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore", ConvergenceWarning)
+    warnings.simplefilter("ignore", DeprecationWarning)  # mord 0.7 on SciPy 1.17
+    n_folds = 3 if arguments.quick else 5
+    with open(arguments.csv or os.devnull, "w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+
+        def write(row):
+            writer.writerow(row)
+            file.flush()
+
+        for name in arguments.sets:
+            data = load(name, arguments.folder, arguments.quick)
+            knobs = [
+                knob
+                for knob in arguments.knobs
+                if knob not in FEATURE_KNOBS or not isinstance(data.trials, np.ndarray)
+            ]
+            n_repeats = arguments.repeats or (1 if arguments.quick else REPEATS[name])
+            rows = measure(name, data, knobs, n_folds, n_repeats, write)
+            print(f"\n## {name}: {data.title}, {n_repeats} × {n_folds} folds")
+            for knob in knobs:
+                print(f"\n{table(rows, knob, n_folds)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
