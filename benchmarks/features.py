@@ -1,0 +1,155 @@
+"""Time of the feature transformers by stage, and memory of a whole corpus.
+
+    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/features.py
+
+One Hold trial of the synthetic corpus, medians of interleaved runs: coding alone is
+the pursuit over signals that are ready. Then pipelines over whole corpora of Hold
+trials, each in a process of its own; the peak is the operating system's and includes
+the interpreter and the trials.
+"""
+
+import os
+import platform
+import resource
+import subprocess
+import sys
+import time
+from datetime import date
+
+import joblib
+import numpy as np
+import scipy
+import sklearn
+from sklearn.pipeline import make_pipeline
+
+from sklearn_haptic import KSVDTransformer, STHMPTransformer, TemporalMaxPool
+from sklearn_haptic._ksvd import centre, sliding_windows
+from sklearn_haptic._pooling import temporal_max_pool
+from sklearn_haptic._sparse_coding import batch_omp
+from sklearn_haptic._sthmp import biotac_layout, electrode_images, image_patches
+from sklearn_haptic.datasets import make_haptic_corpus
+
+N_RUNS = 41
+CORPUS_SIZES = [150, 300, 600]
+
+
+def milliseconds(functions):
+    """Median time of each function, run in turns."""
+    times = np.empty((N_RUNS, len(functions)))
+    for run in times:
+        for i, function in enumerate(functions):
+            start = time.perf_counter()
+            function()
+            run[i] = time.perf_counter() - start
+    return 1e3 * np.median(times, axis=0)
+
+
+def stage_row(name, transformer, trial, prepare, observations):
+    """Print the times of a fitted transformer's stages on one trial."""
+    codes = transformer.transform([trial])
+    signals, scale = centre(observations, transformer.remove_mean)
+    atoms, n_coefs = transformer.components_, transformer.n_nonzero_coefs
+    array = codes[0]
+    prepared, coding, encoding, pooling = milliseconds(
+        [
+            lambda: prepare(trial),
+            lambda: batch_omp(signals, atoms, n_coefs, scale=scale),
+            lambda: codes[0],
+            lambda: temporal_max_pool([array]),
+        ]
+    )
+    rest = encoding - prepared - coding
+    cells = [prepared, coding, rest, pooling, encoding + pooling]
+    print(
+        f"| {name}, {trial.dtype} |",
+        " | ".join(f"{cell:.2f}" for cell in cells),
+        f"| {(encoding + pooling) / coding:.2f} |",
+        flush=True,
+    )
+
+
+def stage_table():
+    print("One Hold trial, milliseconds\n")
+    print(
+        "| | images or windows | coding alone | patches, norms, dense codes, spatial "
+        "pooling | temporal pooling | total | total / coding |"
+    )
+    print("|---" * 7 + "|")
+    trials = make_haptic_corpus(5, 2, sensors=["electrodes", "pac"], random_state=0)
+    layout = biotac_layout()
+    for dtype in (np.float32, np.float64):
+        frames = [trial.astype(dtype) for trial in trials.trials["electrodes"]]
+        waves = [trial.astype(dtype) for trial in trials.trials["pac"]]
+        patches = image_patches(electrode_images(frames[0], layout), (3, 3))
+        stage_row(
+            f"ST-HMP, {len(frames[0])} × {frames[0].shape[1]}",
+            STHMPTransformer(random_state=0).fit(frames),
+            frames[0],
+            lambda trial: electrode_images(trial, layout),
+            patches.transpose(3, 4, 1, 2, 0).reshape(9, -1).T,
+        )
+        stage_row(
+            f"K-SVD, 40 atoms, {len(waves[0])} × {waves[0].shape[1]}",
+            KSVDTransformer(40, window=22, random_state=0).fit(waves),
+            waves[0],
+            lambda trial: sliding_windows(trial, 22, 0.5),
+            sliding_windows(waves[0], 22, 0.5).reshape(-1, 22),
+        )
+
+
+def corpus_run(n_trials, dtype):
+    """Print, in a process of its own, one row of the table of corpora."""
+    corpus = make_haptic_corpus(
+        n_trials // 10, 10, sensors=["electrodes"], random_state=0
+    )
+    trials = [trial.astype(dtype) for trial in corpus.trials["electrodes"]]
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    start = time.perf_counter()
+    steps = make_pipeline(STHMPTransformer(random_state=0), TemporalMaxPool())
+    steps.fit(trials)
+    fitted = time.perf_counter()
+    features = steps.transform(trials)
+    ended = time.perf_counter()
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    megabytes = [
+        sum(trial.nbytes for trial in trials) / 1e6,
+        features.nbytes / 1e6,
+        before / 1e3,
+        peak / 1e3,
+    ]
+    print(
+        f"| {n_trials} | {dtype} | {fitted - start:.1f} | {ended - fitted:.1f} | "
+        f"{1e3 * (ended - fitted) / n_trials:.1f} |",
+        " | ".join(f"{each:.0f}" for each in megabytes),
+        "|",
+        flush=True,
+    )
+
+
+def corpus_table():
+    print("\nPipeline of ST-HMP and temporal pooling over Hold trials of electrodes\n")
+    print(
+        "| trials | data type | fit, s | transform, s | transform, ms a trial | "
+        "trials, MB | features, MB | peak before, MB | peak, MB |"
+    )
+    print("|---" * 9 + "|", flush=True)
+    for dtype in ("float32", "float64"):
+        for n_trials in CORPUS_SIZES:
+            subprocess.run([sys.executable, __file__, str(n_trials), dtype], check=True)
+
+
+if __name__ == "__main__":
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        if os.environ.get(variable) != "1":
+            raise SystemExit(f"Set {variable}=1: the tables are for one thread.")
+    if len(sys.argv) > 1:
+        corpus_run(int(sys.argv[1]), sys.argv[2])
+    else:
+        versions = [
+            f"{m.__name__} {m.__version__}" for m in (np, scipy, sklearn, joblib)
+        ]
+        print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores")
+        print(f"Python {platform.python_version()}, {', '.join(versions)}")
+        print(f"{date.today()}\n")
+        stage_table()
+        corpus_table()
