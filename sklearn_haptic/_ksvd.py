@@ -276,8 +276,9 @@ class _UnwrappedSequences:
         -------
         codes : ndarray of shape (n_samples, n_codes) or Sequences
             One row an observation for a table. For trials a sequence of arrays, one
-            a trial, which `set_output` leaves as it is. A trial is coded each time
-            its array is asked for; `list` codes all once and keeps the arrays.
+            a trial, which `set_output` leaves as it is. It refers to the trials and
+            codes one each time its array is asked for, so that the codes of a whole
+            corpus need not fit in memory; `list` codes all and keeps the arrays.
         """
         check_is_fitted(self)
         if self._codes_trials:
@@ -476,8 +477,9 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
         Where to cache the dictionary and the codes of every trial: a folder or a
         :class:`joblib.Memory`. A search over later steps, or scoring after `fit`,
         then learns and codes nothing twice; results are the same, bit for bit.
-        Give `random_state` an int, and clear the cache after an upgrade. By
-        default nothing is cached.
+        Give `random_state` an int, and clear the cache after an upgrade. An entry
+        holds the codes of one trial over one dictionary, uncompressed. By default
+        nothing is cached.
     random_state : int, RandomState instance or None, default=None
         Draws the training observations, the initial atoms and the order of
         updates.

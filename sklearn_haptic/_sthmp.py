@@ -292,8 +292,9 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         Where to cache the dictionary and the frames of every trial: a folder or a
         :class:`joblib.Memory`. A search over later steps, or scoring after `fit`,
         then learns and codes nothing twice; results are the same, bit for bit.
-        Give `random_state` an int, and clear the cache after an upgrade. By
-        default nothing is cached.
+        Give `random_state` an int, and clear the cache after an upgrade. An entry
+        holds the frames of one trial over one dictionary, uncompressed. By default
+        nothing is cached.
     random_state : int, RandomState instance or None, default=None
         Draws the training patches, the initial atoms and the order of updates.
 

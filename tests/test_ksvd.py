@@ -15,7 +15,7 @@ from sklearn.decomposition import SparseCoder
 from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import _ksvd
-from sklearn_haptic._ksvd import KSVDTransformer
+from sklearn_haptic._ksvd import KSVDTransformer, draw_observations
 from sklearn_haptic._pooling import TemporalMaxPool
 from sklearn_haptic._validation import Sequences
 
@@ -201,6 +201,16 @@ def test_training_windows_are_subsampled():
     ]
     np.testing.assert_array_equal(everything[0].components_, everything[1].components_)
     assert few.reconstruction_error_ != everything[0].reconstruction_error_
+
+
+@pytest.mark.parametrize("limit", [1, 7, 29, 30, None])
+def test_observations_are_drawn_without_replacement(limit):
+    trials = [np.arange(10), np.arange(10, 15), np.arange(15, 30)]
+    drawn = draw_observations(
+        trials, [10, 5, 15], limit, np.ndarray.take, np.random.RandomState(0)
+    )
+    assert len(drawn) == (limit or 30)
+    assert (np.diff(drawn) > 0).all() and drawn[0] >= 0 and drawn[-1] < 30
 
 
 def test_feature_names():

@@ -392,6 +392,19 @@ def test_table_is_coded_as_by_ksvd():
     np.testing.assert_array_equal(codes, ksvd.fit_transform(X))
 
 
+@pytest.mark.parametrize("limit", [50, None])
+def test_dictionary_is_learned_from_patches(limit):
+    trials = electrodes()
+    patches = [
+        image_patches(electrode_images(trial, LAYOUT), (3, 3)) for trial in trials
+    ]
+    table = np.concatenate([each.reshape(-1, 9) for each in patches])
+    params = {"n_atoms": 6, "max_iter": 3, "max_train_windows": limit}
+    expected = KSVDTransformer(**params, random_state=0).fit(table)
+    components = small(**params).fit(trials).components_
+    np.testing.assert_allclose(components, expected.components_, atol=1e-10)
+
+
 @pytest.mark.parametrize("step", [1, 2])
 def test_more_steps_and_rectangles_compose(step):
     estimator = small(patch_size=[4, 2], step=step, spatial_cells=(2,))
