@@ -74,24 +74,23 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
     directions = directions.astype(work_dtype)
 
     support = np.zeros((n_slots, len(signals)), dtype=np.intp)
-    coefs = np.zeros((n_slots, len(signals)), dtype=signals.dtype)
+    coefs = np.zeros((n_slots, len(signals)), dtype=work_dtype)
     chunk_size = min(_CHUNK_SIZE, len(signals))
     buffers = np.empty((n_slots + 1, len(atoms), chunk_size), dtype=work_dtype)
+    pairs = _pairs_of_columns(gram) if gram.size <= chunk_size else None
     for start in range(0, len(signals), _CHUNK_SIZE):
         chunk = slice(start, start + _CHUNK_SIZE)
-        columns, units = _normalise(signals[chunk].astype(work_dtype, copy=False))
-        work = buffers[..., : columns.shape[1]]
-        np.matmul(directions, columns, out=work[0])
-        if scale is None:
-            magnitude = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-        else:
-            with np.errstate(over="ignore"):
-                magnitude = scale[chunk] / units
-        support[:, chunk], pursued = _pursue(
-            work, gram, magnitude * rounding_level(signals.dtype)
-        )
-        coefs[:, chunk] = pursued / norms[support[:, chunk]] * units
-    return support, coefs
+        rows, magnitudes, units = _scaled(signals[chunk].astype(work_dtype, copy=False))
+        work = buffers[..., : len(rows)]
+        np.matmul(directions, rows.T, out=work[0])
+        with np.errstate(over="ignore"):
+            if scale is not None:
+                magnitudes = scale[chunk] / units
+            thresholds = magnitudes * rounding_level(signals.dtype)
+            thresholds = thresholds.astype(work_dtype, copy=False)
+        _pursue(work, gram, pairs, thresholds, support[:, chunk], coefs[:, chunk])
+        coefs[:, chunk] *= units / norms.take(support[:, chunk])
+    return support, coefs.astype(signals.dtype, copy=False)
 
 
 def dense_codes(support, coefs, n_atoms, *, sign="none"):
@@ -138,8 +137,8 @@ def row_norms(signals):
     norms : ndarray of shape (n_signals,)
         Their norms.
     """
-    columns, units = _normalise(signals.astype(np.float64, copy=False))
-    return np.sqrt(np.einsum("ij,ij->j", columns, columns)) * units
+    _, norms, units = _scaled(signals.astype(np.float64, copy=False))
+    return norms * units
 
 
 def rounding_level(dtype):
@@ -153,19 +152,25 @@ def unit_rows(rows):
     return (rows / np.where(norms > 0, norms, 1)).astype(rows.dtype, copy=False)
 
 
-def _normalise(signals):
-    """Transpose signals and divide each by a power of two that brings it near 1."""
-    columns = signals.T.copy()
+def _scaled(signals):
+    """Divide signals by powers of two where squares might leave the floating range.
+
+    Returns the signals, their norms and the powers, which are 1 in the usual range.
+    """
     limits = np.finfo(signals.dtype)
-    _, exponents = np.frexp(np.maximum(columns.max(axis=0), -columns.min(axis=0)))
-    # Both the power and its reciprocal are finite.
-    exponents = np.clip(exponents, limits.minexp, limits.maxexp - 1)
-    units = np.ldexp(signals.dtype.type(1), exponents)
-    columns *= 1 / units
-    return columns, units
+    squares = np.einsum("ij,ij->i", signals, signals)
+    smallest = 2.0 ** (limits.minexp // 2)
+    units = signals.dtype.type(1)
+    if not ((squares > smallest) & (squares < 1 / smallest)).all():
+        _, exponents = np.frexp(np.abs(signals).max(axis=1))
+        # Both the power and its reciprocal are finite.
+        units = np.ldexp(units, np.clip(exponents, limits.minexp, limits.maxexp - 1))
+        signals = signals * (1 / units)[:, None]
+        squares = np.einsum("ij,ij->i", signals, signals)
+    return signals, np.sqrt(squares), units
 
 
-def _pursue(buffers, gram, thresholds):
+def _pursue(buffers, gram, pairs, thresholds, support, coefs):
     """Run the pursuit in Gram space, all signals in step.
 
     Gram–Schmidt orthogonalises each atom taken against those before it, so the
@@ -178,49 +183,43 @@ def _pursue(buffers, gram, thresholds):
         overwritten.
     gram : ndarray of shape (n_atoms, n_atoms)
         Products of the atoms with each other.
+    pairs : ndarray of shape (n_atoms, n_atoms ** 2, 2) or None
+        :func:`_pairs_of_columns` of `gram`, or None to do without.
     thresholds : ndarray of shape (n_signals,)
         Correlations up to these are noise.
-
-    Returns
-    -------
     support, coefs : ndarray of shape (n_slots, n_signals)
+        Overwritten by the codes.
     """
     correlations, work, *directions = buffers
-    n_slots, n_signals = len(buffers) - 1, len(thresholds)
-    dtype = correlations.dtype
-    smallest_pivot = rounding_level(dtype)
+    n_slots, n_signals = coefs.shape
+    smallest_pivot = rounding_level(gram.dtype)
     each = np.arange(n_signals)
     active = np.ones(n_signals, dtype=bool)
-    support = np.zeros((n_slots, n_signals), dtype=np.intp)
-    coefs = np.zeros((n_slots, n_signals), dtype=dtype)
     # factor[k, i]: multiple of orthogonal direction i contained in atom k.
-    factor = np.zeros((n_slots, n_slots, n_signals), dtype=dtype)
-    pivots = np.ones((n_slots, n_signals), dtype=dtype)
+    factor = np.empty((n_slots, n_slots, n_signals), dtype=gram.dtype)
+    pivots = np.ones((n_slots, n_signals), dtype=gram.dtype)
 
-    for k in range(n_slots):
-        atom, peak = _argmax(np.abs(correlations, out=work))
+    for k, (atom, coef, pivot) in enumerate(zip(support, coefs, pivots)):
+        atom[:], peak = _argmax(np.abs(correlations, out=work))
         here = atom * n_signals + each  # positions of the atoms taken, flattened
-        pivot = gram.diagonal()[atom]
         for i in range(k):
             along = directions[i].take(here)
-            factor[k, i] = along / pivots[i]
+            np.divide(along, pivots[i], out=factor[k, i])
             pivot -= along * factor[k, i]
+        coef[:] = correlations.take(here)
         active &= (peak > thresholds) & (pivot > smallest_pivot)
-        if not active.any():
-            break
-        pivots[k] = np.where(active, pivot, 1)
-        support[k] = np.where(active, atom, 0)
-        coefs[k] = np.where(active, correlations.take(here) / pivots[k], 0)
+        if not active.all():
+            atom[~active], coef[~active], pivot[~active] = 0, 0, 1
+        coef /= pivot
         if k < n_slots - 1:
-            np.take(gram, atom, axis=1, out=directions[k], mode="clip")
+            _take_columns(gram, pairs, atom, out=directions[k])
             for i in range(k):
                 directions[k] -= np.multiply(directions[i], factor[k, i], out=work)
-            correlations -= np.multiply(directions[k], coefs[k], out=work)
+            correlations -= np.multiply(directions[k], coef, out=work)
 
     for k in reversed(range(n_slots)):  # coefficients of directions, then of atoms
         for i in range(k):
             coefs[i] -= factor[k, i] * coefs[k]
-    return support, coefs
 
 
 def _argmax(values):
@@ -231,5 +230,26 @@ def _argmax(values):
     n_rows = len(values)
     peak = values.max(axis=0)
     countdown = np.arange(n_rows, 0, -1, dtype=np.min_scalar_type(n_rows))
-    highest = (countdown[:, None] * (values == peak)).max(axis=0)
+    highest = (countdown[:, None] * (values == peak).view(np.uint8)).max(axis=0)
     return n_rows - highest.astype(np.intp), peak
+
+
+def _pairs_of_columns(gram):
+    """Return columns a and b side by side, for all a and b, at a * n_atoms + b."""
+    n_atoms = len(gram)
+    pairs = np.empty((n_atoms, n_atoms, n_atoms, 2), dtype=gram.dtype)
+    pairs[..., 0] = gram[:, :, None]
+    pairs[..., 1] = gram[:, None, :]
+    return pairs.reshape(n_atoms, n_atoms**2, 2)
+
+
+def _take_columns(gram, pairs, atoms, out):
+    """Take a column of the Gram matrix a signal; in pairs it takes half the time."""
+    if pairs is None:
+        np.take(gram, atoms, axis=1, out=out, mode="clip")
+        return
+    n_atoms, n_pairs = len(gram), len(atoms) // 2
+    here = atoms[: 2 * n_pairs : 2] * n_atoms + atoms[1::2]
+    paired = out[:, : 2 * n_pairs].reshape(n_atoms, n_pairs, 2)
+    np.take(pairs, here, axis=1, out=paired, mode="clip")
+    out[:, -1] = gram[:, atoms[-1]]  # the odd one, if there is one
