@@ -387,7 +387,7 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         proba : ndarray of shape (n_trials, n_levels)
             Rows sum to 1; columns as in ``levels_``.
         """
-        return self._proba(self.predict_latent(X))
+        return np.ascontiguousarray(self._proba(self.predict_latent(X)))
 
     def predict_proba_with_positions(self, X, positions):
         """Predict for each trial at each position, sharing the trial's features.
@@ -403,10 +403,25 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         -------
         proba : ndarray of shape (n_trials, n_positions, n_levels)
         """
-        positions = np.broadcast_to(positions, (len(X), len(positions)))
+        return self._proba(self.predict_latent_with_positions(X, positions))
+
+    def predict_latent_with_positions(self, X, positions):
+        """Predict the latent response of each trial at each position.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n_trials, n_features)
+            Validated features, without the position.
+        positions : ndarray of shape (n_positions,)
+            The last feature.
+
+        Returns
+        -------
+        latent : ndarray of shape (n_trials, n_positions)
+            What `thresholds_` cut into levels.
+        """
         weights = self.coefs_[0], self.intercepts_, self._output
-        latent, _ = forward(X, positions, *weights)
-        return self._proba(latent)
+        return forward(X, positions[None], *weights)[0]
 
     def predict(self, X):
         """Predict the most probable level.
@@ -463,8 +478,9 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         return self.coefs_[1] if len(self.coefs_) > 1 else self.intercepts_
 
     def _proba(self, latent):
+        present = level_probabilities(latent, self._present_thresholds)
+        if len(self._present) == len(self.levels_):
+            return present
         proba = np.zeros((*latent.shape, len(self.levels_)))
-        proba[..., self._present] = level_probabilities(
-            latent, self._present_thresholds
-        )
+        proba[..., self._present] = present
         return proba

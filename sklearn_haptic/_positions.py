@@ -4,6 +4,8 @@ Every rating of an object is a stretch of its population; a position p in (0, 1)
 one of its people, lowest ratings first.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 from .ratings import _level_index
@@ -69,10 +71,64 @@ def _level_nodes(counts, n_duplicates):
     return np.clip(positions, tiny, 1 - tiny), level, weight
 
 
+def share_below(latent, thresholds, inputs, to_position):
+    """Share of the population whose latent response is at most each threshold.
+
+    The response is taken as linear between the inputs given, so that of a linear
+    model is exact but for the population beyond the outer inputs, of which all is
+    taken to be like them.
+
+    Parameters
+    ----------
+    latent : ndarray of shape (n_trials, n_inputs)
+        The response at each input.
+    thresholds : ndarray of shape (n_levels - 1,)
+        Increasing thresholds, possibly infinite.
+    inputs : ndarray of shape (n_inputs,)
+        Increasing functions of the position, such as its log-odds.
+    to_position : callable
+        Gives the positions in the population, from 0 to 1, of inputs.
+
+    Returns
+    -------
+    share : ndarray of shape (n_trials, n_levels - 1)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic._positions import share_below
+    >>> latent = np.array([[-1.0, 1.0, 3.0]])
+    >>> share_below(latent, np.array([0.0, 2.0]), np.linspace(0, 1, 3), np.positive)
+    array([[0.25, 0.75]])
+    """
+    excess = latent - thresholds[:, None, None]
+    below = excess <= 0
+    share = below[:, :, -1].astype(np.float64)
+    crossing = np.nonzero(below[:, :, 1:] != below[:, :, :-1])
+    left, right = excess[:, :, :-1][crossing], excess[:, :, 1:][crossing]
+    j = crossing[2]
+    crossed = inputs[j] + (inputs[j + 1] - inputs[j]) * left / (left - right)
+    np.add.at(share, crossing[:2], np.where(left <= 0, 1, -1) * to_position(crossed))
+    return share.T
+
+
 def unit_gauss_legendre(n_nodes):
     """Nodes and weights of Gauss–Legendre quadrature on (0, 1)."""
     nodes, weight = np.polynomial.legendre.leggauss(n_nodes)
     return (nodes + 1) / 2, weight / 2
+
+
+@lru_cache
+def population_quadrature(n_nodes):
+    """Nodes and weights for averages over the population.
+
+    Gauss–Legendre quadrature in q with p = q² (3 - 2q), whose nodes crowd at both
+    ends, where functions of the log-odds of p are hard to integrate.
+    """
+    q, weight = unit_gauss_legendre(n_nodes)
+    nodes, weight = q**2 * (3 - 2 * q), 6 * q * (1 - q) * weight
+    nodes.flags.writeable = weight.flags.writeable = False  # one pair for all callers
+    return nodes, weight
 
 
 def quantile_grid(n_quantiles):

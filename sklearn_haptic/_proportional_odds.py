@@ -22,6 +22,8 @@ from scipy.special import expit, log_expit
 
 # Second derivative of -log P in the latent response, where ratings are uncertain.
 _TYPICAL_CURVATURE = 0.2
+# Odds beyond its exponential, and their reciprocals, are not normal numbers.
+_LARGEST_EXPONENT = 709.0
 
 
 def softplus(x):
@@ -79,14 +81,16 @@ def ordinal_loss(latent, level, weight, first, gap_logits):
 
 def level_probabilities(latent, thresholds):
     """Return P(level) as products of positive factors, on a new last axis."""
-    edge = np.asarray(latent)[..., None] - thresholds
-    one = np.ones((*edge.shape[:-1], 1))
-    at_or_below = np.concatenate((expit(-edge), one), axis=-1)
-    at_or_above = np.concatenate((one, expit(edge)), axis=-1)
-    inside = np.ones(len(thresholds) + 1)
-    inside[1:-1] = -np.expm1(-np.diff(thresholds))
-    proba = at_or_below * at_or_above * inside
-    return proba / proba.sum(axis=-1, keepdims=True)
+    # Levels come first until the end, so that every operation is contiguous.
+    shape = (-1,) + (1,) * np.ndim(latent)
+    odds = np.exp(np.minimum(latent - thresholds.reshape(shape), _LARGEST_EXPONENT))
+    at_or_below = 1 / (1 + odds)
+    proba = np.ones((len(thresholds) + 1, *np.shape(latent)))
+    proba[:-1] = at_or_below
+    proba[1:] *= odds * at_or_below
+    proba[1:-1] *= -np.expm1(-np.diff(thresholds)).reshape(shape)
+    proba /= proba.sum(axis=0)
+    return np.moveaxis(proba, 0, -1)
 
 
 # Network --------------------------------------------------------------------
@@ -105,12 +109,20 @@ def unpack(params, n_inputs, n_hidden):
         The first threshold.
     gap_logits : ndarray of shape (n_levels - 2,)
     """
-    if n_hidden == 0:
-        coef, empty, rest = params[:n_inputs], params[:0], params[n_inputs:]
-        return coef, empty, empty, rest[:1], rest[1:]
-    ends = np.cumsum([n_inputs * n_hidden, n_hidden, n_hidden, 1])
-    coef, bias, output, first, gap_logits = np.split(params, ends)
-    return coef.reshape(n_inputs, n_hidden), bias, output, first, gap_logits
+    n_weights = n_inputs * max(n_hidden, 1)
+    coef, bias, output = params[:n_weights], params[:0], params[:0]
+    if n_hidden:
+        coef = coef.reshape(n_inputs, n_hidden)
+        bias = params[n_weights : n_weights + n_hidden]
+        output = params[n_weights + n_hidden : n_weights + 2 * n_hidden]
+    n_weights += 2 * n_hidden
+    return (
+        coef,
+        bias,
+        output,
+        params[n_weights : n_weights + 1],
+        params[n_weights + 1 :],
+    )
 
 
 def forward(X, positions, coef, bias, output):

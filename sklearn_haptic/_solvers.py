@@ -71,7 +71,6 @@ def lbfgs(fun, x0, *, bounds, max_iter, tol, callback):
         options={
             "maxiter": max_iter,
             "maxfun": 20 * max_iter,
-            "maxcor": 30,
             "gtol": tol,
             "ftol": np.finfo(float).eps,
         },

@@ -7,7 +7,7 @@ import mord
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.special import logit
+from scipy.special import expit, logit
 from sklearn.base import clone
 from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestClassifier
 from sklearn.linear_model import LogisticRegression, Ridge, RidgeClassifier
@@ -24,7 +24,9 @@ from sklearn_haptic import (
 )
 from sklearn_haptic._distributional import decide
 from sklearn_haptic._positions import (
+    population_quadrature,
     quantile_grid,
+    share_below,
     training_observations,
     unit_gauss_legendre,
 )
@@ -192,9 +194,9 @@ def test_both_decodings_come_from_one_fit():
 
     exact = [[mixture_cdf(x, k) for k in range(4)] for x in X[:5]]
     np.testing.assert_allclose(model.predict_cdf(X[:5])[:, :4], exact, atol=1e-4)
-    model.set_params(decode="quantile", n_quantiles=9999)
+    model.set_params(decode="quantile")
     closed_form = 1 / (1 + np.exp((X[:5] @ w[:, None] - cuts) / v))
-    np.testing.assert_allclose(model.predict_cdf(X[:5])[:, :4], closed_form, atol=2e-4)
+    np.testing.assert_allclose(model.predict_cdf(X[:5])[:, :4], closed_form, atol=1e-5)
 
 
 def test_shared_path_equals_repeated_rows():
@@ -228,6 +230,34 @@ def test_grids():
     np.testing.assert_allclose(quantile_grid(99), np.arange(1, 100) / 100, rtol=1e-15)
     nodes, weight = unit_gauss_legendre(4)
     assert weight @ nodes**7 == pytest.approx(1 / 8)
+
+
+@pytest.mark.parametrize(
+    ("slope", "error"), [(0.3, 1e-5), (1, 5e-5), (2, 2e-4), (4, 2e-3)]
+)
+def test_quadrature_over_the_population(slope, error):
+    """Against adaptive quadrature, and far below the error of the 99-point grid."""
+    nodes, weight = population_quadrature(16)
+
+    def share(p, cut):
+        return expit(cut - slope * logit(p))
+
+    for cut in (-6, -1, 0.3, 2, 8):
+        exact = quad(share, 0, 1, args=(cut,), epsabs=1e-9)[0]
+        assert abs(weight @ share(nodes, cut) - exact) < error
+
+
+def test_share_below_of_a_response_that_falls_and_rises():
+    """Against counting a million positions."""
+    inputs = np.linspace(0, 1, 33)
+    rng = np.random.default_rng(0)
+    latent = np.cumsum(rng.normal(size=(5, 33)), axis=1)
+    thresholds = np.array([-np.inf, -1.0, 0.5, 0.5, 2.0])
+    dense = (np.arange(1_000_000) + 0.5) / 1_000_000
+    for row, share in zip(latent, share_below(latent, thresholds, inputs, np.positive)):
+        response = np.interp(dense, inputs, row)
+        expected = [np.mean(response <= cut) for cut in thresholds]
+        np.testing.assert_allclose(share, expected, atol=1e-5)
 
 
 def test_search_by_object_with_two_dimensional_target():
