@@ -23,8 +23,8 @@ _BIOTAC_ROWS = [
     [[5], [18], [15]],
     [[6], [19], [16]],
 ]
-# Patches coded at a time: their codes stay in the cache until they are pooled.
-_CHUNK_SIZE = 4096
+# Most patches coded at a time: their codes stay in the cache until they are pooled.
+_CHUNK_SIZE = 8192
 
 
 def biotac_layout():
@@ -137,15 +137,17 @@ def spatial_max_pool(codes, cells):
     >>> spatial_max_pool(np.arange(6).reshape(2, 3, 1, 1), (2, 1)).ravel()
     array([0, 2, 3, 5, 5])
     """
-    n_rows, n_columns = codes.shape[:2]
-    return np.stack(
-        [
-            codes[top:bottom, left:right].max(axis=(0, 1))
-            for n in cells
-            for top, bottom in _cell_bounds(n_rows, n)
-            for left, right in _cell_bounds(n_columns, n)
-        ]
-    )
+    n_rows, n_columns, n_codes, n_times = codes.shape
+    regions = [
+        codes[top:bottom, left:right]
+        for n in cells
+        for top, bottom in _cell_bounds(n_rows, n)
+        for left, right in _cell_bounds(n_columns, n)
+    ]
+    pooled = np.empty((len(regions), n_codes, n_times), dtype=codes.dtype)
+    for region, out in zip(regions, pooled):
+        np.maximum.reduce(region, axis=(0, 1), out=out)
+    return pooled
 
 
 def _cell_bounds(n_items, n_cells):
@@ -222,23 +224,22 @@ def encode_frames(
     """
     images = trial if layout is None else electrode_images(trial, layout)
     patches = image_patches(images, patch_size, step)
-    n_times, n_rows, n_columns = patches.shape[:3]
+    n_rows, n_columns = patches.shape[1:3]
     n_pixels = atoms.shape[1]
     # The authors divide codes by the root of n_pixels before they normalise, which
     # cancels but for the weight of the term that avoids 0 / 0.
     eps = 2.0**-52 * n_pixels**0.5
-    n_frames = max(1, _CHUNK_SIZE // (n_rows * n_columns))
+    n_chunks = -(-len(trial) * n_rows * n_columns // _CHUNK_SIZE)
     frames = []
-    for start in range(0, n_times, n_frames):
+    for chunk in np.array_split(patches, min(n_chunks, len(trial))):
         # Time last, so that every operation runs over contiguous memory.
-        chunk = np.moveaxis(patches[start : start + n_frames], 0, -1)
-        by_pixel = chunk.transpose(2, 3, 0, 1, 4).reshape(n_pixels, -1)
+        by_pixel = chunk.transpose(3, 4, 1, 2, 0).reshape(n_pixels, -1)
         codes = encode(
             by_pixel.T, atoms, n_nonzero_coefs, remove_mean=remove_mean, sign=sign
         )
-        by_time = codes.reshape(n_rows, n_columns, chunk.shape[-1], -1).swapaxes(2, 3)
+        by_time = codes.reshape(n_rows, n_columns, len(chunk), -1).swapaxes(2, 3)
         pooled = spatial_max_pool(np.ascontiguousarray(by_time), spatial_cells)
-        frames.append(normalise_frames(pooled.reshape(-1, chunk.shape[-1]).T, eps).T)
+        frames.append(normalise_frames(pooled.reshape(-1, len(chunk)).T, eps).T)
     return np.concatenate(frames, axis=1).T
 
 
