@@ -4,6 +4,7 @@ Signals and atoms are rows.
 """
 
 import numpy as np
+from scipy.linalg import get_blas_funcs
 
 from ._sparse_coding import batch_omp, dense_codes, rounding_level, row_norms, unit_rows
 
@@ -87,12 +88,13 @@ def ksvd(
     signals = np.ldexp(signals, -exponent)
     scale = None if scale is None else np.ldexp(scale, -exponent)
     atoms = atoms.astype(signals.dtype)
+    informative = _informative(signals, scale)
     errors = []
     for _ in range(max_iter):
         support, coefs = batch_omp(signals, atoms, n_nonzero_coefs, scale=scale)
         residual = signals - dense_codes(support, coefs, len(atoms)) @ atoms
         users = _users_of_atoms(support, coefs, len(atoms))
-        available = _informative(signals, scale)
+        available = informative.copy()
         replaced = set()
         for j in rng.permutation(len(atoms)):
             if len(users[j]):
@@ -157,18 +159,22 @@ def _users_of_atoms(support, coefs, n_atoms):
 
 def _update_atom(atoms, j, coefs, users, residual, update):
     """Fit atom `j` and its coefficients, in place, to what the others leave."""
+    (add_outer,) = get_blas_funcs(("ger",), (residual,))
     rows = users % len(residual)
     gains = coefs.reshape(-1)[users]
-    rest = residual[rows] + np.outer(gains, atoms[j])
-    atom = unit_rows(
-        (_leading_direction(rest) if update == "exact" else gains @ rest)[None]
-    )[0]
-    if not atom.any():
+    rest = residual.take(rows, axis=0)
+    add_outer(1, atoms[j], gains, a=rest.T, overwrite_a=True)
+    direction = _leading_direction(rest) if update == "exact" else gains @ rest
+    largest = np.abs(direction).max()
+    if largest == 0:
         return
+    atom = direction / largest
+    atom /= np.linalg.norm(atom)
     gains = rest @ atom
+    add_outer(-1, atom, gains, a=rest.T, overwrite_a=True)
     atoms[j] = atom
     coefs.reshape(-1)[users] = gains
-    residual[rows] = rest - np.outer(gains, atom)
+    residual[rows] = rest
 
 
 def _leading_direction(rows):

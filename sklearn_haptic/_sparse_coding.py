@@ -7,7 +7,8 @@ of atoms with signals and with each other, never on the signals themselves.
 
 import numpy as np
 
-# Signals coded at a time: the working arrays of one chunk stay in the cache.
+# Signals coded at a time, at least, where there are as many: NumPy broadcasts rows
+# as long as its buffer, or longer, without copying them.
 _CHUNK_SIZE = 8192
 # Dictionaries with a larger |cosine| between atoms are worked in double precision:
 # the pursuit loses as many digits as the Gram matrix is ill-conditioned.
@@ -75,11 +76,12 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
 
     support = np.zeros((n_slots, len(signals)), dtype=np.intp)
     coefs = np.zeros((n_slots, len(signals)), dtype=work_dtype)
-    chunk_size = min(_CHUNK_SIZE, len(signals))
+    n_chunks = max(1, len(signals) // _CHUNK_SIZE)
+    chunk_size = -(-len(signals) // n_chunks)
     buffers = np.empty((n_slots + 1, len(atoms), chunk_size), dtype=work_dtype)
     pairs = _pairs_of_columns(gram) if gram.size <= chunk_size else None
-    for start in range(0, len(signals), _CHUNK_SIZE):
-        chunk = slice(start, start + _CHUNK_SIZE)
+    for i in range(n_chunks):
+        chunk = slice(i * chunk_size, (i + 1) * chunk_size)
         rows, magnitudes, units = _scaled(signals[chunk].astype(work_dtype, copy=False))
         work = buffers[..., : len(rows)]
         np.matmul(directions, rows.T, out=work[0])
@@ -201,12 +203,14 @@ def _pursue(buffers, gram, pairs, thresholds, support, coefs):
 
     for k, (atom, coef, pivot) in enumerate(zip(support, coefs, pivots)):
         atom[:], peak = _argmax(np.abs(correlations, out=work))
-        here = atom * n_signals + each  # positions of the atoms taken, flattened
+        along = []  # products of the atoms with the orthogonal directions
         for i in range(k):
-            along = directions[i].take(here)
-            np.divide(along, pivots[i], out=factor[k, i])
-            pivot -= along * factor[k, i]
-        coef[:] = correlations.take(here)
+            along.append(gram.take(support[i] * len(gram) + atom))
+            for j in range(i):
+                along[i] -= along[j] * factor[i, j]
+            np.divide(along[i], pivots[i], out=factor[k, i])
+            pivot -= along[i] * factor[k, i]
+        coef[:] = correlations.take(atom * n_signals + each)
         active &= (peak > thresholds) & (pivot > smallest_pivot)
         if not active.all():
             atom[~active], coef[~active], pivot[~active] = 0, 0, 1
@@ -230,7 +234,8 @@ def _argmax(values):
     n_rows = len(values)
     peak = values.max(axis=0)
     countdown = np.arange(n_rows, 0, -1, dtype=np.min_scalar_type(n_rows))
-    highest = (countdown[:, None] * (values == peak).view(np.uint8)).max(axis=0)
+    at_peak = (values == peak).view(np.uint8)
+    highest = (at_peak * countdown[:, None]).max(axis=0)
     return n_rows - highest.astype(np.intp), peak
 
 
