@@ -23,11 +23,12 @@ that are only standardised, multiply it by their number. It is chosen for the ba
 setting by grouped cross-validation within each training fold, and every value of a
 knob gets that one; exceptions say "alpha searched".
 
-Seconds are medians over folds: "features" learns dictionaries and codes, scales and
-rotates the training trials, "transform" does the same for the test trials, "fit" and
-"predict" are the head's, an adjective. Memory is the peak that Python and NumPy
-report to tracemalloc, in runs of their own on the first fold: of one sensor's
-features at a time, or of the head, whichever the knob changes.
+Seconds are of processor time on one thread, medians over folds: "features" learns
+dictionaries and codes, scales and rotates the training trials, "transform" does the
+last three for the test trials, "fit" and "predict" are the head's, an adjective.
+Memory is the peak that Python and NumPy report to tracemalloc, in runs of their own
+on the first fold: of one sensor's features at a time, or of the head, whichever the
+knob changes.
 
 .. [1] Nadeau, C. & Bengio, Y. (2003). Inference for the generalization error.
    Machine Learning 52. https://doi.org/10.1023/A:1024068626366
@@ -40,7 +41,8 @@ import sys
 import time
 import tracemalloc
 import warnings
-from functools import cache, cached_property, lru_cache
+from copy import copy
+from functools import cache, cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -51,7 +53,7 @@ from real_ratings import movie, phac2
 from sklearn.base import BaseEstimator, clone
 from sklearn.decomposition import PCA
 from sklearn.exceptions import ConvergenceWarning
-from sklearn.model_selection import GridSearchCV, GroupKFold, GroupShuffleSplit
+from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import has_fit_parameter
@@ -80,7 +82,7 @@ from run_real_recordings import FORCES, SIZES, read
 SENSORS = (*SIZES, "electrodes")
 ADJECTIVES = ["hard", "smooth", "springy"]  # whose extreme levels every fold has
 ALPHAS = np.logspace(-2, 2, 9)
-NETWORK_ALPHAS = [0.1, 1, 10, 100]
+NETWORK_ALPHAS = [0.1, 0.3, 1, 3, 10, 30]
 REPEATS = {"synthetic": 2, "bolt": 1, "movie": 1, "phac2": 2}
 SECONDS = ["features", "transform", "fit", "predict"]
 SCORES = {
@@ -143,7 +145,6 @@ def vary(make, name, values):
 
 BASE = Setting()
 FEATURE_KNOBS = {
-    # First, while the base's codes are still in the cache.
     "temporal pooling": {
         " ".join(map(str, cells)): features(cells=cells)
         for cells in [
@@ -186,6 +187,23 @@ FEATURE_KNOBS = {
         **{f"best {n}, chosen in training": features(sensors=n) for n in (1, 2, 3, 4)},
     },
 }
+# Figures of docs/speed_accuracy.md led to these.
+PRESETS = {
+    "default": BASE,
+    "fast": features(
+        n_nonzero_coefs=1,
+        max_iter=5,
+        max_train_windows=5000,
+        cells=(4, 2, 1),
+        spatial_cells=(2, 1),
+        mean_removed=(),
+    ),
+    "balanced": features(
+        n_nonzero_coefs=2, max_iter=20, cells=(8, 4, 2, 1), mean_removed=()
+    ),
+    "accurate": network()._replace(features={"mean_removed": ()}),
+}
+FEATURE_KNOBS["presets"] = PRESETS
 HEAD_KNOBS = {
     "n_duplicates": vary(head, "n_duplicates", [15, 3, 5, 50]),
     "sampling": vary(head, "sampling", ["level", "lattice", "stratified", "random"]),
@@ -301,29 +319,55 @@ class Block(NamedTuple):
     train: np.ndarray
     test: np.ndarray
     seconds: tuple  # for the training and the test trials
-    size: int  # features before the rotation
 
 
 class Timer:
-    """Seconds since the last call."""
+    """Processor seconds since the last call."""
 
     def __init__(self):
-        self.last = time.perf_counter()
+        self.last = time.process_time()
 
     def __call__(self):
-        last, self.last = self.last, time.perf_counter()
+        last, self.last = self.last, time.process_time()
         return self.last - last
 
 
-def make_coder(sensor, atoms=1, spatial_cells=(3, 2, 1), mean_removed=None, **changes):
-    """The sensor's dictionary, ``atoms`` times the paper's size."""
-    mean_removed = ("pac", "electrodes") if mean_removed is None else mean_removed
-    changes["remove_mean"] = sensor in mean_removed
-    if sensor == "electrodes":
-        n_atoms = round(10 * atoms)
-        return STHMPTransformer(n_atoms, spatial_cells=spatial_cells, **changes)
-    window, n_atoms = SIZES[sensor]
-    return KSVDTransformer(round(n_atoms * atoms), window=window, **changes)
+class Sensor(NamedTuple):
+    """How the features of one sensor are made."""
+
+    name: str
+    remove_mean: bool
+    atoms: float = 1  # times the paper's size
+    n_nonzero_coefs: int = 4
+    max_iter: int = 50
+    max_train_windows: int = 20_000
+    update: str = "approximate"
+    dtype: str = "float32"
+    spatial_cells: tuple = (3, 2, 1)
+    cells: tuple = (16, 8, 4, 2, 1)
+
+    @property
+    def before_pooling(self):
+        """What the dictionary depends on."""
+        base = make_sensor(self.name)
+        return self._replace(cells=base.cells, spatial_cells=base.spatial_cells)
+
+    def coder(self, random_state):
+        names = "n_nonzero_coefs", "remove_mean", "max_iter", "max_train_windows"
+        parameters = {name: getattr(self, name) for name in (*names, "update")}
+        parameters["random_state"] = random_state
+        if self.name == "electrodes":
+            return STHMPTransformer(
+                round(10 * self.atoms), spatial_cells=self.spatial_cells, **parameters
+            )
+        window, n_atoms = SIZES[self.name]
+        return KSVDTransformer(round(n_atoms * self.atoms), window=window, **parameters)
+
+
+def make_sensor(name, mean_removed=("pac", "electrodes"), **changes):
+    if name != "electrodes":
+        changes.pop("spatial_cells", None)
+    return Sensor(name, name in mean_removed, **changes)
 
 
 class Fold:
@@ -332,49 +376,42 @@ class Fold:
     def __init__(self, data, repeat, fold, train, test):
         self.data, self.repeat, self.fold = data, repeat, fold
         self.train, self.test = train, test
-        self._codes = lru_cache(len(SENSORS))(self._codes)
+        self._dictionary = cache(self._dictionary)
         self._block = cache(self._block)
         self._memory = cache(self._memory)
+        self._learning_memory = cache(self._learning_memory)
         self._base_alpha = cache(self._base_alpha)
         self._results = {}
 
-    def _codes(self, sensor, dtype, changes):
-        """Sequences of codes of a sensor, the paired seconds to make them."""
-        cells = self.data.trials[sensor].map(lambda trial: trial.astype(dtype))
-        coder = make_coder(sensor, **dict(changes)).set_params(random_state=self.repeat)
-        timer = Timer()
-        train = coder.fit(cells.iloc[self.train]).transform(cells.iloc[self.train])
-        seconds = timer()
-        return train, coder.transform(cells.iloc[self.test]), (seconds, timer())
+    def _cells(self, sensor, rows):
+        cells = self.data.trials[sensor.name].iloc[rows]
+        return cells.map(lambda trial: trial.astype(sensor.dtype))
 
-    def _block(self, sensor, cells, dtype, changes):
+    def _dictionary(self, sensor):
+        """The fitted coder of a sensor, and seconds."""
+        trials = self._cells(sensor, self.train)
+        timer = Timer()
+        return sensor.coder(self.repeat).fit(trials), timer()
+
+    def _block(self, sensor):
         """Pooled, scaled and rotated features of a sensor."""
-        train, test, (before, before_test) = self._codes(sensor, dtype, changes)
-        pool = TemporalMaxPool(cells)
+        coder, learning = self._dictionary(sensor.before_pooling)
+        if sensor.name == "electrodes":
+            coder = copy(coder).set_params(spatial_cells=sensor.spatial_cells)
+        train, test = (self._cells(sensor, rows) for rows in (self.train, self.test))
+        pool = TemporalMaxPool(sensor.cells)
         timer = Timer()
-        pooled = pool.fit_transform(train)
-        rows = clone(self.data.scale).fit(pooled)
-        A, seconds = rows.transform(pooled), timer()
-        B = rows.transform(pool.transform(test))
-        costs = (before + seconds, before_test + timer())
-        return Block(A, B, costs, pooled.shape[1])
-
-    def sensor_block(self, sensor, *, cells=(16, 8, 4, 2, 1), dtype="float32", **more):
-        # Only what concerns this sensor, so that others come from the cache.
-        if sensor != "electrodes":
-            more.pop("spatial_cells", None)
-        if "mean_removed" in more:
-            removed = sensor in more["mean_removed"]
-            more["mean_removed"] = (sensor,) if removed else ()
-        coder = make_coder(sensor, **more)
-        same = joblib.hash(coder) == joblib.hash(make_coder(sensor))
-        changes = () if same else tuple(more.items())
-        return sensor, cells, dtype, changes
+        pooled = pool.fit_transform(coder.transform(train))
+        scale = clone(self.data.scale).fit(pooled)
+        A = scale.transform(pooled)
+        coding = timer()
+        B = scale.transform(pool.transform(coder.transform(test)))
+        return Block(A, B, (learning + coding, timer()))
 
     def table(self, sensors=SENSORS, **changes):
         """Features of some sensors side by side, or of the tabular set."""
         if not isinstance(self.data.trials, np.ndarray):
-            blocks = [self._block(*self.sensor_block(s, **changes)) for s in sensors]
+            blocks = [self._block(make_sensor(s, **changes)) for s in sensors]
             if len(blocks) == 1:
                 return blocks[0]
             A = np.hstack([block.train for block in blocks])
@@ -386,13 +423,13 @@ class Fold:
             seconds[0] += timer()
             B = rotation.transform(B)
             seconds[1] += timer()
-            return Block(A, B, tuple(seconds), sum(block.size for block in blocks))
+            return Block(A, B, tuple(seconds))
         X = self.data.trials
         timer = Timer()
         scale = clone(self.data.scale)
         A = scale.fit_transform(X[self.train])
         seconds = timer()
-        return Block(A, scale.transform(X[self.test]), (seconds, timer()), A.shape[1])
+        return Block(A, scale.transform(X[self.test]), (seconds, timer()))
 
     @cached_property
     def base_table(self):
@@ -415,14 +452,15 @@ class Fold:
         sensors = changes.pop("sensors", SENSORS)
         if isinstance(sensors, int):
             sensors = self.sensor_chain[:sensors]
-        return max(self._memory(*self.sensor_block(s, **changes)) for s in sensors)
+        return max(self._memory(make_sensor(s, **changes)) for s in sensors)
 
-    def _memory(self, *arguments):
-        codes = self._codes
-        self._codes = codes.__wrapped__  # neither the cache's results nor its memory
-        peak = peak_mb(lambda: self._block.__wrapped__(*arguments))
-        self._codes = codes
-        return peak
+    def _memory(self, sensor):
+        """Peak of learning the dictionary, or of coding and pooling."""
+        learning = self._learning_memory(sensor.before_pooling)
+        return max(learning, peak_mb(lambda: self._block.__wrapped__(sensor)))
+
+    def _learning_memory(self, sensor):
+        return peak_mb(lambda: self._dictionary.__wrapped__(sensor))
 
     def _base_alpha(self, target, n_hidden):
         """Alpha of the base or, with hidden units, of `network`."""
@@ -433,10 +471,10 @@ class Fold:
     def search(self, model, alphas, target, block):
         """Choose alpha by RPS on held-out groups of the training fold."""
         model = clone(model).set_params(levels=self.data.levels)
-        cv = GroupKFold(4)
-        if hidden_units(model):  # slow: one validation set and fewer iterations
-            model.set_params(estimator__max_iter=100)
-            cv = GroupShuffleSplit(1, test_size=0.25, random_state=self.repeat)
+        groups = self.data.groups[self.train]
+        cv = GroupKFold(min(4, len(np.unique(groups))))
+        if hidden_units(model):
+            model.set_params(estimator__max_iter=50)  # enough to choose by
         search = GridSearchCV(
             model,
             {alpha_name(model): list(alphas)},
@@ -445,16 +483,16 @@ class Fold:
             refit=False,
             error_score="raise",
         )
-        y, groups = self.data.targets[target][self.train], self.data.groups[self.train]
+        y = self.data.targets[target][self.train]
         return search.fit(block.train, y, groups=groups).best_params_[alpha_name(model)]
 
     @cached_property
     def sensor_chain(self):
         """Sensors in the order of greedy forward selection on the training fold."""
         chain = []
-        splits = list(
-            GroupKFold(4).split(self.train, groups=self.data.groups[self.train])
-        )
+        groups = self.data.groups[self.train]
+        cv = GroupKFold(min(4, len(np.unique(groups))))
+        splits = list(cv.split(self.train, groups=groups))
         while len(chain) < len(SENSORS):
             scores = {}
             for sensor in [s for s in SENSORS if s not in chain]:
@@ -469,6 +507,7 @@ class Fold:
                     axis=0,
                 )[list(SCORES).index("rps")]
             chain.append(min(scores, key=scores.get))
+        say(f"sensors, best first: {', '.join(chain)}")
         return tuple(chain)
 
     def model(self, setting, target, block):
