@@ -55,6 +55,56 @@ def test_equals_brute_force(n_features, n_atoms, n_coefs, common, dtype, rtol):
         )
 
 
+def brute_force_supports(signals, atoms, n_nonzero_coefs):
+    """The supports of `brute_force_omp` for all signals at a time.
+
+    Also each signal's smallest margin between the two largest correlations of a step.
+    """
+    signals, atoms = signals.astype(np.float64), atoms.astype(np.float64)
+    support = np.empty((n_nonzero_coefs, len(signals)), dtype=int)
+    margins = np.full(len(signals), np.inf)
+    residuals = signals
+    for k in range(n_nonzero_coefs):
+        correlations = np.abs(residuals @ atoms.T)
+        np.put_along_axis(correlations, support[:k].T, 0, axis=1)
+        support[k] = correlations.argmax(axis=1)
+        second, first = np.sort(correlations, axis=1)[:, -2:].T
+        margins = np.minimum(margins, 1 - second / first)
+        taken = atoms[support[: k + 1].T]
+        normal_matrices = taken @ taken.transpose(0, 2, 1)
+        coefs = np.linalg.solve(normal_matrices, taken @ signals[:, :, None])
+        residuals = signals - (coefs.transpose(0, 2, 1) @ taken)[:, 0]
+    return support, margins
+
+
+@pytest.mark.parametrize(
+    "n_features, n_atoms, n_coefs", [(22, 40, 4), (50, 25, 4), (9, 10, 3)]
+)
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_supports_of_many_signals_equal_brute_force(
+    n_features, n_atoms, n_coefs, dtype
+):
+    rng = np.random.default_rng(10)
+    atoms = random_dictionary(n_atoms, n_features, rng).astype(dtype)
+    signals = rng.normal(size=(20_001, n_features)).astype(dtype)
+    support, _ = batch_omp(signals, atoms, n_coefs)
+    expected, margins = brute_force_supports(signals, atoms, n_coefs)
+    clear = margins > 16 * np.finfo(dtype).eps
+    assert clear.mean() > 0.999
+    np.testing.assert_array_equal(support[:, clear], expected[:, clear])
+
+
+@pytest.mark.parametrize("n_signals", [99, 100])  # below and at all pairs of atoms
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_equal_correlations_go_to_the_first_atom(n_signals, dtype):
+    atoms = np.vstack([np.eye(4), -np.eye(4), np.eye(4)[:2]]).astype(dtype)
+    signals = np.random.default_rng(11).normal(size=(n_signals, 4)).astype(dtype)
+    support, coefs = batch_omp(signals, atoms, 2)
+    order = np.abs(signals).argsort(axis=1)[:, :-3:-1]
+    np.testing.assert_array_equal(support.T, order)
+    np.testing.assert_array_equal(coefs.T, np.take_along_axis(signals, order, axis=1))
+
+
 def test_equals_scikit_learn():
     rng = np.random.default_rng(1)
     atoms = random_dictionary(25, 50, rng)
