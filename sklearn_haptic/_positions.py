@@ -112,6 +112,12 @@ def share_below(latent, thresholds, inputs, to_position):
     return share.T
 
 
+def crossing_positions(n_nodes):
+    """Positions that crowd at both ends, the outer ones next to 0 and 1."""
+    q = np.linspace(0, 1, n_nodes)
+    return np.clip(q**2 * (3 - 2 * q), 1e-6, 1 - 1e-6)
+
+
 def unit_gauss_legendre(n_nodes):
     """Nodes and weights of Gauss–Legendre quadrature on (0, 1)."""
     nodes, weight = np.polynomial.legendre.leggauss(n_nodes)
