@@ -24,7 +24,6 @@ import joblib
 import numpy as np
 import scipy
 import sklearn
-from sklearn.exceptions import ConvergenceWarning
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -171,7 +170,7 @@ def search_table():
                 refit=False,
             )
             start = time.perf_counter()
-            with warnings.catch_warnings(action="ignore", category=ConvergenceWarning):
+            with warnings.catch_warnings(action="ignore"):
                 search.fit(
                     corpus.trials["electrodes"],
                     corpus.ratings["hard"],

@@ -3,15 +3,20 @@
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/sparse_coding.py
 
 Peers are optional, best in an environment of their own that has this package too:
-``pip install spams-bin dictlearn numba``. Every figure of a table comes from the
-same run: random atoms and signals, medians of five runs. scikit-learn codes a
-hundredth of the signals.
+``pip install spams-bin dictlearn numba``. Coders take turns within each round, so
+that what else the machine does meets all of them; figures are medians over rounds,
+and ratios are medians of the rounds' ratios. scikit-learn codes a hundredth of the
+signals. K-SVD has other data, another start and another order of updates a round.
 """
 
 import os
+import platform
 import time
+from datetime import date
 from functools import partial
+from importlib.metadata import version
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 from sklearn.decomposition import SparseCoder
@@ -21,23 +26,45 @@ from sklearn_haptic._dictionary_learning import ksvd
 from sklearn_haptic._sparse_coding import batch_omp
 
 PROBLEMS = [(22, 40, 4), (50, 25, 4), (9, 10, 3)]  # window, atoms, coefficients
-N_SIGNALS = 100_000
-N_TRAINING, N_ITERATIONS = 10_000, 20
+N_SIGNALS, N_ROUNDS = 100_000, 9
+N_TRAINING, N_ITERATIONS, N_SEEDS = 10_000, 20, 8
+PEERS = {"spams": "spams-bin", "dictlearn": "dictlearn", "numba": "numba"}
+
+
+def processor():
+    """Name of the processor, as exactly as the system tells it."""
+    cpuinfo = Path("/proc/cpuinfo")
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
+    names = [line.split(":")[1].strip() for line in lines if "model name" in line]
+    return names[0] if names else platform.processor()
+
+
+def heading():
+    """Machine, versions and date."""
+    packages = ["numpy", "scipy", "scikit-learn"]
+    packages += [name for module, name in PEERS.items() if find_spec(module)]
+    versions = [f"{name} {version(name)}" for name in packages]
+    python = f"Python {platform.python_version()}"
+    print(", ".join([processor(), "one thread", python, *versions]))
+    print(f"{date.today()}\n")
+
+
+def row(*cells):
+    print("|", " | ".join(cells), "|", flush=True)
 
 
 def unit_rows(rows):
     return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
 
-def seconds(function):
-    """Median time of five runs, after one that compiles what there is to compile."""
-    function()
-    times = []
-    for _ in range(5):
+def timed(functions):
+    """Run functions in turn; return their run times and their results."""
+    times, results = [], []
+    for function in functions:
         start = time.perf_counter()
-        function()
+        results.append(function())
         times.append(time.perf_counter() - start)
-    return np.median(times)
+    return times, results
 
 
 def coders(signals, atoms, n_coefs):
@@ -75,22 +102,65 @@ def coders(signals, atoms, n_coefs):
     return runs
 
 
+def supports_by_least_squares(signals, atoms, n_coefs):
+    """Supports of orthogonal matching pursuit by brute force, in double precision."""
+    signals, atoms = signals.astype(float), atoms.astype(float)
+    support = np.empty((n_coefs, len(signals)), dtype=int)
+    residuals = signals
+    for k in range(n_coefs):
+        correlations = np.abs(residuals @ atoms.T)
+        np.put_along_axis(correlations, support[:k].T, 0, axis=1)
+        support[k] = correlations.argmax(axis=1)
+        taken = atoms[support[: k + 1].T]
+        normal_matrices = taken @ taken.transpose(0, 2, 1)
+        coefs = np.linalg.solve(normal_matrices, taken @ signals[:, :, None])
+        residuals = signals - (coefs.transpose(0, 2, 1) @ taken)[:, 0]
+    return support
+
+
 def coding_table():
-    print("Thousand signals a second (in brackets: float32 here is so many times it)\n")
+    print("Thousand signals a second (in brackets: float32 here is so many times it);")
+    print("signals whose support, in float32, is that of least squares\n")
     for i, (window, n_atoms, n_coefs) in enumerate(PROBLEMS):
         rng = np.random.default_rng(0)
         atoms = unit_rows(rng.normal(size=(n_atoms, window))).astype(np.float32)
         signals = rng.normal(size=(N_SIGNALS, window)).astype(np.float32)
         runs = coders(signals, atoms, n_coefs)
         if i == 0:
-            print("| window, atoms, T |", " | ".join(runs), "|")
-            print("|---" * (len(runs) + 1) + "|")
-        rates = [run and run[0] / 1e3 / seconds(run[1]) for run in runs.values()]
-        cells = [
-            f"{rate:.0f} ({rates[0] / rate:.1f})" if rate else "not installed"
-            for rate in rates
-        ]
-        print(f"| {window}, {n_atoms}, {n_coefs} |", " | ".join(cells), "|", flush=True)
+            row("window, atoms, T", *runs, "supports equal")
+            row(*["---"] * (len(runs) + 2))
+        installed = {name: run for name, run in runs.items() if run}
+        n_signals, functions = zip(*installed.values())
+        timed(functions)  # compiles what there is to compile
+        times = np.array([timed(functions)[0] for _ in range(N_ROUNDS)])
+        rates = np.array(n_signals) / times / 1e3
+        cells = dict.fromkeys(runs, "not installed")
+        for name, rate in zip(installed, rates.T):
+            ratio = np.median(rates[:, 0] / rate)
+            cells[name] = f"{np.median(rate):.0f} ({ratio:.1f})"
+        support, _ = batch_omp(signals, atoms, n_coefs)
+        expected = supports_by_least_squares(signals, atoms, n_coefs)
+        equal = (support == expected).all(axis=0).sum()
+        row(
+            f"{window}, {n_atoms}, {n_coefs}",
+            *cells.values(),
+            f"{equal} of {N_SIGNALS}",
+        )
+
+
+class InOrder:
+    """Updates atoms in their order, as dictlearn does, in place of a random one."""
+
+    permutation = staticmethod(np.arange)
+
+
+def training_signals(window, n_atoms, n_coefs, rng):
+    """Noisy sparse combinations of planted atoms."""
+    planted = unit_rows(rng.normal(size=(n_atoms, window)))
+    codes = rng.normal(size=(N_TRAINING, n_atoms))
+    ranks = rng.random(codes.shape).argsort(axis=1).argsort(axis=1)
+    codes[ranks >= n_coefs] = 0
+    return codes @ planted + 0.05 * rng.normal(size=(N_TRAINING, window))
 
 
 def rmse(signals, atoms, n_coefs):
@@ -101,61 +171,78 @@ def rmse(signals, atoms, n_coefs):
     return np.sqrt(np.mean((signals - codes @ atoms) ** 2))
 
 
-def ksvd_row(window, n_atoms, n_coefs):
-    rng = np.random.default_rng(0)
-    planted = unit_rows(rng.normal(size=(n_atoms, window)))
-    codes = np.zeros((N_TRAINING, n_atoms))
-    for code in codes:
-        code[rng.choice(n_atoms, n_coefs, replace=False)] = rng.normal(size=n_coefs)
-    signals = codes @ planted + 0.05 * rng.normal(size=(N_TRAINING, window))
-    start = unit_rows(signals[:n_atoms])
-    fitted = {}
+def learners(signals, start, n_coefs, seed):
+    """Name -> function that returns a dictionary, or None where not installed."""
 
-    def fit(dtype):
-        fitted[dtype], _ = ksvd(
+    def fit(dtype, rng):
+        return ksvd(
             signals.astype(dtype),
             start.astype(dtype),
             n_coefs,
             max_iter=N_ITERATIONS,
             tol=0,
-            rng=np.random.RandomState(0),
-        )
+            rng=rng,
+        )[0]
 
-    times = {dtype: seconds(partial(fit, dtype)) for dtype in ("f4", "f8")}
+    runs = {
+        "float32": partial(fit, "f4", np.random.RandomState(seed)),
+        "float64": partial(fit, "f8", np.random.RandomState(seed)),
+        "float32, atoms in order": partial(fit, "f4", InOrder),
+        "dictlearn aksvd": None,
+    }
     if find_spec("dictlearn") and find_spec("numba"):
         import dictlearn
 
         peer = dictlearn.DictionaryLearning(
-            n_atoms,
+            len(start),
             fit_algorithm="aksvd",
             n_nonzero_coefs=n_coefs,
             max_iter=N_ITERATIONS,
             dict_init=start,
-            random_state=0,
+            random_state=seed,
         )
-        times["peer"] = seconds(lambda: peer.fit(signals))
-        fitted["peer"] = peer.components_
-    cells = [
-        f"{times[name]:.3f} / {rmse(signals, fitted[name], n_coefs):.4f}"
-        if name in times
-        else "not installed"
-        for name in ("f4", "f8", "peer")
-    ]
-    cells.append(f"{times['peer'] / times['f4']:.1f}" if "peer" in times else "")
-    print(f"| {window}, {n_atoms}, {n_coefs} |", " | ".join(cells), "|", flush=True)
+        runs["dictlearn aksvd"] = lambda: peer.fit(signals).components_
+    return runs
 
 
 def ksvd_table():
-    print(f"\nK-SVD, {N_TRAINING} signals, {N_ITERATIONS} iterations: seconds / RMSE\n")
-    print("| window, atoms, T | float32 | float64 | dictlearn aksvd | ratio |")
-    print("|---|---|---|---|---|")
-    for problem in PROBLEMS:
-        ksvd_row(*problem)
+    print(f"\nK-SVD, {N_TRAINING} signals, {N_ITERATIONS} iterations, same start:")
+    print("seconds (in brackets: so many times those of float32 here), then RMSE and")
+    print(
+        f"its difference from dictlearn, means over {N_SEEDS} seeds ± standard error\n"
+    )
+    for i, (window, n_atoms, n_coefs) in enumerate(PROBLEMS):
+        times, errors = [], []
+        for seed in range(N_SEEDS):
+            signals = training_signals(
+                window, n_atoms, n_coefs, np.random.default_rng(seed)
+            )
+            runs = learners(signals, unit_rows(signals[:n_atoms]), n_coefs, seed)
+            installed = {name: run for name, run in runs.items() if run}
+            if seed == 0:
+                timed(installed.values())  # compiles what there is to compile
+            elapsed, fitted = timed(installed.values())
+            times.append(elapsed)
+            errors.append([rmse(signals, atoms, n_coefs) for atoms in fitted])
+        if i == 0:
+            row("window, atoms, T", *runs)
+            row(*["---"] * (len(runs) + 1))
+        times, errors = np.array(times), np.array(errors)
+        cells = dict.fromkeys(runs, "not installed")
+        for name, time_, error in zip(installed, times.T, errors.T):
+            ratio = np.median(time_ / times[:, 0])
+            cells[name] = f"{np.median(time_):.3f} ({ratio:.1f}), {error.mean():.4f}"
+            if runs["dictlearn aksvd"] and name != "dictlearn aksvd":
+                gaps = error - errors[:, -1]
+                standard_error = gaps.std(ddof=1) / np.sqrt(N_SEEDS)
+                cells[name] += f", {gaps.mean():+.4f} ± {standard_error:.4f}"
+        row(f"{window}, {n_atoms}, {n_coefs}", *cells.values())
 
 
 if __name__ == "__main__":
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         if os.environ.get(variable) != "1":
             raise SystemExit(f"Set {variable}=1: the tables are for one thread.")
+    heading()
     coding_table()
     ksvd_table()

@@ -64,7 +64,7 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         trials span, whatever the number of features.
     max_iter : int, default=500
         Most iterations of the solver.
-    tol : float, default=1e-5
+    tol : float, default=1e-4
         Largest component of the gradient of the mean cost at convergence, for
         "lbfgs" in its own coordinates.
     early_stopping : bool, default=False
@@ -157,7 +157,7 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         *,
         solver="lbfgs",
         max_iter=500,
-        tol=1e-5,
+        tol=1e-4,
         early_stopping=False,
         n_iter_no_change=150,
         validation_fraction=0.1,

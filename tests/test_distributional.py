@@ -252,7 +252,7 @@ def test_quantile_decoding_beats_the_grid(p_transform):
     """Against 20,001 positions: a smaller error than that of the paper's 99."""
     X, counts, _ = ordinal_trials()
     model = DistributionalOrdinalRegressor(
-        NNPOM(5, alpha=0.1, random_state=0), decode="quantile", p_transform=p_transform
+        NNPOM(5, random_state=0), decode="quantile", p_transform=p_transform
     ).fit(X, counts)
 
     def on_grid(n_quantiles):
