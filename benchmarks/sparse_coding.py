@@ -4,9 +4,10 @@
 
 Peers are optional, best in an environment of their own that has this package too:
 ``pip install spams-bin dictlearn numba``. Coders take turns within each round, so
-that what else the machine does meets all of them; figures are medians over rounds,
-and ratios are medians of the rounds' ratios. scikit-learn codes a hundredth of the
-signals. K-SVD has other data, another start and another order of updates a round.
+that what else the machine does meets all of them; times are processor times, figures
+medians over rounds, and ratios medians of the rounds' ratios. scikit-learn codes a
+hundredth of the signals. K-SVD has other data and another start with every seed, and
+is also run with atoms updated in their order, as dictlearn does, not a random one.
 """
 
 import os
@@ -58,12 +59,12 @@ def unit_rows(rows):
 
 
 def timed(functions):
-    """Run functions in turn; return their run times and their results."""
+    """Run functions in turn; return their processor times and their results."""
     times, results = [], []
     for function in functions:
-        start = time.perf_counter()
+        start = time.process_time()
         results.append(function())
-        times.append(time.perf_counter() - start)
+        times.append(time.process_time() - start)
     return times, results
 
 

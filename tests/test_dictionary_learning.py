@@ -93,6 +93,24 @@ def test_exact_update_of_one_atom_is_the_leading_singular_vector():
     assert errors[0] == pytest.approx(np.sqrt((singular[1:] ** 2).sum() / signals.size))
 
 
+@pytest.mark.parametrize("update", ["approximate", "exact"])
+@pytest.mark.parametrize("dtype, faint", [(np.float64, 1e-120), (np.float32, 1e-15)])
+def test_atoms_of_faint_signals_are_fitted(update, dtype, faint):
+    rng = np.random.RandomState(0)
+    planted = np.linalg.qr(rng.normal(size=(6, 2)))[0].T
+    strengths = np.kron(np.diag([1, faint]), rng.uniform(1, 2, size=(20, 1)))
+    start = planted + 0.1 * rng.normal(size=planted.shape)
+    atoms, _ = ksvd(
+        (strengths @ planted).astype(dtype),
+        (start / np.linalg.norm(start, axis=1, keepdims=True)).astype(dtype),
+        1,
+        update=update,
+        rng=rng,
+    )
+    cosines = np.abs(np.einsum("ij,ij->i", atoms, planted))
+    np.testing.assert_allclose(cosines, 1, atol=1e-6)
+
+
 def test_initial_atoms_are_distinct_training_signals():
     rng = np.random.RandomState(0)
     directions = rng.normal(size=(5, 8))
