@@ -43,9 +43,9 @@ from .ratings import _level_index
 # With 16 nodes the distribution function is off by less than 2e-4 for weights of the
 # log-odds up to 2, 1e-3 up to 4.
 _MIXTURE_NODES = 16
-# With 17 nodes networks of up to 30 units were off by less than 5e-3, and a grid of 99
-# positions by 1e-2.
-_CROSSING_NODES = 17
+# With 33 nodes networks of up to 30 units were off by less than 1e-2, 1e-4 on average,
+# where a grid of 99 positions is off by 1e-2.
+_CROSSING_NODES = 33
 _BATCH_SIZE = 256
 
 

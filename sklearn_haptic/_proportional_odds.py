@@ -146,10 +146,31 @@ def forward(X, positions, coef, bias, output):
         latent = shared[:, None]
         return (latent if positions is None else latent + positions * coef[-1]), None
     shared = (shared + bias)[:, None]
-    if positions is not None:
-        shared = shared + positions[:, :, None] * coef[-1]
-    hidden = expit(shared, out=shared)
+    if positions is None:
+        hidden = expit(shared)
+    else:
+        hidden = sigmoid_of_sums(shared, positions[:, :, None] * coef[-1])
     return hidden @ output, hidden
+
+
+def sigmoid_of_sums(a, b, spread_a=np.asarray, spread_b=np.asarray, out=None):
+    """Return sigma(a + b) from as many exponentials as a and b have entries.
+
+    Parameters
+    ----------
+    a, b : ndarray
+        Summands.
+    spread_a, spread_b : callable
+        Take `a` and `b`, or arrays like them, to shapes that broadcast.
+    out : ndarray, default=None
+        Where to put the result.
+    """
+    largest = max(np.abs(a).max(initial=0), np.abs(b).max(initial=0))
+    if largest > _LARGEST_EXPONENT / 2:  # a product of exponentials may overflow
+        return expit(np.add(spread_a(a), spread_b(b), out=out), out=out)
+    odds = np.multiply(spread_a(np.exp(-a)), spread_b(np.exp(-b)), out=out)
+    odds += 1
+    return np.divide(1, odds, out=odds)
 
 
 class NetworkLoss:
@@ -189,9 +210,11 @@ class NetworkLoss:
         each = np.arange(len(self.trial))
         ends = np.append(0, np.cumsum(used.sum(axis=1)))
         self.sum_by_trial = sparse.csr_array((np.ones(len(each)), each, ends))
+        if positions is not None:  # trials of an object often share theirs
+            self.distinct, self.which = np.unique(self.positions, return_inverse=True)
         # A hidden layer for each observation, or for each trial if they share it.
         n_rows = len(X) if positions is None else len(each)
-        self.buffers = np.empty((2, n_rows, n_hidden) if n_hidden else (2, n_rows))
+        self.buffers = np.empty((2, n_rows, n_hidden))
 
     def __call__(self, params):
         """Return the cost and its gradient at `params`, laid out as by `unpack`."""
@@ -201,13 +224,12 @@ class NetworkLoss:
         layer, work = self.buffers
         shared = self.X @ coef[: self.X.shape[1]]
         if self.n_hidden:
-            shared += bias
-        if self.positions is None:
-            layer[...] = shared
+            layer = self._activate(shared + bias, coef[-1])
+            latent = layer @ output
+        elif self.positions is None:
+            latent = shared
         else:
-            np.take(shared, self.trial, axis=0, out=layer, mode="clip")
-            layer += np.multiply.outer(self.positions, coef[-1], out=work)
-        latent = expit(layer, out=layer) @ output if self.n_hidden else layer
+            latent = shared[self.trial] + self.positions * coef[-1]
 
         loss, g_latent, g_first, g_gaps = ordinal_loss(
             latent[self.trial] if self.positions is None else latent,
@@ -237,6 +259,21 @@ class NetworkLoss:
         grad = np.concatenate((g_coef.ravel(), g_bias, g_output, [g_first], g_gaps))
         grad /= self.total
         return loss / self.total, grad
+
+    def _activate(self, shared, position_coef):
+        """Activations of the hidden units, in the first of the buffers."""
+        layer, work = self.buffers
+        if self.positions is None:
+            return expit(shared, out=layer)
+
+        def of_trials(values):
+            return np.take(values, self.trial, axis=0, out=layer, mode="clip")
+
+        def of_positions(values):
+            return np.take(values, self.which, axis=0, out=work, mode="clip")
+
+        moved = np.multiply.outer(self.distinct, position_coef)
+        return sigmoid_of_sums(shared, moved, of_trials, of_positions, out=layer)
 
 
 def initial_params(n_inputs, n_hidden, level_weight, random_state):
