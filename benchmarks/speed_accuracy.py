@@ -191,7 +191,7 @@ FEATURE_KNOBS = {
 PRESETS = {
     "default": BASE,
     "fast": features(
-        n_nonzero_coefs=1,
+        n_nonzero_coefs=2,
         max_iter=5,
         max_train_windows=5000,
         cells=(4, 2, 1),
@@ -201,7 +201,7 @@ PRESETS = {
     "balanced": features(
         n_nonzero_coefs=2, max_iter=20, cells=(8, 4, 2, 1), mean_removed=()
     ),
-    "accurate": network()._replace(features={"mean_removed": ()}),
+    "accurate": features(mean_removed=()),
 }
 FEATURE_KNOBS["presets"] = PRESETS
 HEAD_KNOBS = {
@@ -220,7 +220,7 @@ HEAD_KNOBS = {
         "searched": BASE,
         **{
             f"{alpha:g}": head(estimator__alpha=alpha)._replace(alphas=None)
-            for alpha in np.logspace(-2, 3, 6)
+            for alpha in (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
         },
     },
     "scale of features, alpha searched": {
