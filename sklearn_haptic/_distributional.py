@@ -72,7 +72,7 @@ class DistributionalOrdinalRegressor(
         ``fit_with_positions`` and ``predict_proba_with_positions``, such as
         `NNPOM`, shares a trial's features between its observations; any other
         is fitted on one row for each observation, labelled 0, 1, … by level. By
-        default ``NNPOM(n_hidden=0)``.
+        default ``NNPOM(n_hidden=0, alpha=10)``.
     n_duplicates : int, default=15
         Observations of each trial. Their weights sum to this number, which an
         estimator's penalty works against.
@@ -150,10 +150,10 @@ class DistributionalOrdinalRegressor(
     ... )
     >>> model = DistributionalOrdinalRegressor().fit(X, counts)
     >>> model.predict_proba([[1.5]]).round(2)
-    array([[0.  , 0.01, 0.04, 0.25, 0.7 ]])
+    array([[0.01, 0.05, 0.12, 0.33, 0.49]])
     >>> model.predict_quantile([[-1.0], [1.5]], [0.1, 0.5, 0.9])
-    array([[1, 1, 2],
-           [4, 5, 5]])
+    array([[1, 2, 3],
+           [3, 4, 5]])
     """
 
     # Splitters take groups too: passing them does not mean that fit wants them.
@@ -265,7 +265,7 @@ class DistributionalOrdinalRegressor(
 
     def _make_estimator(self, rng):
         if self.estimator is None:
-            estimator = NNPOM(n_hidden=0)
+            estimator = NNPOM(n_hidden=0, alpha=10.0)
         else:
             estimator = clone(self.estimator)
         if self.random_state is not None:
@@ -483,6 +483,7 @@ PAPER_2020 = {
     "estimator": NNPOM(
         n_hidden=10,
         alpha=1.0,
+        scale_features=False,
         solver="irprop+",
         max_iter=500,
         early_stopping=True,

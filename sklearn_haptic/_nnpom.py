@@ -25,6 +25,7 @@ from ._proportional_odds import (
     level_probabilities,
     monotone_bounds,
     thresholds_from,
+    total_spread,
     unpack,
 )
 from ._solvers import Monitor, irprop_plus, lbfgs
@@ -47,7 +48,8 @@ class NNPOM(ClassifierMixin, BaseEstimator):
     ratings or on the counts of many people's ratings, which equals training on
     each rating in turn. ``n_hidden=0`` is the linear proportional odds model.
 
-    Scale the features first (`sklearn.preprocessing.StandardScaler`).
+    Features in different units are best brought to one first
+    (`sklearn.preprocessing.StandardScaler`).
 
     Parameters
     ----------
@@ -57,7 +59,11 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         L2 penalty (lambda in the paper) of all weights but the hidden biases
         and thresholds, beside the *sum* of the observations' negative
         log-likelihoods: repeating every observation weakens it. Search it on a
-        log scale; thousands of standardised features want 1e3 to 1e5.
+        log scale.
+    scale_features : bool, default=True
+        Divide all features by the square root of their total variance, so that the
+        same alpha and the same start values suit any number of features; `coefs_`
+        are for the features as given. False is the paper's.
     solver : {"lbfgs", "irprop+"}, default="lbfgs"
         "irprop+" is the paper's. "lbfgs" reaches the same cost in fewer
         iterations; it works on the features' principal directions, as many as the
@@ -129,7 +135,7 @@ class NNPOM(ClassifierMixin, BaseEstimator):
     >>> counts = np.array([[4, 1, 0], [2, 3, 0], [0, 3, 2], [0, 1, 4]])
     >>> model = NNPOM(n_hidden=0).fit(X, counts)
     >>> model.predict_proba([[0.0, 0.0]]).round(2)
-    array([[0.2, 0.6, 0.2]])
+    array([[0.2 , 0.59, 0.2 ]])
     >>> model.predict([[-2.0, 0.0], [2.0, 0.0]])
     array([1, 3])
     """
@@ -140,6 +146,7 @@ class NNPOM(ClassifierMixin, BaseEstimator):
     _parameter_constraints = {  # noqa: RUF012
         "n_hidden": [Interval(Integral, 0, None, closed="left")],
         "alpha": [Interval(Real, 0, None, closed="left")],
+        "scale_features": ["boolean"],
         "solver": [StrOptions({"lbfgs", "irprop+"})],
         "max_iter": [Interval(Integral, 1, None, closed="left")],
         "tol": [Interval(Real, 0, None, closed="left")],
@@ -155,6 +162,7 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         n_hidden=10,
         alpha=1.0,
         *,
+        scale_features=True,
         solver="lbfgs",
         max_iter=500,
         tol=1e-4,
@@ -166,6 +174,7 @@ class NNPOM(ClassifierMixin, BaseEstimator):
     ):
         self.n_hidden = n_hidden
         self.alpha = alpha
+        self.scale_features = scale_features
         self.solver = solver
         self.max_iter = max_iter
         self.tol = tol
@@ -292,6 +301,10 @@ class NNPOM(ClassifierMixin, BaseEstimator):
 
         n_hidden, n_inputs = self.n_hidden, self.n_features_in_
         params = initial_params(n_inputs, n_hidden, level_weight[self._present], rng)
+        spread = 1.0
+        if self.scale_features:
+            spread = total_spread(X, weight.sum(axis=1)) or 1.0
+            X = X / spread
         alpha, evened = self.alpha, None
         if self.solver == "lbfgs":
             evened = EvenedFeatures(X, self.alpha, weight.sum() / len(X))
@@ -304,12 +317,12 @@ class NNPOM(ClassifierMixin, BaseEstimator):
             alpha = np.append(evened.alpha, np.full(n_others, self.alpha))
         fun = NetworkLoss(X, positions, rank[level], weight, n_hidden, alpha)
 
+        def to_features(weights):
+            weights = weights if evened is None else evened.to_features(weights)
+            return weights / spread
+
         def of_features(params):
-            if evened is None:
-                return params
-            return change_weights(
-                params, evened.to_features, X.shape[1], n_hidden, n_inputs
-            )
+            return change_weights(params, to_features, X.shape[1], n_hidden, n_inputs)
 
         def validation_error(params):
             X_val, positions_val, level_val, weight_val = validation
@@ -339,7 +352,7 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         elif not converged:
             warnings.warn(
                 f"NNPOM did not converge in max_iter={self.max_iter} iterations; "
-                "increase max_iter or alpha, scale the features, or use "
+                "increase max_iter or alpha, or use "
                 "early_stopping=True.",
                 ConvergenceWarning,
                 stacklevel=3,

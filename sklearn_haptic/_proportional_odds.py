@@ -292,6 +292,19 @@ def initial_params(n_inputs, n_hidden, level_weight, random_state):
     return np.concatenate((np.zeros(n_inputs), thresholds[:1], gap_logits))
 
 
+def total_spread(X, weight):
+    """Square root of the features' total variance, over trials of given weights."""
+    unit = _magnitude(X)
+    X = X / unit
+    X -= weight @ X / weight.sum()
+    return unit * np.sqrt(weight @ np.einsum("ij,ij->i", X, X) / weight.sum())
+
+
+def _magnitude(X):
+    """Power of two that brings X, and squares of it, into range; changes no digit."""
+    return np.ldexp(1.0, np.frexp(np.abs(X).max(initial=0))[1])
+
+
 class EvenedFeatures:
     """Features in a basis of weights in which the cost curves about evenly.
 
@@ -317,8 +330,7 @@ class EvenedFeatures:
     """
 
     def __init__(self, X, alpha, trial_weight):
-        # A power of two brings squares into range and changes no digit.
-        unit = np.ldexp(1.0, np.frexp(np.abs(X).max(initial=0))[1])
+        unit = _magnitude(X)
         X = X / unit
         self._span = None  # orthonormal basis of the span of the trials
         if X.shape[1] > X.shape[0]:

@@ -25,7 +25,7 @@ TRANSFORMERS = [
 ]
 PREDICTORS = [
     # With this tolerance weights equal repeated rows to seven digits.
-    NNPOM(tol=1e-10, max_iter=5000),
+    NNPOM(n_hidden=3, tol=1e-10, max_iter=5000),
     NNPOM(n_hidden=0, tol=1e-10),
     NNPOM(n_hidden=2, solver="irprop+", tol=1e-10, max_iter=10_000),
     DistributionalOrdinalRegressor(NNPOM(0, tol=1e-10)),

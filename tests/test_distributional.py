@@ -211,8 +211,8 @@ def test_shared_path_equals_repeated_rows():
         fits = [
             DistributionalOrdinalRegressor(base, decode=decode).fit(X, counts)
             for base in (
-                NNPOM(2, tol=1e-8, random_state=0),
-                PlainNNPOM(2, tol=1e-8, random_state=0),
+                NNPOM(2, scale_features=False, tol=1e-8, random_state=0),
+                PlainNNPOM(2, scale_features=False, tol=1e-8, random_state=0),
             )
         ]
         np.testing.assert_allclose(

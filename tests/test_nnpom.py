@@ -10,6 +10,7 @@ from scipy.special import expit
 from sklearn.base import clone
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import LogisticRegression
+from sklearn.utils._testing import ignore_warnings
 
 from sklearn_haptic import NNPOM
 from sklearn_haptic._proportional_odds import (
@@ -140,7 +141,7 @@ def test_two_levels_linear_is_logistic_regression():
     rng = np.random.default_rng(1)
     X = rng.normal(size=(200, 5))
     y = (X @ rng.normal(size=5) + rng.logistic(size=200) > 0).astype(int)
-    ours = NNPOM(n_hidden=0, alpha=2.0, tol=1e-9).fit(X, y)
+    ours = NNPOM(0, alpha=2.0, scale_features=False, tol=1e-9).fit(X, y)
     peer = LogisticRegression(C=1 / 2.0, tol=1e-9).fit(X, y)
     np.testing.assert_allclose(ours.coefs_[0], peer.coef_[0], atol=1e-6)
     np.testing.assert_allclose(ours.thresholds_, -peer.intercept_, atol=1e-6)
@@ -150,7 +151,9 @@ def test_two_levels_linear_is_logistic_regression():
 def test_row_space_rotation_reaches_the_same_minimum(n_hidden):
     rng = np.random.default_rng(2)
     X, y = rng.normal(size=(20, 60)), rng.integers(0, 4, 20)
-    model = NNPOM(n_hidden, random_state=0, tol=1e-8, max_iter=2000).fit(X, y)
+    model = NNPOM(
+        n_hidden, scale_features=False, random_state=0, tol=1e-8, max_iter=2000
+    ).fit(X, y)
 
     cost = NetworkLoss(X, None, y[:, None], np.ones((20, 1)), n_hidden, 1.0)
 
@@ -166,6 +169,36 @@ def test_row_space_rotation_reaches_the_same_minimum(n_hidden):
     value, grad = cost(params)
     assert value == pytest.approx(model.loss_, rel=1e-12)
     assert np.abs(grad).max() < 1e-6
+
+
+@pytest.mark.parametrize("n_hidden", [0, 3])
+@pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
+def test_scaled_features_have_a_total_variance_of_one(n_hidden, solver):
+    """The same as fitting features that were scaled beforehand, weights included."""
+    rng = np.random.default_rng(2)
+    X, y = 5 + 7 * rng.normal(size=(30, 4)), rng.integers(0, 4, 30)
+    weight = rng.integers(0, 3, 30)
+    repeated = np.repeat(X, weight, axis=0)
+    scaled = X / np.sqrt(repeated.var(axis=0).sum())
+    model = NNPOM(n_hidden, solver=solver, max_iter=50, random_state=0)
+    with ignore_warnings(category=ConvergenceWarning):
+        ours = clone(model).fit(X, y, weight)
+        peer = model.set_params(scale_features=False).fit(scaled, y, weight)
+    np.testing.assert_allclose(
+        ours.predict_proba(X), peer.predict_proba(scaled), rtol=1e-7
+    )
+
+
+@pytest.mark.parametrize("factor", [1e-12, 1e150])
+def test_the_unit_of_the_features_does_not_matter(factor):
+    rng = np.random.default_rng(2)
+    X, y = rng.normal(size=(30, 4)), rng.integers(0, 4, 30)
+    model = NNPOM(0, tol=1e-9)
+    np.testing.assert_allclose(
+        clone(model).fit(X * factor, y).predict_proba(X * factor),
+        model.fit(X, y).predict_proba(X),
+        rtol=1e-6,
+    )
 
 
 def test_levels_absent_from_training_keep_their_column():
