@@ -18,6 +18,7 @@ from sklearn.base import (
     clone,
     is_regressor,
 )
+from sklearn.callback import CallbackSupportMixin
 from sklearn.utils import check_random_state, gen_batches
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import (
@@ -57,7 +58,7 @@ def decide(proba, rule):
 
 
 class DistributionalOrdinalRegressor(
-    MetaEstimatorMixin, ClassifierMixin, BaseEstimator
+    CallbackSupportMixin, MetaEstimatorMixin, ClassifierMixin, BaseEstimator
 ):
     """Predict the distribution of the ratings a crowd would give.
 
@@ -235,6 +236,7 @@ class DistributionalOrdinalRegressor(
         )
         used = sample_weight > 0
         X, counts = X[used], counts[used]
+        groups = None if groups is None else np.asarray(groups)[used]
         rng = check_random_state(self.random_state)
         self.estimator_ = self._make_estimator(rng)
         positions, level, weight = training_observations(
@@ -242,11 +244,24 @@ class DistributionalOrdinalRegressor(
         )
         weight = weight * sample_weight[used, None]
         inputs = self._transform(positions)
-        if not hasattr(self.estimator_, "fit_with_positions"):
-            return self._fit_repeated_rows(X, inputs, level, weight)
+        context = self._init_callback_context(max_subtasks=1)
+        context.call_on_fit_task_begin(estimator=self, X=X, y=y)
+        task = context.subcontext(task_name="fit estimator")
+        with task.propagate_callback_context(self.estimator_):
+            if hasattr(self.estimator_, "fit_with_positions"):
+                self._fit_sharing_features(
+                    X, counts, inputs, level, weight, groups, rng
+                )
+            else:
+                self._fit_repeated_rows(X, inputs, level, weight)
+        context.call_on_fit_task_end(
+            estimator=self, X=X, y=y, reconstruction_attributes={}
+        )
+        return self
+
+    def _fit_sharing_features(self, X, counts, inputs, level, weight, groups, rng):
         validation = None
         if getattr(self.estimator_, "early_stopping", False):
-            groups = None if groups is None else np.asarray(groups)[used]
             train, held_out = validation_split(
                 len(X), groups, self.estimator_.validation_fraction, rng
             )
@@ -261,7 +276,6 @@ class DistributionalOrdinalRegressor(
             monotone=self.monotone,
             validation=validation,
         )
-        return self
 
     def _make_estimator(self, rng):
         if self.estimator is None:
@@ -304,7 +318,7 @@ class DistributionalOrdinalRegressor(
             level = np.searchsorted(self._present, level)
         if np.ptp(weight) == 0:
             self.estimator_.fit(rows, level)
-            return self
+            return
         if not has_fit_parameter(self.estimator_, "sample_weight"):
             raise ValueError(
                 f"{name} takes no sample_weight, which sampling={self.sampling!r} and "
@@ -312,7 +326,6 @@ class DistributionalOrdinalRegressor(
                 "sampling='lattice' with balance=None."
             )
         self.estimator_.fit(rows, level, sample_weight=weight)
-        return self
 
     def predict_proba(self, X):
         """Predict the distribution of ratings.

@@ -5,6 +5,7 @@ from numbers import Integral, Real
 
 import numpy as np
 from sklearn.base import BaseEstimator, ClassifierMixin, _fit_context
+from sklearn.callback import CallbackSupportMixin, with_callbacks
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.model_selection import GroupShuffleSplit
 from sklearn.utils import check_random_state
@@ -40,7 +41,7 @@ def validation_split(n_trials, groups, fraction, random_state):
     return next(splitter.split(np.empty(n_trials), groups=groups))
 
 
-class NNPOM(ClassifierMixin, BaseEstimator):
+class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
     """Proportional-odds ordinal regression on one layer of logistic units.
 
     The neural-network proportional odds model of Gutiérrez et al. [1]_, with a
@@ -233,6 +234,7 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         validation = X[held_out], None, level[held_out], weight[held_out]
         return self._fit(X[train], None, level[train], weight[train], validation, rng)
 
+    @with_callbacks
     def fit_with_positions(
         self,
         X,
@@ -282,6 +284,15 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         return self._fit(X, positions, level, weight, validation, rng, monotone)
 
     def _fit(self, X, positions, level, weight, validation, rng, monotone=False):
+        context = self._init_callback_context(max_subtasks=self.max_iter)
+        context.call_on_fit_task_begin(estimator=self, X=X)
+        self._minimise(X, positions, level, weight, validation, rng, monotone, context)
+        context.call_on_fit_task_end(estimator=self, X=X, reconstruction_attributes={})
+        return self
+
+    def _minimise(
+        self, X, positions, level, weight, validation, rng, monotone, context
+    ):
         if monotone and self.solver != "lbfgs":
             raise ValueError(
                 f"monotone=True requires solver='lbfgs', but solver={self.solver!r}; "
@@ -295,7 +306,8 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         )
         self._present = np.flatnonzero(level_weight)
         if len(self._present) == 1:
-            return self._fit_constant()
+            self._store_constant()
+            return
         rank = np.zeros(len(self.levels_), dtype=np.intp)
         rank[self._present] = np.arange(len(self._present))
 
@@ -334,8 +346,15 @@ class NNPOM(ClassifierMixin, BaseEstimator):
             predicted = self._present[proba.argmax(axis=-1)]
             return _macro_mae(predicted, level_val, weight_val > 0).mean()
 
+        def end_iteration():
+            task = context.subcontext(task_name=f"iteration {len(monitor.costs)}")
+            task.call_on_fit_task_begin(estimator=self)
+            return task.call_on_fit_task_end(estimator=self)
+
         monitor = Monitor(
-            None if validation is None else validation_error, self.n_iter_no_change
+            None if validation is None else validation_error,
+            self.n_iter_no_change,
+            end_iteration if hasattr(self, "_skl_callbacks") else None,
         )
         options = {"max_iter": self.max_iter, "tol": self.tol, "callback": monitor}
         if self.solver == "lbfgs":
@@ -359,7 +378,7 @@ class NNPOM(ClassifierMixin, BaseEstimator):
             )
         self.loss_ = float(fun(params)[0])
         self.loss_curve_ = monitor.costs
-        return self._store(of_features(params))
+        self._store(of_features(params))
 
     def _store(self, params):
         coef, bias, output, first, gap_logits = unpack(
@@ -374,9 +393,8 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         )
         self.thresholds_ = edges[n_below]
         self._present_thresholds = present_thresholds
-        return self
 
-    def _fit_constant(self):
+    def _store_constant(self):
         """Fit the model that always predicts the only level there is."""
         n_params = self.n_features_in_ * max(self.n_hidden, 1) + 2 * self.n_hidden + 1
         self._store(np.zeros(n_params))
@@ -385,7 +403,6 @@ class NNPOM(ClassifierMixin, BaseEstimator):
         )
         self._present_thresholds = np.empty(0)
         self.loss_, self.loss_curve_, self.n_iter_ = 0.0, [], 0
-        return self
 
     def predict_proba(self, X):
         """Predict the probability of each level.

@@ -79,17 +79,30 @@ def lbfgs(fun, x0, *, bounds, max_iter, tol, callback):
 
 
 class Monitor:
-    """Records the cost of each iteration and keeps the best validated model."""
+    """Records the cost of each iteration and keeps the best validated model.
 
-    def __init__(self, validation_error, patience):
+    Parameters
+    ----------
+    validation_error : callable or None
+        Gives the error of parameters; None for no early stopping.
+    patience : int
+        Iterations without a smaller error after which to stop.
+    end_iteration : callable or None
+        Called after each iteration; stops the search if true.
+    """
+
+    def __init__(self, validation_error, patience, end_iteration):
         self.validation_error = validation_error
         self.patience = patience
+        self.end_iteration = end_iteration
         self.costs = []
         self.best_error, self.best_params, self.best_iter = np.inf, None, 0
 
     def __call__(self, params, cost):
         self.costs.append(float(cost))
         iteration = len(self.costs)
+        if self.end_iteration is not None and self.end_iteration():
+            return True
         if self.validation_error is None or iteration % _VALIDATION_INTERVAL:
             return False
         error = self.validation_error(params)

@@ -12,7 +12,7 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import LogisticRegression
 from sklearn.utils._testing import ignore_warnings
 
-from sklearn_haptic import NNPOM
+from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
 from sklearn_haptic._proportional_odds import (
     NetworkLoss,
     initial_params,
@@ -361,6 +361,47 @@ def test_pickle_and_hidden_activations():
     np.testing.assert_allclose(hidden @ model.coefs_[1], model.predict_latent(X))
     linear = NNPOM(0).fit(X, y)
     assert linear.hidden_activations(X).shape == (30, 0)
+
+
+class Recorder:
+    """Callback, passed on to the parts of an estimator, that notes finished tasks."""
+
+    max_propagation_depth = None
+
+    def __init__(self, stop_after=None):
+        self.tasks, self.stop_after = [], stop_after
+
+    def setup(self, estimator, context):
+        pass
+
+    def on_fit_task_begin(self, estimator, context):
+        pass
+
+    def on_fit_task_end(self, estimator, context):
+        self.tasks.append(context.task_name)
+        return context.task_name == f"iteration {self.stop_after}"
+
+    def teardown(self, estimator, context):
+        self.tasks.append("teardown")
+
+
+@pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
+def test_callbacks_see_every_iteration_and_may_stop(solver):
+    rng = np.random.default_rng(8)
+    X, y = rng.normal(size=(30, 3)), rng.integers(0, 3, 30)
+    recorder = Recorder(stop_after=4)
+    model = NNPOM(4, solver=solver, random_state=0).set_callbacks(recorder).fit(X, y)
+    assert model.n_iter_ == 4
+    assert recorder.tasks == [f"iteration {i}" for i in range(1, 5)] + [
+        "fit",
+        "teardown",
+    ]
+    recorder.tasks.clear()
+    DistributionalOrdinalRegressor(
+        NNPOM(4, solver=solver, random_state=0)
+    ).set_callbacks(recorder).fit(X, y)
+    assert recorder.tasks[:4] == [f"iteration {i}" for i in range(1, 5)]
+    assert recorder.tasks[-1] == "teardown"
 
 
 def test_no_module_below_imports_one_above():
