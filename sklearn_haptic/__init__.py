@@ -5,6 +5,7 @@ from ._distributional import PAPER_2020, DistributionalOrdinalRegressor
 from ._ksvd import KSVDTransformer
 from ._nnpom import NNPOM
 from ._pooling import TemporalMaxPool
+from ._presets import make_haptic_pipeline
 from ._sthmp import STHMPTransformer
 
 __all__ = [
@@ -15,4 +16,5 @@ __all__ = [
     "KSVDTransformer",
     "STHMPTransformer",
     "TemporalMaxPool",
+    "make_haptic_pipeline",
 ]

@@ -3,7 +3,12 @@
 import numpy as np
 from sklearn.base import BaseEstimator, ClassifierMixin, _fit_context
 from sklearn.utils._param_validation import StrOptions
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import (
+    _num_samples,
+    check_consistent_length,
+    check_is_fitted,
+    validate_data,
+)
 
 from ._validation import check_ratings
 from .metrics import ranked_probability_score
@@ -60,6 +65,8 @@ class DummyDistribution(ClassifierMixin, BaseEstimator):
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.classifier_tags.poor_score = True
+        tags.input_tags.sparse = True
+        tags.no_validation = True  # of X, which may be trials
         return tags
 
     @_fit_context(prefer_skip_nested_validation=True)
@@ -68,8 +75,8 @@ class DummyDistribution(ClassifierMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : array-like of shape (n_trials, n_features)
-            Ignored but for its length.
+        X : array-like of length n_trials
+            Features or trials, ignored but for their number.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
             Counts of each rating, or one rating a trial.
 
@@ -78,7 +85,8 @@ class DummyDistribution(ClassifierMixin, BaseEstimator):
         self : DummyDistribution
             The fitted baseline.
         """
-        X, y = validate_data(self, X, y, multi_output=True)
+        validate_data(self, X, skip_check_array=True)
+        check_consistent_length(X, y)
         counts, self.levels_ = check_ratings(y, self.levels)
         self.classes_ = self.levels_
         share = counts / counts.sum(axis=1, keepdims=True)
@@ -94,24 +102,23 @@ class DummyDistribution(ClassifierMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : array-like of shape (n_trials, n_features)
-            Ignored but for its length.
+        X : array-like of length n_trials
+            Features or trials, ignored but for their number.
 
         Returns
         -------
         proba : ndarray of shape (n_trials, n_levels)
         """
         check_is_fitted(self)
-        X = validate_data(self, X, reset=False)
-        return np.tile(self.proba_, (len(X), 1))
+        return np.tile(self.proba_, (_num_samples(X), 1))
 
     def predict(self, X):
         """Return the most common rating for each trial.
 
         Parameters
         ----------
-        X : array-like of shape (n_trials, n_features)
-            Ignored but for its length.
+        X : array-like of length n_trials
+            Features or trials, ignored but for their number.
 
         Returns
         -------
@@ -125,8 +132,8 @@ class DummyDistribution(ClassifierMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : array-like of shape (n_trials, n_features)
-            Ignored but for its length.
+        X : array-like of length n_trials
+            Features or trials, ignored but for their number.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
             Counts of each rating, or one rating a trial.
         sample_weight : array-like of shape (n_trials,), default=None

@@ -1,0 +1,121 @@
+"""A whole model in one call, at a named point between fast and accurate."""
+
+from sklearn.compose import ColumnTransformer
+from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from ._distributional import DistributionalOrdinalRegressor
+from ._ksvd import KSVDTransformer
+from ._nnpom import NNPOM
+from ._pooling import TemporalMaxPool
+from ._sthmp import STHMPTransformer
+
+# Window in time samples and number of atoms, as in the 2020 paper.
+_WINDOWED = {"pac": (22, 40), "pdc": (50, 25), "tac": (50, 25), "tdc": (50, 10)}
+_SENSORS = (*_WINDOWED, "electrodes")
+_PRESETS = {
+    "fast": {
+        "dictionary": {"n_nonzero_coefs": 2, "max_iter": 5, "max_train_windows": 5000},
+        "spatial_cells": (2, 1),
+        "cells": (4, 2, 1),
+    },
+    "balanced": {
+        "dictionary": {"n_nonzero_coefs": 2, "max_iter": 20},
+        "spatial_cells": (3, 2, 1),
+        "cells": (8, 4, 2, 1),
+    },
+    "accurate": {
+        "dictionary": {},
+        "spatial_cells": (3, 2, 1),
+        "cells": (16, 8, 4, 2, 1),
+    },
+}
+
+
+def make_haptic_pipeline(
+    sensors=_SENSORS, *, preset="balanced", memory=None, random_state=None
+):
+    """Build a model of raw recordings of BioTac fingers.
+
+    Every sensor gives sparse codes over a dictionary of its own, pooled over time;
+    the features of all sensors are standardised and feed a linear
+    `DistributionalOrdinalRegressor`. The result is an ordinary Pipeline with the
+    steps ``"features"`` (a ColumnTransformer with a transformer a sensor),
+    ``"scale"`` and ``"model"``, whose parameters can be set and searched.
+
+    Parameters
+    ----------
+    sensors : sequence of {"pac", "pdc", "tac", "tdc", "electrodes"}
+        The sensors to use: columns of a DataFrame of trials, as `load_phac2` and
+        `make_haptic_corpus` return it. By default all five.
+    preset : {"fast", "balanced", "accurate"}, default="balanced"
+        How much time the features may take. "accurate" uses the defaults of the
+        transformers; "balanced" takes about half its time and "fast" a quarter or
+        less, with fewer coefficients a code, iterations of K-SVD and cells.
+    memory : str or object with the joblib.Memory interface, default=None
+        Where the transformers cache dictionaries and codes.
+    random_state : int, RandomState instance or None, default=None
+        For the dictionaries; the linear model needs none.
+
+    Returns
+    -------
+    pipeline : sklearn.pipeline.Pipeline
+        Unfitted.
+
+    Raises
+    ------
+    ValueError
+        If a sensor or the preset is unknown, or there is no sensor.
+
+    Notes
+    -----
+    Means of windows are kept: the level of a signal is information for pressure and
+    temperature, and on recordings of grips it did no harm elsewhere.
+
+    Examples
+    --------
+    >>> from sklearn_haptic import make_haptic_pipeline
+    >>> from sklearn_haptic.datasets import make_haptic_corpus
+    >>> corpus = make_haptic_corpus(n_objects=6, n_trials=2, random_state=0)
+    >>> model = make_haptic_pipeline(["pdc", "tdc"], preset="fast", random_state=0)
+    >>> model.fit(corpus.trials, corpus.ratings["hard"])
+    Pipeline(...)
+    >>> model.predict_proba(corpus.trials).shape
+    (12, 5)
+    """
+    if isinstance(sensors, str):
+        sensors = [sensors]
+    unknown = [sensor for sensor in sensors if sensor not in _SENSORS]
+    if unknown or not len(sensors):
+        raise ValueError(
+            f"sensors={list(sensors)!r} must name some of {list(_SENSORS)}; for other "
+            "sensors build a Pipeline of KSVDTransformer or STHMPTransformer."
+        )
+    if preset not in _PRESETS:
+        raise ValueError(f"preset={preset!r} must be one of {list(_PRESETS)}.")
+    settings = _PRESETS[preset]
+    options = {
+        **settings["dictionary"],
+        "remove_mean": False,
+        "memory": memory,
+        "random_state": random_state,
+    }
+
+    def transformer(sensor):
+        if sensor == "electrodes":
+            codes = STHMPTransformer(spatial_cells=settings["spatial_cells"], **options)
+        else:
+            window, n_atoms = _WINDOWED[sensor]
+            codes = KSVDTransformer(n_atoms, window=window, **options)
+        return make_pipeline(codes, TemporalMaxPool(settings["cells"]))
+
+    return Pipeline(
+        [
+            (
+                "features",
+                ColumnTransformer([(s, transformer(s), s) for s in sensors]),
+            ),
+            ("scale", StandardScaler()),
+            ("model", DistributionalOrdinalRegressor(NNPOM(n_hidden=0, alpha=10.0))),
+        ]
+    )
