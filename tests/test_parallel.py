@@ -1,0 +1,148 @@
+"""Searches give the same numbers with any backend, and with a cache or without."""
+
+import re
+from pathlib import Path
+
+import joblib
+import numpy as np
+import pandas
+import pytest
+from sklearn.compose import ColumnTransformer
+from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.preprocessing import StandardScaler
+from threadpoolctl import threadpool_limits
+
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    KSVDTransformer,
+    STHMPTransformer,
+    TemporalMaxPool,
+)
+from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.metrics import neg_rps_scorer
+
+# joblib prints the arguments of what it caches, and warns if that takes long.
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Persisting input arguments took:UserWarning"
+)
+
+GUIDE = Path(__file__).parents[1] / "docs" / "scaling.md"
+
+
+@pytest.fixture(scope="module")
+def corpus():
+    return make_haptic_corpus(
+        6, 2, procedure="fast_slide", sensors=["pdc", "electrodes"], random_state=0
+    )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread():
+    """Here and in workers: sums in another order would differ in the last digit."""
+    with pytest.MonkeyPatch.context() as environment, threadpool_limits(1):
+        environment.setenv("OMP_NUM_THREADS", "1")
+        environment.setenv("OPENBLAS_NUM_THREADS", "1")
+        yield
+
+
+def fitted_search(corpus, *, n_jobs=None, trial_memory=None, pipeline_memory=None):
+    learning = {
+        "max_iter": 1,
+        "max_train_windows": 200,
+        "memory": trial_memory,
+        "random_state": 0,
+    }
+    pressure = KSVDTransformer(5, 3, window=20, **learning)
+    images = STHMPTransformer(4, 3, spatial_cells=(1,), **learning)
+    features = ColumnTransformer(
+        [
+            ("pdc", make_pipeline(pressure, TemporalMaxPool((2, 1))), "pdc"),
+            ("images", make_pipeline(images, TemporalMaxPool((2, 1))), "electrodes"),
+        ]
+    )
+    head = DistributionalOrdinalRegressor(
+        NNPOM(n_hidden=2), levels=[1, 2, 3, 4, 5], random_state=0
+    )
+    search = GridSearchCV(
+        Pipeline(
+            [("features", features), ("scale", StandardScaler()), ("head", head)],
+            memory=pipeline_memory,
+        ),
+        {"head__estimator__alpha": [100.0, 1000.0]},
+        scoring=neg_rps_scorer,
+        cv=GroupKFold(2),
+        n_jobs=n_jobs,
+        error_score="raise",
+    )
+    return search.fit(corpus.trials, corpus.ratings["hard"], groups=corpus.objects)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_tables():
+    with pandas.option_context("display.max_seq_items", 3):
+        yield
+
+
+@pytest.fixture(scope="module")
+def reference(corpus):
+    return fitted_search(corpus, n_jobs=1)
+
+
+def assert_same(search, reference, corpus):
+    for scores in ("split0_test_score", "split1_test_score"):
+        np.testing.assert_array_equal(
+            search.cv_results_[scores], reference.cv_results_[scores]
+        )
+    assert search.best_params_ == reference.best_params_
+    np.testing.assert_array_equal(
+        search.predict_proba(corpus.trials), reference.predict_proba(corpus.trials)
+    )
+
+
+@pytest.mark.parametrize("backend", ["loky", "threading"])
+@pytest.mark.parametrize("n_jobs", [1, 2])
+def test_joblib_backends(corpus, reference, backend, n_jobs):
+    with joblib.parallel_config(backend, n_jobs=n_jobs):
+        assert_same(fitted_search(corpus), reference, corpus)
+
+
+@pytest.mark.parametrize(("n_workers", "processes"), [(2, False), (1, True)])
+def test_dask(corpus, reference, n_workers, processes):
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.Client(
+            n_workers=n_workers,
+            threads_per_worker=1,
+            processes=processes,
+            dashboard_address=None,
+        ),
+        joblib.parallel_config("dask"),
+    ):
+        assert_same(fitted_search(corpus), reference, corpus)
+
+
+@pytest.mark.parametrize(
+    ("caches", "n_jobs"),
+    [
+        (["trial_memory"], 1),
+        (["pipeline_memory"], 1),
+        (["trial_memory", "pipeline_memory"], 2),
+    ],
+)
+def test_caches(corpus, reference, tmp_path, caches, n_jobs):
+    memory = {cache: str(tmp_path / cache) for cache in caches}
+    for _ in range(2):  # an empty cache, then a full one
+        assert_same(fitted_search(corpus, n_jobs=n_jobs, **memory), reference, corpus)
+
+
+def test_examples_of_the_guide(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("distributed")
+    pytest.importorskip("rich")
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"^```python\n(.*?)^```", GUIDE.read_text("utf-8"), re.M | re.S)
+    namespace = {}
+    for block in blocks:
+        exec(block, namespace)
+    assert len(blocks) > 1
