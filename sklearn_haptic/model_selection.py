@@ -5,13 +5,24 @@ the mean time in seconds to fit and score it on one fold, its score the mean tes
 score over the folds, higher being better, and its standard error the standard
 deviation of the folds' scores over the square root of their number. Candidates
 whose score is not finite, such as those whose fit failed, are left out.
+
+The sensors of a model are such a choice too: :func:`sensor_subsets` tries them all.
 """
 
 from collections.abc import Mapping
-from itertools import count, takewhile
+from itertools import combinations, count, takewhile
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import rankdata
+from sklearn.base import clone, is_classifier
+from sklearn.compose import ColumnTransformer
+from sklearn.metrics import check_scoring
+from sklearn.model_selection import check_cv
+from sklearn.pipeline import Pipeline
+from sklearn.utils import _safe_indexing, indexable
+from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_is_fitted
 
 
@@ -280,6 +291,107 @@ def cheapest_within_one_se(cv_results, *, metric=None):
     return int(candidates.index[cheapest])
 
 
+def sensor_subsets(model, X, y, *, groups=None, cv=None, scoring=None, n_jobs=None):
+    """Cross-validate a model with every subset of its sensors.
+
+    Which sensors earn their time? The features of a sensor do not depend on the
+    other sensors, so that those of each are computed once a fold, and timed; only
+    the rest of the model is fitted and scored again for each of the 2^n - 1 subsets.
+    The scores are those of a ``GridSearchCV`` over a model whose other sensors are
+    set to ``"drop"``.
+
+    Parameters
+    ----------
+    model : Pipeline
+        Its first step is a :class:`~sklearn.compose.ColumnTransformer` with one
+        transformer a sensor, its last a predictor, such as
+        :class:`~sklearn_haptic.DistributionalOrdinalRegressor`. Transformers set to
+        ``"drop"`` are not tried.
+    X : DataFrame or array-like of shape (n_trials, n_columns)
+        The trials.
+    y : array-like of shape (n_trials,) or (n_trials, n_levels)
+        Labels, or how many people gave each level.
+    groups : array-like of shape (n_trials,), default=None
+        The object of each trial, for splitters that keep the trials of an object
+        together. Splitters alone get it.
+    cv : int, splitter or iterable, default=None
+        As in :class:`~sklearn.model_selection.GridSearchCV`; None is five folds.
+    scoring : str, callable, list, tuple or dict, default=None
+        As in :class:`~sklearn.model_selection.GridSearchCV`; None is the model's
+        own ``score``.
+    n_jobs : int, default=None
+        Number of jobs; one fits and scores all subsets on one fold.
+
+    Returns
+    -------
+    cv_results : dict
+        In the form of ``GridSearchCV.cv_results_``, a candidate a subset, small
+        subsets first: ``params``, each ``{"sensors": (name, ...)}``;
+        ``param_sensors``; ``split0_test_score`` and so on; mean and standard
+        deviation over folds of the test score, ``rank_test_score``, and mean and
+        standard deviation of the time to fit and to score, in seconds. The time of a
+        subset is the sum of those of its sensors and of the rest of the model.
+
+    Raises
+    ------
+    TypeError
+        If ``model`` is no Pipeline that begins with a ColumnTransformer, or the
+        features of a sensor are neither an array nor a pandas DataFrame.
+    ValueError
+        If nothing follows the ColumnTransformer, its ``remainder`` is not
+        ``"drop"``, or its transformers are all dropped or share a name.
+
+    See Also
+    --------
+    speed_accuracy_frontier : The subsets that no other beats in time and score.
+    cheapest_within_one_se : The fastest within reach of the best.
+    sklearn_haptic.plotting.SpeedAccuracyDisplay : Look at them.
+
+    Notes
+    -----
+    A ``memory=`` in the model, or in one of its parts, falsifies the times:
+    whatever was computed before costs nothing. So do other jobs on the machine:
+    where small differences matter use ``n_jobs=1``.
+
+    Random states that are integers give each subset the features and the model that
+    it would have alone. A fit that fails raises its error.
+
+    Examples
+    --------
+    >>> from sklearn.model_selection import GroupKFold
+    >>> from sklearn_haptic import make_haptic_pipeline
+    >>> from sklearn_haptic.datasets import make_haptic_corpus
+    >>> from sklearn_haptic.metrics import neg_rps_scorer
+    >>> from sklearn_haptic.model_selection import sensor_subsets
+    >>> sensors = ["pdc", "tac", "tdc"]
+    >>> corpus = make_haptic_corpus(9, 2, sensors=sensors, random_state=0)
+    >>> results = sensor_subsets(
+    ...     make_haptic_pipeline(sensors, preset="fast", random_state=0),
+    ...     corpus.trials,
+    ...     corpus.ratings["hard"],
+    ...     groups=corpus.objects,
+    ...     cv=GroupKFold(3),
+    ...     scoring=neg_rps_scorer,
+    ... )
+    >>> [params["sensors"] for params in results["params"]][2:5]
+    [('tdc',), ('pdc', 'tac'), ('pdc', 'tdc')]
+    """
+    sensors = _split_sensors(model)
+    subsets = [
+        subset
+        for size in range(1, len(sensors) + 1)
+        for subset in combinations(sensors, size)
+    ]
+    X, y, groups = indexable(X, y, groups)
+    scorer = check_scoring(model, scoring)
+    cv = check_cv(cv, y, classifier=is_classifier(model))
+    folds = Parallel(n_jobs=n_jobs)(
+        delayed(_score_subsets)(sensors, model[1:], subsets, scorer, X, y, train, test)
+        for train, test in cv.split(X, y, groups)
+    )
+    return _as_cv_results(subsets, folds)
+
+
 def _check_metric(results, metric):
     """Return the name of the score to use, if the results leave no doubt."""
     prefix = "mean_test_"
@@ -292,3 +404,101 @@ def _check_metric(results, metric):
             f"metric is {problem}; choose one of the search's scores: {known}."
         )
     return metric
+
+
+def _split_sensors(model):
+    """Return the ColumnTransformer of each sensor alone, by the sensor's name."""
+    first = model[0] if isinstance(model, Pipeline) else model
+    if first is model or not isinstance(first, ColumnTransformer):
+        raise TypeError(
+            "model must be a Pipeline that begins with a ColumnTransformer with one "
+            f"transformer a sensor, but it begins with a {type(first).__name__}."
+        )
+    if len(model) == 1:
+        raise ValueError("model ends with its ColumnTransformer; add a predictor.")
+    if not isinstance(first.remainder, str) or first.remainder != "drop":
+        raise ValueError(
+            f"model has a ColumnTransformer with remainder={first.remainder!r}, which "
+            "is no sensor; set it to 'drop' and name a transformer for each sensor."
+        )
+    entries = [
+        (name, transformer, columns)
+        for name, transformer, columns in first.transformers
+        if not isinstance(transformer, str) or transformer != "drop"
+    ]
+    sensors = {
+        entry[0]: clone(first).set_params(transformers=[entry]) for entry in entries
+    }
+    if not 0 < len(sensors) == len(entries):
+        raise ValueError(
+            "model has a ColumnTransformer whose transformers are all dropped or share "
+            f"a name: {[name for name, *_ in first.transformers]}; give each sensor "
+            "one of its own."
+        )
+    return sensors
+
+
+def _score_subsets(sensors, rest, subsets, scorer, X, y, train, test):
+    """Seconds to fit and to score, and the scores, of each subset on one fold."""
+    X_train, X_test = _safe_indexing(X, train), _safe_indexing(X, test)
+    y_train, y_test = _safe_indexing(y, train), _safe_indexing(y, test)
+    features = {}
+    for name in sensors:
+        sensor = clone(sensors[name])
+        Z_train, fit_time = _timed(sensor.fit_transform, X_train, y_train)
+        Z_test, score_time = _timed(sensor.transform, X_test)
+        if not isinstance(Z_train, np.ndarray) and not hasattr(Z_train, "iloc"):
+            raise TypeError(
+                f"The features of sensor {name!r} are a {type(Z_train).__name__}, "
+                "which is not supported; let its transformer return a dense array."
+            )
+        features[name] = Z_train, Z_test, fit_time, score_time
+    outcomes = []
+    for subset in subsets:
+        Z_train, Z_test, fit_times, score_times = zip(*map(features.get, subset))
+        fitted, fit_time = _timed(clone(rest).fit, _side_by_side(Z_train), y_train)
+        scores, score_time = _timed(scorer, fitted, _side_by_side(Z_test), y_test)
+        scores = scores if isinstance(scores, Mapping) else {"score": scores}
+        seconds = sum(fit_times, fit_time), sum(score_times, score_time)
+        outcomes.append((seconds, scores))
+    return outcomes
+
+
+def _timed(function, *args):
+    """Call a function; return its result and the seconds it took."""
+    started = perf_counter()
+    result = function(*args)
+    return result, perf_counter() - started
+
+
+def _side_by_side(parts):
+    """Features of several sensors as a ColumnTransformer puts them together."""
+    if isinstance(parts[0], np.ndarray):
+        return np.hstack(parts)
+    import pandas as pd
+
+    return pd.concat(parts, axis=1)
+
+
+def _as_cv_results(subsets, folds):
+    """Put what the folds returned into the form of ``cv_results_``."""
+    results = {
+        "params": [{"sensors": subset} for subset in subsets],
+        "param_sensors": np.fromiter(subsets, dtype=object, count=len(subsets)),
+    }
+    seconds = np.array([[seconds for seconds, _ in fold] for fold in folds])
+    for key, times in zip(["fit_time", "score_time"], seconds.T):
+        results |= {f"mean_{key}": times.mean(axis=1), f"std_{key}": times.std(axis=1)}
+    for metric in folds[0][0][1]:
+        scores = np.array([[scores[metric] for _, scores in fold] for fold in folds]).T
+        mean = scores.mean(axis=1)
+        with np.errstate(invalid="ignore"):  # scores may be infinite
+            std = scores.std(axis=1)
+        ranks = rankdata(-np.nan_to_num(mean, nan=-np.inf), method="min")
+        results |= {
+            **{f"split{k}_test_{metric}": split for k, split in enumerate(scores.T)},
+            f"mean_test_{metric}": mean,
+            f"std_test_{metric}": std,
+            f"rank_test_{metric}": ranks.astype(np.int32),
+        }
+    return results

@@ -4,26 +4,38 @@ import warnings
 from functools import partial
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from joblib import parallel_config
 from scipy.stats import sem
 from sklearn.base import clone
+from sklearn.compose import ColumnTransformer
+from sklearn.decomposition import PCA
 from sklearn.exceptions import NotFittedError
 from sklearn.experimental import enable_halving_search_cv  # noqa: F401
-from sklearn.linear_model import LogisticRegression
+from sklearn.linear_model import LogisticRegression, Ridge
 from sklearn.model_selection import (
     GridSearchCV,
     GroupKFold,
     HalvingGridSearchCV,
     RandomizedSearchCV,
 )
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer, OneHotEncoder, StandardScaler
 
-from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    make_haptic_pipeline,
+)
+from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
 from sklearn_haptic.model_selection import (
     cheapest_within_one_se,
     is_non_dominated,
+    sensor_subsets,
     speed_accuracy_frontier,
 )
 
@@ -271,3 +283,201 @@ def test_a_search_with_failing_candidates(trials):
     fit(search, trials)
     assert search.best_index_ == 0
     assert speed_accuracy_frontier(search).index.tolist() == [0]
+
+
+SENSORS = ("pac", "pdc", "tac")
+SUBSETS = [
+    ("pac",),
+    ("pdc",),
+    ("tac",),
+    ("pac", "pdc"),
+    ("pac", "tac"),
+    ("pdc", "tac"),
+    ("pac", "pdc", "tac"),
+]
+
+
+def search_subsets(model, X, y, groups=None, **options):
+    """The same by a grid search in which the other sensors are dropped."""
+    name, columns = model.steps[0]
+    grid = [
+        {
+            f"{name}__transformers": [
+                [
+                    (sensor, part if sensor in subset else "drop", names)
+                    for sensor, part, names in columns.transformers
+                ]
+            ]
+        }
+        for subset in SUBSETS
+    ]
+    search = GridSearchCV(model, grid, refit=False, error_score="raise", **options)
+    return search.fit(X, y, groups=groups).cv_results_
+
+
+def assert_same_scores(results, expected):
+    keys = [key for key in expected if "_test_" in key]
+    assert len(keys) >= 5
+    for key in keys:
+        np.testing.assert_array_equal(results[key], expected[key], err_msg=key)
+
+
+def columns_model(rest, **options):
+    """Two to four features of each of three sensors, and what uses them."""
+    steps = [
+        ("pac", PCA(2, random_state=0), ["a", "b", "c"]),
+        ("pdc", "passthrough", ["d"]),
+        ("tac", StandardScaler(), ["c", "e"]),
+    ]
+    return make_pipeline(ColumnTransformer(steps, **options), *rest)
+
+
+@pytest.fixture(scope="module")
+def table():
+    rng = np.random.default_rng(0)
+    X = pd.DataFrame(rng.normal(size=(36, 6)), columns=list("abcdef"))
+    return X, X["a"] + X["d"] + rng.normal(size=36), np.repeat(np.arange(12), 3)
+
+
+def test_sensor_subsets_equal_a_grid_search_on_recordings():
+    corpus = make_haptic_corpus(8, 2, sensors=SENSORS, random_state=0)
+    model = make_haptic_pipeline(SENSORS, preset="fast", random_state=0)
+    data = corpus.trials, corpus.ratings["hard"]
+    options = {
+        "groups": corpus.objects,
+        "cv": GroupKFold(2),
+        "scoring": {"rps": neg_rps_scorer, "mae": neg_macro_mae_scorer},
+    }
+    results = sensor_subsets(model, *data, **options)
+    assert_same_scores(results, search_subsets(model, *data, **options))
+    with pytest.raises(NotFittedError):
+        model.predict(corpus.trials)  # the model itself stays as it was
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"transformer_weights": {"pac": 10.0, "tac": 0.1}},
+        {"verbose_feature_names_out": False},
+    ],
+)
+@pytest.mark.parametrize("output", ["default", "pandas"])
+def test_sensor_subsets_equal_a_grid_search(table, options, output):
+    X, y, _ = table
+    names = []
+    note = FunctionTransformer(lambda Z: names.append(getattr(Z, "columns", None)) or Z)
+    model = columns_model([note, StandardScaler(), Ridge()], **options)
+    model.set_output(transform=output)
+    results = sensor_subsets(model, X, y, cv=3)
+    seen, names[:] = names[:], []
+    assert_same_scores(results, search_subsets(model, X, y, cv=3))
+    assert {str(columns) for columns in seen} == {str(columns) for columns in names}
+
+
+def test_sensor_subsets_of_a_classifier_in_stratified_folds(table):
+    X, y, _ = table
+    labels = np.where(np.argsort(np.argsort(y)) < 8, "soft", "hard")
+    model = columns_model([LogisticRegression()])
+    assert_same_scores(
+        sensor_subsets(model, X, labels), search_subsets(model, X, labels)
+    )
+
+
+def test_sensor_subsets_in_parallel(table):
+    X, y, groups = table
+    model = columns_model([Ridge()])
+    options = {"groups": groups, "cv": GroupKFold(4), "scoring": "r2"}
+    with parallel_config("threading"):
+        results = sensor_subsets(model, X, y, n_jobs=2, **options)
+    assert_same_scores(results, sensor_subsets(model, X, y, **options))
+
+
+def test_each_sensor_is_fitted_once_a_fold(table, monkeypatch):
+    X, y, _ = table
+    ticks, calls = iter(range(10_000)), []
+    monkeypatch.setattr("sklearn_haptic.model_selection.perf_counter", ticks.__next__)
+    note = FunctionTransformer(lambda Z: calls.append(len(Z)) or Z)
+    model = columns_model([Ridge()])
+    model[0].set_params(pac=note, pdc=note, tac=note)
+    results = sensor_subsets(model, X, y, cv=3)
+    assert calls == [24, 12] * 9  # three sensors, three folds
+    # Every step takes one tick.
+    n_steps = [1 + len(subset) for subset in SUBSETS]
+    for step in ("fit", "score"):
+        np.testing.assert_array_equal(results[f"mean_{step}_time"], n_steps)
+        np.testing.assert_array_equal(results[f"std_{step}_time"], 0)
+
+
+def test_choosing_among_sensor_subsets(table):
+    X, y, groups = table
+    results = sensor_subsets(
+        columns_model([Ridge()]), X, y, groups=groups, cv=GroupKFold(4), scoring="r2"
+    )
+    assert results["params"] == [{"sensors": subset} for subset in SUBSETS]
+    assert results["param_sensors"].tolist() == SUBSETS
+    best = results["rank_test_score"].argmin()
+    assert {"pac", "pdc"} <= set(SUBSETS[best])  # the two that y depends on
+    frontier = speed_accuracy_frontier(results)
+    assert best in frontier.index
+    assert cheapest_within_one_se(results) in frontier.index
+    assert frontier["param_sensors"].tolist() == [SUBSETS[i] for i in frontier.index]
+
+
+def test_dropped_sensors_are_not_tried(table):
+    X, y, _ = table
+    model = columns_model([Ridge()]).set_params(columntransformer__pac="drop")
+    results = sensor_subsets(model, X, y)
+    assert results["param_sensors"].tolist() == [("pdc",), ("tac",), ("pdc", "tac")]
+    model.set_params(columntransformer__tac="drop")
+    assert sensor_subsets(model, X, y)["param_sensors"].tolist() == [("pdc",)]
+
+
+def test_scores_that_are_not_finite_rank_last(table):
+    X, y, _ = table
+    model = columns_model([Ridge()]).set_params(columntransformer__pac="drop")
+    scores = iter([2.0, -np.inf, np.nan] * 2)
+    results = sensor_subsets(model, X, y, cv=2, scoring=lambda *_: next(scores))
+    assert results["rank_test_score"].tolist() == [1, 2, 3]
+    assert cheapest_within_one_se(results) == 0
+
+
+@pytest.mark.parametrize(
+    "model, error, message",
+    [
+        (Ridge(), TypeError, "begins with a Ridge"),
+        (make_pipeline(PCA(), Ridge()), TypeError, "begins with a PCA"),
+        (ColumnTransformer([]), TypeError, "must be a Pipeline"),
+        (columns_model([]), ValueError, "add a predictor"),
+        (columns_model([Ridge()], remainder=PCA()), ValueError, r"remainder=PCA\(\)"),
+        (
+            columns_model([Ridge()], remainder="passthrough"),
+            ValueError,
+            "remainder='passthrough', which is no sensor",
+        ),
+        (
+            make_pipeline(ColumnTransformer([("pac", "drop", ["a"])]), Ridge()),
+            ValueError,
+            r"all dropped or share a name: \['pac'\]",
+        ),
+        (
+            make_pipeline(ColumnTransformer([("pac", PCA(), ["a"])] * 2), Ridge()),
+            ValueError,
+            r"share a name: \['pac', 'pac'\]",
+        ),
+        (
+            make_pipeline(
+                ColumnTransformer(
+                    [("pac", OneHotEncoder(handle_unknown="ignore"), ["a"])]
+                ),
+                Ridge(),
+            ),
+            TypeError,
+            "features of sensor 'pac' are a csr_.*dense array",
+        ),
+    ],
+)
+def test_models_without_sensor_subsets(table, model, error, message):
+    X, y, _ = table
+    with pytest.raises(error, match=message):
+        sensor_subsets(model, X, y)
