@@ -41,9 +41,9 @@ from ._validation import check_ratings
 from .metrics import ranked_probability_score
 from .ratings import _level_index
 
-# With 16 nodes the distribution function is off by less than 2e-4 for weights of the
+# With 20 nodes the distribution function is off by less than 1e-4 for weights of the
 # log-odds up to 2, 1e-3 up to 4.
-_MIXTURE_NODES = 16
+_MIXTURE_NODES = 20
 # With 33 nodes networks of up to 30 units were off by less than 1e-2, 1e-4 on average,
 # where a grid of 99 positions is off by 1e-2.
 _CROSSING_NODES = 33

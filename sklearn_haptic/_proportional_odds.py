@@ -159,16 +159,18 @@ def sigmoid_of_sums(a, b, spread_a=np.asarray, spread_b=np.asarray, out=None):
     Parameters
     ----------
     a, b : ndarray
-        Summands.
+        Summands; overwritten.
     spread_a, spread_b : callable
         Take `a` and `b`, or arrays like them, to shapes that broadcast.
     out : ndarray, default=None
         Where to put the result.
     """
-    largest = max(np.abs(a).max(initial=0), np.abs(b).max(initial=0))
+    largest = max(extreme for x in (a, b) for extreme in (-x.min(), x.max()))
     if largest > _LARGEST_EXPONENT / 2:  # a product of exponentials may overflow
         return expit(np.add(spread_a(a), spread_b(b), out=out), out=out)
-    odds = np.multiply(spread_a(np.exp(-a)), spread_b(np.exp(-b)), out=out)
+    for x in (a, b):
+        np.exp(np.negative(x, out=x), out=x)
+    odds = np.multiply(spread_a(a), spread_b(b), out=out)
     odds += 1
     return np.divide(1, odds, out=odds)
 
@@ -212,6 +214,7 @@ class NetworkLoss:
         self.sum_by_trial = sparse.csr_array((np.ones(len(each)), each, ends))
         if positions is not None:  # trials of an object often share theirs
             self.distinct, self.which = np.unique(self.positions, return_inverse=True)
+            self.moved = np.empty((len(self.distinct), n_hidden))
         # A hidden layer for each observation, or for each trial if they share it.
         n_rows = len(X) if positions is None else len(each)
         self.buffers = np.empty((2, n_rows, n_hidden))
@@ -272,8 +275,8 @@ class NetworkLoss:
         def of_positions(values):
             return np.take(values, self.which, axis=0, out=work, mode="clip")
 
-        moved = np.multiply.outer(self.distinct, position_coef)
-        return sigmoid_of_sums(shared, moved, of_trials, of_positions, out=layer)
+        np.multiply.outer(self.distinct, position_coef, out=self.moved)
+        return sigmoid_of_sums(shared, self.moved, of_trials, of_positions, out=layer)
 
 
 def initial_params(n_inputs, n_hidden, level_weight, random_state):

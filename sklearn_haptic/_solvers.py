@@ -71,6 +71,8 @@ def lbfgs(fun, x0, *, bounds, max_iter, tol, callback):
         options={
             "maxiter": max_iter,
             "maxfun": 20 * max_iter,
+            # A longer memory saves iterations; of many parameters it costs too much.
+            "maxcor": 30 if x0.size < 2000 else 10,
             "gtol": tol,
             "ftol": np.finfo(float).eps,
         },
