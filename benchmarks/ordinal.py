@@ -95,7 +95,7 @@ def descend(X, level, n_hidden, alpha, params, target):
         params,
         bounds=None,
         max_iter=500,
-        tol=1e-5,
+        tol=1e-4,
         callback=lambda _, value: value <= target,
     )
     return cost(params)[0]

@@ -1,27 +1,26 @@
 """What each knob costs and gains, one at a time around a base setting.
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \
-        python benchmarks/speed_accuracy.py FOLDER [--csv FILE] [--quick] \
-        [--sets synthetic bolt movie phac2] [--knobs atoms "hidden units" …]
+        python benchmarks/speed_accuracy.py FOLDER [--csv FILE] [--figure FILE] \
+        [--quick] [--sets synthetic bolt movie phac2] [--knobs atoms "hidden units" …]
 
 FOLDER holds ``bolt_pilot/``, ``movie_ratings/`` and ``phac2_static/``; the synthetic
 set needs none of them. mord comes with this package. About 40 minutes on one core,
 ``--quick`` a few; progress goes to stderr, a Markdown table a knob to stdout.
 
-Five folds, objects kept whole, repeated with other folds and seeds. Dictionaries,
-scaling and the penalty ``alpha`` come from the training fold alone. The first value
-of every knob is its reference: it has scores ± standard errors, the others have
-their score and, in brackets, the paired difference to the reference on the same
-folds ± the standard error of that difference, in bold where it exceeds twice that.
-The folds of a cross-validation share training objects, so the standard errors are
-those of Nadeau and Bengio [1]_, which are larger than the naive ones.
+Five folds, objects kept whole, repeated with other folds and seeds. Dictionaries and
+scaling come from the training fold alone. The first value of every knob is its
+reference: it has scores ± standard errors, the others have their score and, in
+brackets, the paired difference to the reference on the same folds ± the standard
+error of that difference, in bold where it exceeds twice that. The folds of a
+cross-validation share training objects, so the standard errors are those of Nadeau
+and Bengio [1]_, which are larger than the naive ones.
 
-Features are standardised, rotated to as many axes as there are trials, which loses
-nothing, and divided by one number, such that the mean squared norm of a training
-trial is 1. So ``alpha`` means the same whatever the number of features; for features
-that are only standardised, multiply it by their number. It is chosen for the base
-setting by grouped cross-validation within each training fold, and every value of a
-knob gets that one; exceptions say "alpha searched".
+The base is the preset "accurate" of `make_haptic_pipeline`, whose head is the default
+`DistributionalOrdinalRegressor`. Features are standardised and rotated to as many axes
+as there are trials, which loses nothing and makes every later fit faster. ``alpha`` is
+10 throughout, also with hidden units, unless a value says otherwise: nothing is chosen
+on the folds that are reported.
 
 Seconds are of processor time on one thread, medians over folds: "features" learns
 dictionaries and codes, scales and rotates the training trials, "transform" does the
@@ -47,6 +46,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import joblib
+import matplotlib.pyplot as plt
 import mord
 import numpy as np
 from real_ratings import movie, phac2
@@ -67,6 +67,7 @@ from sklearn_haptic import (
     STHMPTransformer,
     TemporalMaxPool,
 )
+from sklearn_haptic._presets import _PRESETS
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import (
     earth_movers_distance,
@@ -75,14 +76,13 @@ from sklearn_haptic.metrics import (
     neg_rps_scorer,
     ranked_probability_score,
 )
+from sklearn_haptic.model_selection import is_non_dominated
 
 sys.path.append(str(Path(__file__).parents[1] / "examples"))
 from run_real_recordings import FORCES, SIZES, read
 
 SENSORS = (*SIZES, "electrodes")
 ADJECTIVES = ["hard", "smooth", "springy"]  # whose extreme levels every fold has
-ALPHAS = np.logspace(-2, 2, 9)
-NETWORK_ALPHAS = [0.1, 0.3, 1, 3, 10, 30]
 REPEATS = {"synthetic": 2, "bolt": 1, "movie": 1, "phac2": 2}
 SECONDS = ["features", "transform", "fit", "predict"]
 SCORES = {
@@ -114,9 +114,8 @@ class Setting(NamedTuple):
     """A model and its features, as far as they differ from the base."""
 
     features: dict = {}  # noqa: RUF012
-    model: BaseEstimator = DistributionalOrdinalRegressor(NNPOM(n_hidden=0))
-    alphas: list | str | None = "base"  # the base's, the list to search, the model's
-    unit_norm: bool = True  # or standardised only
+    model: BaseEstimator = DistributionalOrdinalRegressor(NNPOM(n_hidden=0, alpha=10.0))
+    alphas: tuple = ()  # to choose from within the training fold
 
 
 def features(**changes):
@@ -130,13 +129,20 @@ def head(**changes):
 
 
 def network(**changes):
-    """The base with ten hidden units; alpha is chosen for their number."""
-    return head(estimator=NNPOM(**{"n_hidden": 10, "random_state": 0} | changes))
+    """The base with ten hidden units."""
+    defaults = {"n_hidden": 10, "alpha": 10.0, "random_state": 0}
+    return head(estimator=NNPOM(**defaults | changes))
 
 
-def standardised(setting, alphas):
-    """The same on features that are standardised only."""
-    return setting._replace(alphas=list(alphas), unit_norm=False)
+def searched(setting, alphas):
+    """The same, its penalty chosen by grouped cross-validation in the training fold."""
+    return setting._replace(alphas=tuple(alphas))
+
+
+def duplicates(n_duplicates):
+    """Another number of observations a trial, with the penalty in proportion."""
+    alpha = 10.0 * n_duplicates / 15
+    return head(n_duplicates=n_duplicates, estimator__alpha=alpha)
 
 
 def vary(make, name, values):
@@ -173,9 +179,9 @@ FEATURE_KNOBS = {
         for cells in [(3, 2, 1), (1,), (2, 1), (3,)]
     },
     "mean removed": {
-        "pac, electrodes": BASE,
+        "none": BASE,
+        "pac, electrodes": features(mean_removed=("pac", "electrodes")),
         "every sensor": features(mean_removed=SENSORS),
-        "none": features(mean_removed=()),
     },
     "sensors": {
         "all": BASE,
@@ -184,28 +190,18 @@ FEATURE_KNOBS = {
             f"without {s}": features(sensors=tuple(t for t in SENSORS if t != s))
             for s in SENSORS
         },
-        **{f"best {n}, chosen in training": features(sensors=n) for n in (1, 2, 3, 4)},
     },
 }
-# Figures of docs/speed_accuracy.md led to these.
-PRESETS = {
-    "default": BASE,
-    "fast": features(
-        n_nonzero_coefs=2,
-        max_iter=5,
-        max_train_windows=5000,
-        cells=(4, 2, 1),
-        spatial_cells=(2, 1),
-        mean_removed=(),
-    ),
-    "balanced": features(
-        n_nonzero_coefs=2, max_iter=20, cells=(8, 4, 2, 1), mean_removed=()
-    ),
-    "accurate": features(mean_removed=()),
+FEATURE_KNOBS["presets"] = {
+    name: features(
+        spatial_cells=preset["spatial_cells"],
+        cells=preset["cells"],
+        **preset["dictionary"],
+    )
+    for name, preset in reversed(_PRESETS.items())
 }
-FEATURE_KNOBS["presets"] = PRESETS
 HEAD_KNOBS = {
-    "n_duplicates": vary(head, "n_duplicates", [15, 3, 5, 50]),
+    "n_duplicates": {str(n): duplicates(n) for n in (15, 3, 5, 50)},
     "sampling": vary(head, "sampling", ["level", "lattice", "stratified", "random"]),
     "p_transform": vary(head, "p_transform", ["logit", None]),
     "balance": vary(head, "balance", [None, "macro"]),
@@ -217,26 +213,27 @@ HEAD_KNOBS = {
         "quantile 9, median": head(decode="quantile", n_quantiles=9),
     },
     "alpha": {
-        "searched": BASE,
+        "10": BASE,
+        "searched": searched(BASE, np.logspace(-2, 2, 9)),
         **{
-            f"{alpha:g}": head(estimator__alpha=alpha)._replace(alphas=None)
-            for alpha in (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
+            f"{alpha:g}": head(estimator__alpha=alpha)
+            for alpha in (0.01, 0.1, 1.0, 3.0, 30.0, 100.0, 1000.0)
         },
     },
-    "scale of features, alpha searched": {
-        "unit norm": BASE,
-        "standardised": standardised(BASE, np.logspace(1, 5, 9)),
-        "unit norm, quantile decoding": head(decode="quantile"),
-        "standardised, quantile decoding": standardised(
-            head(decode="quantile"), np.logspace(1, 5, 9)
+    "scale_features": {
+        "True": BASE,
+        "False, alpha searched": searched(
+            head(estimator__scale_features=False), np.logspace(0, 5, 11)
         ),
-        "unit norm, 10 hidden units": network(),
-        "standardised, 10 hidden units": standardised(network(), np.logspace(1, 4, 4)),
+        "True, 10 hidden units": network(),
+        "False, 10 hidden units, alpha searched": searched(
+            network(scale_features=False, max_iter=100), np.logspace(0, 4, 5)
+        ),
     },
     "max_iter": vary(head, "estimator__max_iter", [500, 10, 25, 75, 200]),
-    "tol": vary(head, "estimator__tol", [1e-5, 1e-4, 1e-3, 1e-2]),
+    "tol": vary(head, "estimator__tol", [1e-4, 1e-5, 1e-3, 1e-2]),
     "solver": vary(head, "estimator__solver", ["lbfgs", "irprop+"]),
-    "hidden units, alpha searched": {
+    "hidden units": {
         "0": BASE,
         **vary(network, "n_hidden", [1, 5, 10, 20, 30]),
     },
@@ -248,23 +245,19 @@ HEAD_KNOBS = {
             for n in (20, 150)
         },
     },
-    "tol, 10 hidden units": vary(network, "tol", [1e-5, 1e-4, 1e-3]),
+    "tol, 10 hidden units": vary(network, "tol", [1e-4, 1e-5, 1e-3]),
     "solver, 10 hidden units": vary(network, "solver", ["lbfgs", "irprop+"]),
     "model": {
         "base": BASE,
-        "mord LogisticAT, lattice": head(
-            estimator=mord.LogisticAT(), sampling="lattice"
+        "mord LogisticAT, lattice, alpha searched": searched(
+            head(estimator=mord.LogisticAT(), sampling="lattice"), np.logspace(0, 5, 6)
         ),
-        "counts, no p, alpha searched": Setting(
-            model=NNPOM(n_hidden=0), alphas=list(ALPHAS)
-        ),
+        "counts, no p": Setting(model=NNPOM(n_hidden=0, alpha=10.0)),
         "paper's settings": Setting(
-            model=DistributionalOrdinalRegressor(**PAPER_2020, random_state=0),
-            alphas=None,
-            unit_norm=False,
+            model=DistributionalOrdinalRegressor(**PAPER_2020, random_state=0)
         ),
-        "marginal": Setting(model=DummyDistribution("marginal"), alphas=None),
-        "W1 barycentre": Setting(model=DummyDistribution("barycentre"), alphas=None),
+        "marginal": Setting(model=DummyDistribution("marginal")),
+        "W1 barycentre": Setting(model=DummyDistribution("barycentre")),
     },
 }
 KNOBS = FEATURE_KNOBS | HEAD_KNOBS
@@ -364,7 +357,7 @@ class Sensor(NamedTuple):
         return KSVDTransformer(round(n_atoms * self.atoms), window=window, **parameters)
 
 
-def make_sensor(name, mean_removed=("pac", "electrodes"), **changes):
+def make_sensor(name, mean_removed=(), **changes):
     if name != "electrodes":
         changes.pop("spatial_cells", None)
     return Sensor(name, name in mean_removed, **changes)
@@ -380,7 +373,6 @@ class Fold:
         self._block = cache(self._block)
         self._memory = cache(self._memory)
         self._learning_memory = cache(self._learning_memory)
-        self._base_alpha = cache(self._base_alpha)
         self._results = {}
 
     def _cells(self, sensor, rows):
@@ -436,22 +428,13 @@ class Fold:
         return self.table()
 
     def block(self, setting):
-        """The features of a setting, at the scale that it asks for."""
-        changes = dict(setting.features)
-        if isinstance(changes.get("sensors"), int):
-            changes["sensors"] = self.sensor_chain[: changes["sensors"]]
-        block = self.table(**changes) if changes else self.base_table
-        if not setting.unit_norm:
-            return block
-        scale = np.sqrt(np.mean(np.sum(block.train**2, axis=1)))
-        return block._replace(train=block.train / scale, test=block.test / scale)
+        """The features of a setting."""
+        return self.table(**setting.features) if setting.features else self.base_table
 
     def features_memory(self, setting):
         """Largest peak of a sensor's features in MB."""
         changes = dict(setting.features)
         sensors = changes.pop("sensors", SENSORS)
-        if isinstance(sensors, int):
-            sensors = self.sensor_chain[:sensors]
         return max(self._memory(make_sensor(s, **changes)) for s in sensors)
 
     def _memory(self, sensor):
@@ -462,19 +445,11 @@ class Fold:
     def _learning_memory(self, sensor):
         return peak_mb(lambda: self._dictionary.__wrapped__(sensor))
 
-    def _base_alpha(self, target, n_hidden):
-        """Alpha of the base or, with hidden units, of `network`."""
-        setting = network(n_hidden=n_hidden) if n_hidden else BASE
-        alphas = NETWORK_ALPHAS if n_hidden else ALPHAS
-        return self.search(setting.model, alphas, target, self.block(BASE))
-
     def search(self, model, alphas, target, block):
         """Choose alpha by RPS on held-out groups of the training fold."""
         model = clone(model).set_params(levels=self.data.levels)
         groups = self.data.groups[self.train]
         cv = GroupKFold(min(4, len(np.unique(groups))))
-        if hidden_units(model):
-            model.set_params(estimator__max_iter=50)  # enough to choose by
         search = GridSearchCV(
             model,
             {alpha_name(model): list(alphas)},
@@ -486,41 +461,12 @@ class Fold:
         y = self.data.targets[target][self.train]
         return search.fit(block.train, y, groups=groups).best_params_[alpha_name(model)]
 
-    @cached_property
-    def sensor_chain(self):
-        """Sensors in the order of greedy forward selection on the training fold."""
-        chain = []
-        groups = self.data.groups[self.train]
-        cv = GroupKFold(min(4, len(np.unique(groups))))
-        splits = list(cv.split(self.train, groups=groups))
-        while len(chain) < len(SENSORS):
-            scores = {}
-            for sensor in [s for s in SENSORS if s not in chain]:
-                block = self.block(features(sensors=(*chain, sensor)))
-                scores[sensor] = np.mean(
-                    [
-                        self.run(BASE, block._replace(train=A, test=B), target, a, b)[1]
-                        for target in self.data.targets
-                        for a, b in splits
-                        for A, B in [(block.train[a], block.train[b])]
-                    ],
-                    axis=0,
-                )[list(SCORES).index("rps")]
-            chain.append(min(scores, key=scores.get))
-        say(f"sensors, best first: {', '.join(chain)}")
-        return tuple(chain)
-
     def model(self, setting, target, block):
         model = clone(setting.model).set_params(levels=self.data.levels)
-        if setting.alphas is None:
-            return model
-        if setting.alphas == "base":
-            # The penalty works against weights that sum to n_duplicates.
-            alpha = self._base_alpha(target, hidden_units(model))
-            alpha *= model.n_duplicates / BASE.model.n_duplicates
-        else:
+        if setting.alphas:
             alpha = self.search(model, setting.alphas, target, block)
-        return model.set_params(**{alpha_name(model): alpha})
+            model.set_params(**{alpha_name(model): alpha})
+        return model
 
     def run(self, setting, block, target, train=None, test=None):
         """Seconds to fit and predict, and the scores."""
@@ -560,10 +506,6 @@ class Fold:
         return peak_mb(
             lambda: model.fit(block.train, y[self.train]).predict_proba(block.test)
         )
-
-
-def hidden_units(model):
-    return getattr(getattr(model, "estimator", model), "n_hidden", 0)
 
 
 def alpha_name(model):
@@ -665,6 +607,48 @@ def table(rows, knob, n_folds):
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
+def draw(rows, path):
+    """Presets among all settings of features: seconds a fold against RPS."""
+    sets = list(dict.fromkeys(row["set"] for row in rows))
+    figure, axes = plt.subplots(
+        1,
+        len(sets),
+        figsize=(4.5 * len(sets), 3.8),
+        squeeze=False,
+        layout="constrained",
+    )
+    for ax, name in zip(axes[0], sets):
+        of_value = {}
+        for row in rows:
+            if row["set"] == name and row["knob"] in FEATURE_KNOBS:
+                total = sum(row[f"seconds_{stage}"] for stage in SECONDS)
+                of_value.setdefault((row["knob"], row["value"]), []).append(
+                    (total, row["rps"])
+                )
+        mean = {key: np.mean(values, axis=0) for key, values in of_value.items()}
+        cost, score = np.array(list(mean.values())).T
+        front = np.flatnonzero(is_non_dominated(cost, -score))
+        front = front[np.argsort(cost[front])]
+        ax.scatter(cost, score, s=14, color="0.6", label="one knob changed")
+        ax.step(cost[front], score[front], where="post", color="0.6", linewidth=1)
+        for marker, preset in zip("sDo", _PRESETS):
+            ax.plot(*mean["presets", preset], marker, color="#0072B2", ms=8)
+            ax.annotate(
+                preset,
+                mean["presets", preset],
+                xytext=(7, 7),
+                textcoords="offset points",
+            )
+        ax.set(
+            xscale="log",
+            xlabel="processor time a fold, s",
+            ylabel="ranked probability score (lower is better)",
+            title=name,
+        )
+    axes[0, 0].legend(loc="best", frameon=False)
+    figure.savefig(path, dpi=150)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("folder", type=Path)
@@ -672,6 +656,7 @@ def main():
     parser.add_argument("--knobs", nargs="+", default=list(KNOBS), choices=KNOBS)
     parser.add_argument("--repeats", type=int, help="of the five folds")
     parser.add_argument("--quick", action="store_true", help="small sets, three folds")
+    parser.add_argument("--figure", type=Path, help="file for a figure of presets")
     parser.add_argument("--csv", type=Path, help="file for a row a value and fold")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", ConvergenceWarning)
@@ -685,6 +670,7 @@ def main():
             writer.writerow(row)
             file.flush()
 
+        of_trials = []
         for name in arguments.sets:
             data = load(name, arguments.folder, arguments.quick)
             knobs = [
@@ -697,6 +683,10 @@ def main():
             print(f"\n## {name}: {data.title}, {n_repeats} × {n_folds} folds")
             for knob in knobs:
                 print(f"\n{table(rows, knob, n_folds)}", flush=True)
+            if "presets" in knobs:
+                of_trials += rows
+    if arguments.figure and of_trials:
+        draw(of_trials, arguments.figure)
 
 
 if __name__ == "__main__":
