@@ -6,18 +6,20 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
-from scipy.special import expit
+from scipy.special import expit, logit
 from sklearn.base import clone
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import LogisticRegression
 from sklearn.utils._testing import ignore_warnings
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
+from sklearn_haptic._positions import training_observations
 from sklearn_haptic._proportional_odds import (
     NetworkLoss,
     initial_params,
     level_probabilities,
     ordinal_loss,
+    sigmoid_of_sums,
     thresholds_from,
     unpack,
 )
@@ -241,7 +243,8 @@ def test_fit_with_positions_equals_repeated_rows():
             rows, None, level.reshape(-1, 1), weight.reshape(-1, 1), n_hidden, 0.7
         )(params)
         assert shared[0] == pytest.approx(repeated[0], rel=1e-13)
-        np.testing.assert_allclose(shared[1], repeated[1], rtol=1e-11, atol=1e-14)
+        largest = np.abs(repeated[1]).max()
+        np.testing.assert_allclose(shared[1], repeated[1], rtol=0, atol=1e-13 * largest)
         model = NNPOM(n_hidden, random_state=0).fit_with_positions(
             X, positions, level, weight, levels=np.arange(4)
         )
@@ -252,6 +255,43 @@ def test_fit_with_positions_equals_repeated_rows():
             model.predict_proba(at_grid),
             rtol=1e-12,
         )
+
+
+@pytest.mark.parametrize("n_duplicates", [15, 50])
+def test_shared_features_at_the_size_of_a_study(n_duplicates):
+    """Cost and gradient of repeated rows; positions that trials share and do not."""
+    rng = np.random.default_rng(5)
+    X = rng.normal(size=(60, 300))
+    counts = rng.integers(0, 4, size=(6, 5)).repeat(10, axis=0) + 1.0
+    params = initial_params(301, 30, np.ones(5), np.random.RandomState(0))
+    for sampling in ("level", "lattice"):
+        positions, level, weight = training_observations(
+            counts, n_duplicates, sampling, None, None
+        )
+        positions = logit(positions)
+        shared = NetworkLoss(X, positions, level, weight, 30, 2.0)(params)
+        rows = np.column_stack(
+            (X.repeat(positions.shape[1], axis=0), positions.ravel())
+        )
+        repeated = NetworkLoss(
+            rows, None, level.reshape(-1, 1), weight.reshape(-1, 1), 30, 2.0
+        )(params)
+        assert shared[0] == pytest.approx(repeated[0], rel=1e-12)
+        np.testing.assert_allclose(
+            shared[1], repeated[1], rtol=0, atol=1e-12 * np.abs(repeated[1]).max()
+        )
+
+
+@pytest.mark.parametrize("size", [1.0, 300.0, 400.0, 1e5])
+def test_sigmoid_of_sums(size):
+    """Against scipy, where the exponentials of the parts overflow too."""
+    rng = np.random.default_rng(6)
+    a, b = size * rng.normal(size=(50, 1)), size * rng.normal(size=(1, 40))
+    b[0, :20] = -a[:20, 0] + rng.normal(size=20)  # large parts, small sums
+    expected = expit(a + b)
+    np.testing.assert_allclose(
+        sigmoid_of_sums(a, b), expected, rtol=1e-15 * max(size, 10), atol=1e-300
+    )
 
 
 @pytest.mark.parametrize("n_hidden", [0, 3])
