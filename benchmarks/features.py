@@ -1,12 +1,11 @@
-"""Features: time by stage, memory of a whole corpus, and caches in a search.
+"""Features: time by stage, and memory of a whole corpus.
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/features.py
 
 One Hold trial of the synthetic corpus, medians of interleaved runs: coding alone is
 the pursuit over signals that are ready. Then pipelines over whole corpora of Hold
 trials, each in a process of its own; the peak is the operating system's and includes
-the interpreter and the trials. Last, a search over 25 settings of the model behind
-the features in five grouped folds, with and without caches of either kind.
+the interpreter and the trials.
 """
 
 import os
@@ -14,33 +13,21 @@ import platform
 import resource
 import subprocess
 import sys
-import tempfile
 import time
-import warnings
 from datetime import date
-from pathlib import Path
 
 import joblib
 import numpy as np
 import scipy
 import sklearn
-from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic import (
-    NNPOM,
-    DistributionalOrdinalRegressor,
-    KSVDTransformer,
-    STHMPTransformer,
-    TemporalMaxPool,
-)
+from sklearn_haptic import KSVDTransformer, STHMPTransformer, TemporalMaxPool
 from sklearn_haptic._ksvd import centre, sliding_windows
 from sklearn_haptic._pooling import temporal_max_pool
 from sklearn_haptic._sparse_coding import batch_omp
 from sklearn_haptic._sthmp import biotac_layout, electrode_images, image_patches
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.metrics import neg_rps_scorer
 
 N_RUNS = 41
 CORPUS_SIZES = [150, 300, 600]
@@ -139,56 +126,6 @@ def corpus_run(n_trials, dtype):
     )
 
 
-def search_table():
-    print("\n25 settings of the head, 5 grouped folds, 40 Hold trials of electrodes\n")
-    print("| cache | seconds | speed-up | folder, MB | same scores |")
-    print("|---" * 5 + "|", flush=True)
-    corpus = make_haptic_corpus(10, 4, sensors=["electrodes"], random_state=0)
-    head = "distributionalordinalregressor__estimator__"
-    naive = None
-    for name in ("none", "Pipeline(memory=)", "STHMPTransformer(memory=)", "both"):
-        with tempfile.TemporaryDirectory() as folder:
-            model = make_pipeline(
-                STHMPTransformer(
-                    memory=folder if name[0] in "Sb" else None, random_state=0
-                ),
-                TemporalMaxPool(),
-                StandardScaler(),
-                DistributionalOrdinalRegressor(
-                    NNPOM(max_iter=30, random_state=0), random_state=0
-                ),
-                memory=folder if name[0] in "Pb" else None,
-            )
-            search = GridSearchCV(
-                model,
-                {
-                    head + "n_hidden": [0, 1, 2, 3, 4],
-                    head + "alpha": [1, 10, 100, 1000, 10_000],
-                },
-                scoring=neg_rps_scorer,
-                cv=GroupKFold(5),
-                refit=False,
-            )
-            start = time.perf_counter()
-            with warnings.catch_warnings(action="ignore"):
-                search.fit(
-                    corpus.trials["electrodes"],
-                    corpus.ratings["hard"],
-                    groups=corpus.objects,
-                )
-            elapsed = time.perf_counter() - start
-            files = [path for path in Path(folder).rglob("*") if path.is_file()]
-            size = sum(path.stat().st_size for path in files) / 1e6
-        scores = search.cv_results_["mean_test_score"]
-        naive = naive or (elapsed, scores)
-        same = np.array_equal(scores, naive[1])
-        print(
-            f"| {name} | {elapsed:.1f} | {naive[0] / elapsed:.1f} | {size:.0f} | "
-            f"{'yes' if same else 'no'} |",
-            flush=True,
-        )
-
-
 def corpus_table():
     print("\nPipeline of ST-HMP and temporal pooling over Hold trials of electrodes\n")
     print(
@@ -216,4 +153,3 @@ if __name__ == "__main__":
         print(f"{date.today()}\n")
         stage_table()
         corpus_table()
-        search_table()

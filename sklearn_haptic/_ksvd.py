@@ -161,10 +161,6 @@ def draw_observations(trials, counts, limit, observe, rng):
     )
 
 
-class _Stopped(Exception):
-    """Carries a dictionary whose learning a callback stopped past the cache."""
-
-
 def learn_dictionary(
     observations,
     n_atoms,
@@ -178,7 +174,7 @@ def learn_dictionary(
     seed,
     callback=None,
 ):
-    """Learn a dictionary, determined by all arguments but the callback.
+    """Learn a dictionary.
 
     Parameters
     ----------
@@ -202,23 +198,13 @@ def learn_dictionary(
     error : float
         Root mean squared error of the observations coded over it.
 
-    Raises
-    ------
-    _Stopped
-        If the callback ended the iterations; holds what would be returned.
     """
     rng = np.random.RandomState(seed)
     signals, scale = centre(observations, remove_mean)
     atoms = dict_init
     if atoms is None:
         atoms = initial_atoms(signals, n_atoms, rng, scale=scale)
-    errors, stopped = [], False
-
-    def report(n_iter, error):
-        nonlocal stopped
-        stopped = callback is not None and callback(n_iter, error)
-        return stopped
-
+    errors = []
     if max_iter:
         atoms, errors = ksvd(
             signals,
@@ -229,13 +215,11 @@ def learn_dictionary(
             tol=tol,
             scale=scale,
             rng=rng,
-            callback=report,
+            callback=callback,
         )
     support, coefs = batch_omp(signals, atoms, n_nonzero_coefs, scale=scale)
     residual = signals - dense_codes(support, coefs, len(atoms)) @ atoms
     error = row_norms(residual.reshape(1, -1))[0] / np.sqrt(residual.size)
-    if stopped:
-        raise _Stopped(atoms, len(errors), error)
     return atoms, len(errors), error
 
 
@@ -327,33 +311,31 @@ class _DictionaryCoder(CallbackSupportMixin, TransformerMixin, BaseEstimator):
             observations = draw_observations(
                 [rows], [len(rows)], self.max_train_windows, np.ndarray.__getitem__, rng
             )
-        learn = check_memory(self.memory).cache(learn_dictionary, ignore=["callback"])
-        try:
-            learned = learn(
-                observations,
-                self.n_atoms,
-                check_sparsity(self.n_nonzero_coefs, self.n_atoms),
-                dict_init=self._check_dict_init(observations),
-                remove_mean=self.remove_mean,
-                update=self.update,
-                max_iter=self.max_iter,
-                tol=self.tol,
-                # Drawn here, so that a cached result leaves rng in the same state.
-                seed=rng.randint(np.iinfo(np.int32).max),
-                callback=end_iteration,
-            )
-        except _Stopped as stopped:
-            learned = stopped.args
-        self.components_, self.n_iter_, self.reconstruction_error_ = learned
+        # Callbacks have to see the iterations, and may stop them.
+        watched = hasattr(self, "_skl_callbacks")
+        learn = check_memory(None if watched else self.memory).cache(learn_dictionary)
+        self.components_, self.n_iter_, self.reconstruction_error_ = learn(
+            observations,
+            self.n_atoms,
+            check_sparsity(self.n_nonzero_coefs, self.n_atoms),
+            dict_init=self._check_dict_init(observations),
+            remove_mean=self.remove_mean,
+            update=self.update,
+            max_iter=self.max_iter,
+            tol=self.tol,
+            # Drawn here, so that a cached result leaves rng in the same state.
+            seed=rng.randint(np.iinfo(np.int32).max),
+            callback=end_iteration if watched else None,
+        )
         context.call_on_fit_task_end(
             estimator=self, X=X, y=y, reconstruction_attributes={}
         )
         return self
 
     def _sequences(self, trials, lengths, encode_trial, index, **options):
-        """Return trials' codes, each made by the cached `encode_trial` on demand."""
+        """Return trials' codes, each made by `encode_trial` on demand."""
         encode_trial = partial(
-            check_memory(self.memory).cache(encode_trial),
+            encode_trial,
             atoms=self.components_,
             n_nonzero_coefs=self.n_nonzero_coefs,
             remove_mean=self.remove_mean,
@@ -474,12 +456,12 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
         take absolute values, or keep coefficients as they are. The ST-HMP authors
         recommend the split.
     memory : str or object with the joblib.Memory interface, default=None
-        Where to cache the dictionary and the codes of every trial: a folder or a
-        :class:`joblib.Memory`. A search over later steps, or scoring after `fit`,
-        then learns and codes nothing twice; results are the same, bit for bit.
-        Give `random_state` an int, and clear the cache after an upgrade. An entry
-        holds the codes of one trial over one dictionary, uncompressed. By default
-        nothing is cached.
+        Where to cache the dictionary: a folder or a :class:`joblib.Memory`. A search
+        over later steps then learns none twice; results are the same, bit for bit.
+        Give `random_state` an int, and clear the cache after an upgrade. With
+        callbacks the dictionary is learned anew, for them to see every iteration.
+        By default nothing is cached. Codes never are: give :class:`TemporalMaxPool`,
+        whose rows are smaller, a cache too.
     random_state : int, RandomState instance or None, default=None
         Draws the training observations, the initial atoms and the order of
         updates.

@@ -53,7 +53,8 @@ def make_haptic_pipeline(
         transformers; "balanced" takes about half its time and "fast" a quarter or
         less, with fewer coefficients a code, iterations of K-SVD and cells.
     memory : str or object with the joblib.Memory interface, default=None
-        Where the transformers cache dictionaries and codes.
+        Where the transformers cache dictionaries and pooled features, so that a
+        search over the model computes the features once a fold.
     random_state : int, RandomState instance or None, default=None
         For the dictionaries; the linear model needs none.
 
@@ -107,7 +108,7 @@ def make_haptic_pipeline(
         else:
             window, n_atoms = _WINDOWED[sensor]
             codes = KSVDTransformer(n_atoms, window=window, **options)
-        return make_pipeline(codes, TemporalMaxPool(settings["cells"]))
+        return make_pipeline(codes, TemporalMaxPool(settings["cells"], memory=memory))
 
     return Pipeline(
         [

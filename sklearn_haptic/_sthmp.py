@@ -290,12 +290,12 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         take absolute values, or keep coefficients as they are. The authors
         recommend the split.
     memory : str or object with the joblib.Memory interface, default=None
-        Where to cache the dictionary and the frames of every trial: a folder or a
-        :class:`joblib.Memory`. A search over later steps, or scoring after `fit`,
-        then learns and codes nothing twice; results are the same, bit for bit.
-        Give `random_state` an int, and clear the cache after an upgrade. An entry
-        holds the frames of one trial over one dictionary, uncompressed. By default
-        nothing is cached.
+        Where to cache the dictionary: a folder or a :class:`joblib.Memory`. A search
+        over later steps then learns none twice; results are the same, bit for bit.
+        Give `random_state` an int, and clear the cache after an upgrade. With
+        callbacks the dictionary is learned anew, for them to see every iteration.
+        By default nothing is cached. Codes never are: give :class:`TemporalMaxPool`,
+        whose rows are smaller, a cache too.
     random_state : int, RandomState instance or None, default=None
         Draws the training patches, the initial atoms and the order of updates.
 

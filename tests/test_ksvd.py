@@ -324,48 +324,56 @@ def test_slices_of_sequences_keep_the_index():
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
-def test_cache_changes_nothing_and_codes_a_trial_once(tmp_path, coded, dtype):
+def test_caches_change_nothing_and_code_a_trial_once(tmp_path, coded, dtype):
     trials = make_trials(dtype=dtype)
-    plain = KSVDTransformer(4, 2, window=20, random_state=0).fit(trials)
-    expected = list(plain.transform(trials))
+    plain = make_pipeline(
+        KSVDTransformer(4, 2, window=20, random_state=0), TemporalMaxPool((2, 1))
+    )
+    expected = plain.fit_transform(trials)
+    coded.clear()
+    # Both memories are one folder.
     for memory in (str(tmp_path), joblib.Memory(str(tmp_path), verbose=0)):
-        coded.clear()
-        model = clone(plain).set_params(memory=memory)
-        for codes in (
+        model = clone(plain).set_params(
+            ksvdtransformer__memory=memory, temporalmaxpool__memory=memory
+        )
+        for pooled in (
             model.fit_transform(trials),
             model.transform(trials),
-            model.transform(trials[::-1])[::-1],
             clone(model).fit_transform(trials),
-            pickle.loads(pickle.dumps(model.transform(trials))),
+            pickle.loads(pickle.dumps(model)).transform(trials),
         ):
-            for got, wanted in zip(codes, expected, strict=True):
-                np.testing.assert_array_equal(got, wanted)
-                assert got.dtype == dtype
-        np.testing.assert_array_equal(model.components_, plain.components_)
-        assert model.n_iter_ == plain.n_iter_
-        assert model.reconstruction_error_ == plain.reconstruction_error_
-        # The second round finds everything: both memories are one folder.
-        assert len(coded) == (len(trials) if isinstance(memory, str) else 0)
+            np.testing.assert_array_equal(pooled, expected)
+            assert pooled.dtype == dtype
+        for name in ("components_", "n_iter_", "reconstruction_error_"):
+            np.testing.assert_array_equal(
+                getattr(model[0], name), getattr(plain[0], name)
+            )
+    assert len(coded) == len(trials)
 
 
-def test_cached_codes_depend_on_every_parameter(tmp_path, coded):
+def test_cached_rows_depend_on_every_parameter(tmp_path):
     trials = make_trials()
-    model = KSVDTransformer(
-        4, 2, window=20, max_iter=2, memory=str(tmp_path), random_state=0
-    )
-    list(model.fit_transform(trials))
-    for name, value in {
-        "sign": "none",
-        "n_nonzero_coefs": 3,
-        "overlap": 0.25,
-        "remove_mean": False,
-    }.items():
-        coded.clear()
-        changed = clone(model).set_params(**{name: value})
-        expected = clone(changed).set_params(memory=None).fit_transform(trials)
-        for got, wanted in zip(changed.fit_transform(trials), expected):
-            np.testing.assert_array_equal(got, wanted)
-        assert len(coded) == 2 * len(trials)
+    atoms = np.linalg.qr(np.random.default_rng(0).normal(size=(20, 8)))[0].T
+    codes = KSVDTransformer(4, 2, window=20, max_iter=0, dict_init=atoms[:4])
+    changes = [
+        {},
+        {"sign": "none"},
+        {"sign": "absolute"},
+        {"n_nonzero_coefs": 3},
+        {"overlap": 0.25},
+        {"remove_mean": False},
+        {"dict_init": atoms[4:]},
+    ]
+    rows = []
+    for change in changes:
+        changed = clone(codes).set_params(**change).fit_transform(trials)
+        pool = TemporalMaxPool((2, 1), memory=str(tmp_path))
+        rows.append(pool.fit_transform(changed))
+        np.testing.assert_array_equal(
+            rows[-1], TemporalMaxPool((2, 1)).fit_transform(changed)
+        )
+        assert all(not np.array_equal(rows[-1], row) for row in rows[:-1])
+    assert len(list(tmp_path.rglob("output.pkl"))) == len(changes)
 
 
 def test_cached_dictionary_depends_on_the_draw(tmp_path):
@@ -426,17 +434,17 @@ def test_callbacks_see_every_iteration():
     assert recorder.tasks == ["setup", *iterations, "fit", "teardown"]
 
 
-def test_a_callback_stops_without_spoiling_the_cache(tmp_path):
+def test_callbacks_see_and_stop_iterations_despite_a_cache(tmp_path):
     X = np.random.default_rng(0).normal(size=(60, 8))
     model = KSVDTransformer(4, 2, memory=str(tmp_path), random_state=0)
     three = KSVDTransformer(4, 2, max_iter=3, random_state=0).fit(X)
-    stopped = clone(model).set_callbacks(Recorder(stop_after=3)).fit(X)
-    assert stopped.n_iter_ == 3
-    np.testing.assert_array_equal(stopped.components_, three.components_)
-    assert model.fit(X).n_iter_ > 3
-    recorder = Recorder()
-    assert clone(model).set_callbacks(recorder).fit(X).n_iter_ == model.n_iter_
-    assert recorder.tasks == ["setup", "fit", "teardown"]  # from the cache
+    for _ in range(2):  # an empty cache, then a full one
+        recorder = Recorder(stop_after=3)
+        stopped = clone(model).set_callbacks(recorder).fit(X)
+        iterations = [f"iteration {i}" for i in range(1, 4)]
+        assert recorder.tasks == ["setup", *iterations, "fit", "teardown"]
+        np.testing.assert_array_equal(stopped.components_, three.components_)
+        assert model.fit(X).n_iter_ > 3
 
 
 def test_errors_name_the_mend():

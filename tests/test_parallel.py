@@ -47,19 +47,20 @@ def one_thread():
         yield
 
 
-def fitted_search(corpus, *, n_jobs=None, trial_memory=None, pipeline_memory=None):
+def fitted_search(corpus, *, n_jobs=None, step_memory=None, pipeline_memory=None):
     learning = {
         "max_iter": 1,
         "max_train_windows": 200,
-        "memory": trial_memory,
+        "memory": step_memory,
         "random_state": 0,
     }
     pressure = KSVDTransformer(5, 3, window=20, **learning)
     images = STHMPTransformer(4, 3, spatial_cells=(1,), **learning)
+    pool = TemporalMaxPool((2, 1), memory=step_memory)
     features = ColumnTransformer(
         [
-            ("pdc", make_pipeline(pressure, TemporalMaxPool((2, 1))), "pdc"),
-            ("images", make_pipeline(images, TemporalMaxPool((2, 1))), "electrodes"),
+            ("pdc", make_pipeline(pressure, pool), "pdc"),
+            ("images", make_pipeline(images, pool), "electrodes"),
         ]
     )
     head = DistributionalOrdinalRegressor(
@@ -126,9 +127,9 @@ def test_dask(corpus, reference, n_workers, processes):
 @pytest.mark.parametrize(
     ("caches", "n_jobs"),
     [
-        (["trial_memory"], 1),
+        (["step_memory"], 1),
         (["pipeline_memory"], 1),
-        (["trial_memory", "pipeline_memory"], 2),
+        (["step_memory", "pipeline_memory"], 2),
     ],
 )
 def test_caches(corpus, reference, tmp_path, caches, n_jobs):

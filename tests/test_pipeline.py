@@ -2,6 +2,7 @@
 
 import pickle
 
+import joblib
 import numpy as np
 import pytest
 from sklearn import config_context
@@ -211,7 +212,7 @@ def test_union_memory_and_pickle(corpus, tmp_path):
 def electrodes_head(*, memory=None, max_iter=3):
     return make_pipeline(
         STHMPTransformer(6, 3, max_iter=max_iter, memory=memory, random_state=0),
-        TemporalMaxPool((4, 2, 1)),
+        TemporalMaxPool((4, 2, 1), memory=memory),
         StandardScaler(),
         DistributionalOrdinalRegressor(NNPOM(0), levels=[1, 2, 3, 4, 5]),
     )
@@ -246,22 +247,26 @@ def test_search_with_a_cache_codes_a_trial_once_a_dictionary(
     assert len(chunks) == (3 + 1) * len(corpus.trials)
 
 
-def test_cache_with_workers(corpus, tmp_path):
-    scores = [
-        cross_validate(
-            electrodes_head(memory=memory),
-            corpus.trials["electrodes"],
-            corpus.ratings["hard"],
-            groups=corpus.objects,
-            cv=GroupKFold(2),
-            scoring=neg_rps_scorer,
-            n_jobs=n_jobs,
-            error_score="raise",
-        )["test_score"]
-        for n_jobs, memory in [(1, None), (2, str(tmp_path)), (1, str(tmp_path))]
-    ]
-    np.testing.assert_allclose(scores[1], scores[0], rtol=1e-12)
-    np.testing.assert_allclose(scores[2], scores[0], rtol=1e-12)
+def test_workers_find_what_their_parent_cached(corpus, tmp_path):
+    results, n_entries = [], []
+    for n_jobs, memory in [(1, None), (1, str(tmp_path)), (2, str(tmp_path))]:
+        # Trials reach the workers as files in memory.
+        with joblib.parallel_config("loky", n_jobs=n_jobs, max_nbytes=1000):
+            scores = cross_validate(
+                electrodes_head(memory=memory),
+                corpus.trials["electrodes"],
+                corpus.ratings["hard"],
+                groups=corpus.objects,
+                cv=GroupKFold(2),
+                scoring=neg_rps_scorer,
+                error_score="raise",
+            )["test_score"]
+        results.append(scores)
+        n_entries.append(len(list(tmp_path.rglob("output.pkl"))))
+    np.testing.assert_array_equal(results[1], results[0])
+    np.testing.assert_allclose(results[2], results[0], rtol=1e-12)
+    # In each of two folds a dictionary, and rows to train on and to test on.
+    assert n_entries == [0, 6, 6]
 
 
 class Recorder:

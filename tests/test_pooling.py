@@ -239,6 +239,37 @@ def test_each_sequence_is_asked_for_once():
     np.testing.assert_array_equal(pooled, temporal_max_pool(X))
 
 
+def twice(trial):
+    return 2 * trial
+
+
+@pytest.mark.parametrize("library", ["default", "pandas"])
+def test_cached_rows_are_found_by_content_and_parameters(tmp_path, library):
+    variants = [
+        (X, params)
+        for X in (
+            sequences(),
+            sequences(seed=1),
+            sequences(dtype=np.float32),
+            Sequences(sequences(), ["a", "b", "c"]),
+            Sequences(sequences(), ["a", "b", "c"], encode=twice),
+            pd.Series(sequences(), index=["first", "second", "third"]),
+        )
+        for params in ({}, {"cells": (2, 1)}, {"cells": (3,), "split": "floor"})
+    ]
+    for X, params in variants:
+        plain = TemporalMaxPool(**params).set_output(transform=library)
+        cached = clone(plain).set_params(memory=str(tmp_path))
+        expected = plain.fit_transform(X)
+        for _ in range(2):  # made, then found
+            pooled = cached.fit_transform(X)
+            np.testing.assert_array_equal(pooled, expected)
+            if library == "pandas":
+                pd.testing.assert_frame_equal(pooled, expected)
+    # The series holds the arrays of the first list.
+    assert len(list(tmp_path.rglob("output.pkl"))) == 5 * 3
+
+
 @pytest.mark.parametrize(
     ("X", "message"),
     [

@@ -45,6 +45,13 @@ def test_accurate_has_the_defaults_of_the_transformers():
     assert part(model, "electrodes", 1).cells == (16, 8, 4, 2, 1)
 
 
+def test_memory_is_for_dictionaries_and_pooled_rows(tmp_path):
+    model = make_haptic_pipeline(memory=str(tmp_path))
+    for sensor in SENSORS:
+        assert part(model, sensor).memory == part(model, sensor, 1).memory
+        assert part(model, sensor).memory == str(tmp_path)
+
+
 def test_presets_grow():
     fast, balanced, accurate = (
         make_haptic_pipeline(preset=preset)

@@ -467,23 +467,46 @@ def test_union_of_dictionaries():
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_cache_changes_nothing(tmp_path, dtype):
+def test_caches_change_nothing(tmp_path, dtype):
     trials = electrodes((40, 25, 30), dtype=dtype)
-    plain = small().fit(trials[:2])
-    expected = list(plain.transform(trials))
-    for _ in range(2):
-        model = small(memory=str(tmp_path)).fit(trials[:2])
-        np.testing.assert_array_equal(model.components_, plain.components_)
-        for frames, wanted in zip(model.transform(trials), expected, strict=True):
-            np.testing.assert_array_equal(frames, wanted)
-    # Another layout, step or pyramid is another entry.
-    for params in ({"step": 2}, {"spatial_cells": (2, 1)}, {"layout": LAYOUT[::-1]}):
-        params = {"spatial_cells": (2,), **params}
-        cached, fresh = (
-            small(memory=memory, **params).fit_transform(trials)[0]
-            for memory in (str(tmp_path), None)
+    plain = make_pipeline(small(), TemporalMaxPool()).fit(trials[:2])
+    memory = str(tmp_path)
+    for _ in range(2):  # an empty cache, then a full one
+        model = make_pipeline(small(memory=memory), TemporalMaxPool(memory=memory))
+        model.fit(trials[:2])
+        np.testing.assert_array_equal(model[0].components_, plain[0].components_)
+        pooled = model.transform(trials)
+        np.testing.assert_array_equal(pooled, plain.transform(trials))
+        assert pooled.dtype == dtype
+
+
+def test_cached_rows_depend_on_every_parameter(tmp_path):
+    trials = electrodes()
+    atoms = np.linalg.qr(np.random.default_rng(0).normal(size=(6, 6)))[0]
+    codes = small(
+        max_iter=0, dict_init=atoms, patch_size=(3, 2), spatial_cells=(2,), sign="none"
+    )
+    changes = [
+        {},
+        {"patch_size": (2, 3)},
+        {"step": 2},
+        {"spatial_cells": (1,)},
+        {"layout": LAYOUT[::-1]},
+        {"n_nonzero_coefs": 2},
+        {"sign": "absolute"},
+        {"remove_mean": False},
+        {"dict_init": atoms[::-1]},
+    ]
+    rows = []
+    for change in changes:
+        changed = clone(codes).set_params(**change).fit_transform(trials)
+        pool = TemporalMaxPool((2, 1), memory=str(tmp_path))
+        rows.append(pool.fit_transform(changed))
+        np.testing.assert_array_equal(
+            rows[-1], TemporalMaxPool((2, 1)).fit_transform(changed)
         )
-        np.testing.assert_array_equal(cached, fresh)
+        assert all(not np.array_equal(rows[-1], row) for row in rows[:-1])
+    assert len(list(tmp_path.rglob("output.pkl"))) == len(changes)
 
 
 # Errors
