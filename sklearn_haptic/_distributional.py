@@ -69,11 +69,10 @@ class DistributionalOrdinalRegressor(
     Parameters
     ----------
     estimator : estimator object, default=None
-        What predicts a rating from features and position. An estimator with
-        ``fit_with_positions`` and ``predict_proba_with_positions``, such as
-        `NNPOM`, shares a trial's features between its observations; any other
-        is fitted on one row for each observation, labelled 0, 1, … by level. By
-        default ``NNPOM(n_hidden=0, alpha=10)``.
+        What predicts a rating from features and position. By default
+        ``NNPOM(n_hidden=0, alpha=10)``. `NNPOM`, or another that has the methods
+        named in the Notes, shares a trial's features between its observations; any
+        other is fitted on one row for each observation, labelled 0, 1, … by level.
     n_duplicates : int, default=15
         Observations of each trial. Their weights sum to this number, which an
         estimator's penalty works against.
@@ -132,6 +131,12 @@ class DistributionalOrdinalRegressor(
     objects with these features may have, a Wasserstein-1 barycentre, and with
     "mixture" their average distribution. The macro-averaged error of the paper
     rewards the first, proper scores reward the second.
+
+    An estimator may offer three methods, documented with `NNPOM`:
+    ``fit_with_positions`` and ``predict_proba_with_positions`` take the features of a
+    trial once for all its positions, and ``predict_latent_with_positions``, with
+    ``thresholds_``, lets "quantile" find by the rule "median" where the latent
+    response crosses each threshold instead of trying ``n_quantiles`` positions.
 
     References
     ----------

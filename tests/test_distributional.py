@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.special import expit, logit
-from sklearn.base import clone
+from sklearn.base import BaseEstimator, clone
 from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestClassifier
 from sklearn.linear_model import LogisticRegression, Ridge, RidgeClassifier
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_predict
@@ -218,6 +218,46 @@ def test_shared_path_equals_repeated_rows():
         np.testing.assert_allclose(
             fits[0].predict_proba(X), fits[1].predict_proba(X), atol=1e-6
         )
+
+
+class CountingBase(BaseEstimator):
+    """Offers the shared path: counts the training ratings near each position."""
+
+    def fit(self, X, y):
+        raise AssertionError("the rows were repeated")
+
+    def fit_with_positions(
+        self, X, positions, level, weight, *, levels, monotone, validation
+    ):
+        assert X.shape[0] == positions.shape[0] and validation is None
+        self.seen_ = X, positions, level, weight
+        self.n_levels_ = len(levels)
+        return self
+
+    def predict_proba_with_positions(self, X, positions):
+        _, seen, level, weight = self.seen_
+        proba = np.zeros((len(X), len(positions), self.n_levels_))
+        for p, position in enumerate(positions):
+            near = weight * np.exp(-5 * (seen - position) ** 2)
+            proba[:, p] = np.bincount(level.ravel(), near.ravel(), self.n_levels_)
+        return proba / proba.sum(axis=2, keepdims=True)
+
+    def predict(self, X):
+        raise AssertionError("the rows were repeated")
+
+
+@pytest.mark.parametrize("decode", ["mixture", "quantile"])
+def test_another_base_may_share_features(decode):
+    """Without features its mixture is about the marginal distribution."""
+    X, counts, _ = ordinal_trials()
+    model = DistributionalOrdinalRegressor(CountingBase(), decode=decode)
+    proba = model.fit(X, counts).predict_proba(X)
+    assert model.estimator_.seen_[0].shape == X.shape
+    marginal = DummyDistribution().fit(X, counts).predict_proba(X)
+    np.testing.assert_allclose(
+        proba, marginal, atol=0.01 if decode == "mixture" else 0.15
+    )
+    assert (proba == proba[0]).all()
 
 
 def test_decide_by_hand():
