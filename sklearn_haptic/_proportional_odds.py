@@ -22,6 +22,8 @@ from scipy.special import expit, log_expit
 
 # Second derivative of -log P in the latent response, where ratings are uncertain.
 _TYPICAL_CURVATURE = 0.2
+# Features whose products are smaller, relative to the largest, are principal axes.
+_AXES_TOLERANCE = 1e-10
 # Odds beyond its exponential, and their reciprocals, are not normal numbers.
 _LARGEST_EXPONENT = 709.0
 
@@ -339,7 +341,11 @@ class EvenedFeatures:
         if X.shape[1] > X.shape[0]:
             self._span, triangle = linalg.qr(X.T, mode="economic", check_finite=False)
             X = triangle.T
-        _, axes = linalg.eigh(X.T @ X, driver="evd", check_finite=False)
+        gram = X.T @ X
+        axes = np.eye(len(gram))
+        off_diagonal = np.abs(gram - np.diag(np.diagonal(gram)))
+        if off_diagonal.max(initial=0) > _AXES_TOLERANCE * gram.max(initial=0):
+            _, axes = linalg.eigh(gram, driver="evd", check_finite=False)
         X = X @ axes
         length = np.sqrt(np.einsum("ij,ij->j", X, X))
         kept = length > length.max(initial=0) * max(X.shape) * np.finfo(float).eps

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import expit, logit
 from sklearn.base import clone
+from sklearn.decomposition import PCA
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import LogisticRegression
 from sklearn.utils._testing import ignore_warnings
@@ -171,6 +172,20 @@ def test_row_space_rotation_reaches_the_same_minimum(n_hidden):
     value, grad = cost(params)
     assert value == pytest.approx(model.loss_, rel=1e-12)
     assert np.abs(grad).max() < 1e-6
+
+
+def test_features_that_are_principal_axes_already():
+    """After PCA the same model, with no axes to find."""
+    rng = np.random.default_rng(2)
+    X, y = rng.normal(size=(30, 50)) @ rng.normal(size=(50, 50)), rng.integers(0, 4, 30)
+    X = X - X.mean(axis=0)
+    rotated = PCA().fit_transform(X)
+    model = NNPOM(0, tol=1e-9)
+    np.testing.assert_allclose(
+        clone(model).fit(rotated, y).predict_proba(rotated),
+        model.fit(X, y).predict_proba(X),
+        rtol=1e-6,
+    )
 
 
 @pytest.mark.parametrize("n_hidden", [0, 3])
