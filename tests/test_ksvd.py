@@ -7,6 +7,7 @@ import joblib
 import numpy as np
 import pandas as pd
 import pytest
+from callback_recorder import Recorder
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
@@ -396,27 +397,6 @@ def test_cached_dictionary_depends_on_the_draw(tmp_path):
             np.testing.assert_array_equal(got, wanted)
     same, again, _ = dictionaries(0, str(tmp_path))
     np.testing.assert_array_equal(same, again)
-
-
-class Recorder:
-    """Callback that records finished tasks and may stop the iterations."""
-
-    def __init__(self, stop_after=None):
-        self.tasks = []
-        self.stop_after = stop_after
-
-    def setup(self, estimator, context):
-        self.tasks.append("setup")
-
-    def on_fit_task_begin(self, estimator, context):
-        pass
-
-    def on_fit_task_end(self, estimator, context):
-        self.tasks.append(context.task_name)
-        return context.task_name == f"iteration {self.stop_after}"
-
-    def teardown(self, estimator, context):
-        self.tasks.append("teardown")
 
 
 def test_callbacks_see_every_iteration():

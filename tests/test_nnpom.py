@@ -6,6 +6,7 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
+from callback_recorder import Recorder
 from scipy.special import expit, logit
 from sklearn.base import clone
 from sklearn.decomposition import PCA
@@ -418,28 +419,6 @@ def test_pickle_and_hidden_activations():
     assert linear.hidden_activations(X).shape == (30, 0)
 
 
-class Recorder:
-    """Callback, passed on to the parts of an estimator, that notes finished tasks."""
-
-    max_propagation_depth = None
-
-    def __init__(self, stop_after=None):
-        self.tasks, self.stop_after = [], stop_after
-
-    def setup(self, estimator, context):
-        pass
-
-    def on_fit_task_begin(self, estimator, context):
-        pass
-
-    def on_fit_task_end(self, estimator, context):
-        self.tasks.append(context.task_name)
-        return context.task_name == f"iteration {self.stop_after}"
-
-    def teardown(self, estimator, context):
-        self.tasks.append("teardown")
-
-
 @pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
 def test_callbacks_see_every_iteration_and_may_stop(solver):
     rng = np.random.default_rng(8)
@@ -447,15 +426,13 @@ def test_callbacks_see_every_iteration_and_may_stop(solver):
     recorder = Recorder(stop_after=4)
     model = NNPOM(4, solver=solver, random_state=0).set_callbacks(recorder).fit(X, y)
     assert model.n_iter_ == 4
-    assert recorder.tasks == [f"iteration {i}" for i in range(1, 5)] + [
-        "fit",
-        "teardown",
-    ]
+    iterations = [f"iteration {i}" for i in range(1, 5)]
+    assert recorder.tasks == ["setup", *iterations, "fit", "teardown"]
     recorder.tasks.clear()
     DistributionalOrdinalRegressor(
         NNPOM(4, solver=solver, random_state=0)
     ).set_callbacks(recorder).fit(X, y)
-    assert recorder.tasks[:4] == [f"iteration {i}" for i in range(1, 5)]
+    assert recorder.tasks[:5] == ["setup", *iterations]
     assert recorder.tasks[-1] == "teardown"
 
 

@@ -5,6 +5,7 @@ import pickle
 import joblib
 import numpy as np
 import pytest
+from callback_recorder import Recorder
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.callback import ProgressBar
@@ -269,27 +270,6 @@ def test_workers_find_what_their_parent_cached(corpus, tmp_path):
     assert n_entries == [0, 6, 6]
 
 
-class Recorder:
-    """Callback that scikit-learn hands on to steps and candidates."""
-
-    max_propagation_depth = None
-
-    def __init__(self):
-        self.tasks = []
-
-    def setup(self, estimator, context):
-        pass
-
-    def on_fit_task_begin(self, estimator, context):
-        pass
-
-    def on_fit_task_end(self, estimator, context):
-        self.tasks.append((type(estimator).__name__, context.task_name))
-
-    def teardown(self, estimator, context):
-        pass
-
-
 def test_callbacks_reach_the_iterations_from_a_search(corpus):
     recorder = Recorder()
     search = GridSearchCV(
@@ -303,12 +283,11 @@ def test_callbacks_reach_the_iterations_from_a_search(corpus):
         cv=GroupKFold(3),
     ).set_callbacks(recorder)
     search.fit(corpus.trials["pdc"], corpus.ratings["hard"], groups=corpus.objects)
-    iterations = [
-        name for name, task in recorder.tasks if task.startswith("iteration ")
-    ]
+    finished = list(zip(recorder.owners, recorder.tasks))
+    iterations = [owner for owner, task in finished if task.startswith("iteration ")]
     n_fits = 2 * 3 + 1
     assert iterations == ["KSVDTransformer"] * (4 * n_fits)
-    assert recorder.tasks.count(("TemporalMaxPool", "fit")) == n_fits
+    assert finished.count(("TemporalMaxPool", "fit")) == n_fits
 
 
 def test_progress_bar(corpus, capsys):
