@@ -49,6 +49,7 @@ import joblib
 import matplotlib.pyplot as plt
 import mord
 import numpy as np
+from matplotlib.ticker import LogLocator
 from real_ratings import movie, phac2
 from sklearn.base import BaseEstimator, clone
 from sklearn.decomposition import PCA
@@ -76,7 +77,6 @@ from sklearn_haptic.metrics import (
     neg_rps_scorer,
     ranked_probability_score,
 )
-from sklearn_haptic.model_selection import is_non_dominated
 
 sys.path.append(str(Path(__file__).parents[1] / "examples"))
 from run_real_recordings import FORCES, SIZES, read
@@ -98,6 +98,8 @@ COLUMNS = [
     "memory_mb",
     *SCORES,
 ]
+BASE_PRESET = "accurate"
+PRESET_COLOURS = {"fast": "#E69F00", "balanced": "#009E73", "accurate": "#0072B2"}
 started = time.perf_counter()
 
 
@@ -607,45 +609,51 @@ def table(rows, knob, n_folds):
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def draw(rows, path):
-    """Presets among all settings of features: seconds a fold against RPS."""
+def draw(rows, path, n_folds):
+    """What settings of the features cost and gain, the presets among them."""
+    rows = [row for row in rows if row["knob"] in FEATURE_KNOBS]
     sets = list(dict.fromkeys(row["set"] for row in rows))
+    scores = {"rps": "RPS", "mae_m": "MAE^M"}
     figure, axes = plt.subplots(
-        1,
+        len(scores),
         len(sets),
-        figsize=(4.5 * len(sets), 3.8),
+        figsize=(4.5 * len(sets) + 0.5, 3 * len(scores)),
+        sharex="col",
         squeeze=False,
         layout="constrained",
     )
-    for ax, name in zip(axes[0], sets):
+    for column, name in zip(axes.T, sets):
+        of_set = [row for row in rows if row["set"] == name]
         of_value = {}
-        for row in rows:
-            if row["set"] == name and row["knob"] in FEATURE_KNOBS:
-                total = sum(row[f"seconds_{stage}"] for stage in SECONDS)
-                of_value.setdefault((row["knob"], row["value"]), []).append(
-                    (total, row["rps"])
+        for row in of_set:
+            of_value.setdefault((row["knob"], row["value"]), []).append(row)
+        for ax, score in zip(column, scores):
+            reference = np.array([r[score] for r in of_value["presets", BASE_PRESET]])
+            for (knob, value), of_folds in of_value.items():
+                difference = np.array([row[score] for row in of_folds]) - reference
+                seconds = [sum(r[f"seconds_{s}"] for s in SECONDS) for r in of_folds]
+                preset = knob == "presets"
+                ax.errorbar(
+                    np.median(seconds),
+                    difference.mean(),
+                    standard_error(difference, n_folds),
+                    color=PRESET_COLOURS[value] if preset else "0.75",
+                    marker="D" if preset else ".",
+                    markersize=8 if preset else 5,
+                    linewidth=2 if preset else 0.7,
+                    zorder=3 if preset else 2,
+                    linestyle="",
+                    label=value if preset else "others" * (value == "all"),
                 )
-        mean = {key: np.mean(values, axis=0) for key, values in of_value.items()}
-        cost, score = np.array(list(mean.values())).T
-        front = np.flatnonzero(is_non_dominated(cost, -score))
-        front = front[np.argsort(cost[front])]
-        ax.scatter(cost, score, s=14, color="0.6", label="one knob changed")
-        ax.step(cost[front], score[front], where="post", color="0.6", linewidth=1)
-        for marker, preset in zip("sDo", _PRESETS):
-            ax.plot(*mean["presets", preset], marker, color="#0072B2", ms=8)
-            ax.annotate(
-                preset,
-                mean["presets", preset],
-                xytext=(7, 7),
-                textcoords="offset points",
-            )
-        ax.set(
-            xscale="log",
-            xlabel="processor time a fold, s",
-            ylabel="ranked probability score (lower is better)",
-            title=name,
-        )
-    axes[0, 0].legend(loc="best", frameon=False)
+            ax.axhline(0, color="0.4", linewidth=0.7, zorder=1)
+            ax.set(xscale="log", ylabel=f"{scores[score]} minus that of {BASE_PRESET}")
+            ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            ax.xaxis.set_major_formatter("{x:g}")
+            ax.xaxis.set_minor_formatter("")
+        column[0].set_title(name)
+        column[-1].set_xlabel("processor time a fold, s")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=4, frameon=False)
     figure.savefig(path, dpi=150)
 
 
@@ -686,7 +694,7 @@ def main():
             if "presets" in knobs:
                 of_trials += rows
     if arguments.figure and of_trials:
-        draw(of_trials, arguments.figure)
+        draw(of_trials, arguments.figure, n_folds)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 
 @pytest.fixture(scope="session")
@@ -16,3 +17,12 @@ def shared_data():
             "no shared data: set SKLEARN_HAPTIC_SHARED to the folder that holds it"
         )
     return folder
+
+
+@pytest.fixture(scope="module")
+def one_thread():
+    """Here and in workers: sums in another order would differ in the last digit."""
+    with pytest.MonkeyPatch.context() as environment, threadpool_limits(1):
+        environment.setenv("OMP_NUM_THREADS", "1")
+        environment.setenv("OPENBLAS_NUM_THREADS", "1")
+        yield

@@ -11,7 +11,6 @@ from sklearn.compose import ColumnTransformer
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
-from threadpoolctl import threadpool_limits
 
 from sklearn_haptic import (
     NNPOM,
@@ -24,9 +23,10 @@ from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_rps_scorer
 
 # joblib prints the arguments of what it caches, and warns if that takes long.
-pytestmark = pytest.mark.filterwarnings(
-    "ignore:Persisting input arguments took:UserWarning"
-)
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:Persisting input arguments took:UserWarning"),
+    pytest.mark.usefixtures("one_thread"),
+]
 
 GUIDE = Path(__file__).parents[1] / "docs" / "scaling.md"
 
@@ -36,15 +36,6 @@ def corpus():
     return make_haptic_corpus(
         6, 2, procedure="fast_slide", sensors=["pdc", "electrodes"], random_state=0
     )
-
-
-@pytest.fixture(scope="module", autouse=True)
-def one_thread():
-    """Here and in workers: sums in another order would differ in the last digit."""
-    with pytest.MonkeyPatch.context() as environment, threadpool_limits(1):
-        environment.setenv("OMP_NUM_THREADS", "1")
-        environment.setenv("OPENBLAS_NUM_THREADS", "1")
-        yield
 
 
 def fitted_search(corpus, *, n_jobs=None, step_memory=None, pipeline_memory=None):

@@ -115,23 +115,6 @@ def test_nested_cross_validation_with_metadata_routing(corpus):
     assert np.isfinite(result["test_score"]).all()
 
 
-def test_n_jobs_gives_the_same_scores(corpus):
-    scores = [
-        cross_validate(
-            whole_pipeline(),
-            corpus.trials,
-            corpus.ratings["hard"],
-            groups=corpus.objects,
-            cv=GroupKFold(2),
-            scoring=neg_rps_scorer,
-            n_jobs=n_jobs,
-            error_score="raise",
-        )["test_score"]
-        for n_jobs in (1, 2)
-    ]
-    np.testing.assert_allclose(*scores, rtol=1e-12)
-
-
 def test_feature_names_say_sensor_cell_and_atom(corpus):
     features = sensor_features().set_output(transform="pandas")
     table = features.fit_transform(corpus.trials)
@@ -248,7 +231,7 @@ def test_search_with_a_cache_codes_a_trial_once_a_dictionary(
     assert len(chunks) == (3 + 1) * len(corpus.trials)
 
 
-def test_workers_find_what_their_parent_cached(corpus, tmp_path):
+def test_workers_find_what_their_parent_cached(corpus, one_thread, tmp_path):
     results, n_entries = [], []
     for n_jobs, memory in [(1, None), (1, str(tmp_path)), (2, str(tmp_path))]:
         # Trials reach the workers as files in memory.
