@@ -202,11 +202,7 @@ FEATURE_KNOBS["presets"] = {
     "defaults": BASE,
     **{
         name: network(n_hidden=preset["n_hidden"])._replace(
-            features={
-                "spatial_cells": preset["spatial_cells"],
-                "cells": preset["cells"],
-                **preset["dictionary"],
-            }
+            features={"cells": preset["cells"], **preset["dictionary"]}
         )
         for name, preset in reversed(_PRESETS.items())
     },

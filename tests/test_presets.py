@@ -5,7 +5,12 @@ import pytest
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV, GroupKFold
 
-from sklearn_haptic import DummyDistribution, KSVDTransformer, make_haptic_pipeline
+from sklearn_haptic import (
+    DummyDistribution,
+    KSVDTransformer,
+    STHMPTransformer,
+    make_haptic_pipeline,
+)
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import ranked_probability_score
 
@@ -42,7 +47,8 @@ def test_accurate_has_the_defaults_of_the_transformers():
     model = make_haptic_pipeline(preset="accurate")
     expected = KSVDTransformer(40, window=22, remove_mean=False).get_params()
     assert part(model, "pac").get_params() == expected
-    assert part(model, "electrodes").spatial_cells == (3, 2, 1)
+    expected = STHMPTransformer(remove_mean=False).get_params()
+    assert part(model, "electrodes").get_params() == expected
 
 
 def test_memory_is_for_dictionaries_and_pooled_rows(tmp_path):
