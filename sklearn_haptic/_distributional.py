@@ -70,7 +70,7 @@ class DistributionalOrdinalRegressor(
     ----------
     estimator : estimator object, default=None
         What predicts a rating from features and position. By default
-        ``NNPOM(n_hidden=0, alpha=10)``. `NNPOM`, or another that has the methods
+        ``NNPOM(n_hidden=0, alpha=3)``. `NNPOM`, or another that has the methods
         named in the Notes, shares a trial's features between its observations; any
         other is fitted on one row for each observation, labelled 0, 1, … by level.
     n_duplicates : int, default=15
@@ -156,10 +156,10 @@ class DistributionalOrdinalRegressor(
     ... )
     >>> model = DistributionalOrdinalRegressor().fit(X, counts)
     >>> model.predict_proba([[1.5]]).round(2)
-    array([[0.01, 0.05, 0.12, 0.33, 0.49]])
+    array([[0.  , 0.01, 0.06, 0.28, 0.65]])
     >>> model.predict_quantile([[-1.0], [1.5]], [0.1, 0.5, 0.9])
-    array([[1, 2, 3],
-           [3, 4, 5]])
+    array([[1, 1, 3],
+           [4, 5, 5]])
     """
 
     # Splitters take groups too: passing them does not mean that fit wants them.
@@ -284,7 +284,7 @@ class DistributionalOrdinalRegressor(
 
     def _make_estimator(self, rng):
         if self.estimator is None:
-            estimator = NNPOM(n_hidden=0, alpha=10.0)
+            estimator = NNPOM(n_hidden=0, alpha=3.0)
         else:
             estimator = clone(self.estimator)
         if self.random_state is not None:

@@ -17,14 +17,12 @@ _PRESETS = {
     "fast": {
         "dictionary": {"n_nonzero_coefs": 2, "max_iter": 5, "max_train_windows": 5000},
         "cells": (4, 2, 1),
-        "n_hidden": 0,
     },
     "balanced": {
         "dictionary": {"max_iter": 20, "max_train_windows": 5000},
         "cells": (4, 2, 1),
-        "n_hidden": 5,
     },
-    "accurate": {"dictionary": {}, "cells": (8, 4, 2, 1), "n_hidden": 10},
+    "accurate": {"dictionary": {}, "cells": (8, 4, 2, 1)},
 }
 
 
@@ -34,7 +32,7 @@ def make_haptic_pipeline(
     """Build a model of raw recordings of BioTac fingers.
 
     Every sensor gives sparse codes over a dictionary of its own, pooled over time;
-    the features of all sensors are standardised and feed a
+    the features of all sensors are standardised and feed a linear
     `DistributionalOrdinalRegressor`. The result is an ordinary Pipeline with the
     steps ``"features"`` (a ColumnTransformer with a transformer a sensor),
     ``"scale"`` and ``"model"``, whose parameters can be set and searched.
@@ -45,15 +43,15 @@ def make_haptic_pipeline(
         The sensors to use: columns of a DataFrame of trials, as `load_phac2` and
         `make_haptic_corpus` return it. By default all five.
     preset : {"fast", "balanced", "accurate"}, default="balanced"
-        How much time to take. "accurate" learns the dictionaries by the defaults of
-        the transformers and has ten hidden units. "balanced" takes about half its
-        time, learning from fewer windows in fewer iterations, and has five. "fast"
-        takes about a quarter, with two coefficients a code, and is linear.
+        How much time the features may take. "accurate" learns the dictionaries by the
+        defaults of the transformers. "balanced" takes about half its time, learning
+        from fewer windows in fewer iterations, and "fast" a third or less, with two
+        coefficients a code.
     memory : str or object with the joblib.Memory interface, default=None
         Where the transformers cache dictionaries and pooled features, so that a
         search over the model computes the features once a fold.
     random_state : int, RandomState instance or None, default=None
-        For the dictionaries and the start of hidden units.
+        For the dictionaries; the linear model needs none.
 
     Returns
     -------
@@ -108,7 +106,6 @@ def make_haptic_pipeline(
             codes = KSVDTransformer(n_atoms, window=window, **options)
         return make_pipeline(codes, TemporalMaxPool(settings["cells"], memory=memory))
 
-    network = NNPOM(settings["n_hidden"], alpha=10.0, random_state=random_state)
     return Pipeline(
         [
             (
@@ -116,6 +113,6 @@ def make_haptic_pipeline(
                 ColumnTransformer([(s, transformer(s), s) for s in sensors]),
             ),
             ("scale", StandardScaler()),
-            ("model", DistributionalOrdinalRegressor(network)),
+            ("model", DistributionalOrdinalRegressor(NNPOM(n_hidden=0, alpha=3.0))),
         ]
     )
