@@ -10,6 +10,7 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.model_selection import GroupShuffleSplit
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils.parallel import _threadpool_controller_decorator
 from sklearn.utils.validation import (
     _check_sample_weight,
     check_consistent_length,
@@ -290,6 +291,8 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         context.call_on_fit_task_end(estimator=self, X=X, reconstruction_attributes={})
         return self
 
+    # The products are small: several threads would mostly wait for each other.
+    @_threadpool_controller_decorator(limits=1, user_api="blas")
     def _minimise(
         self, X, positions, level, weight, validation, rng, monotone, context
     ):
