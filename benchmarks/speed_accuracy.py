@@ -5,7 +5,7 @@
         [--quick] [--sets synthetic bolt movie phac2] [--knobs atoms "hidden units" …]
 
 FOLDER holds ``bolt_pilot/``, ``movie_ratings/`` and ``phac2_static/``; the synthetic
-set needs none of them. mord comes with this package. About 40 minutes on one core,
+set needs none of them. mord comes with this package. About an hour on one core,
 ``--quick`` a few; progress goes to stderr, a Markdown table a knob to stdout.
 
 Five folds, objects kept whole, repeated with other folds and seeds. Dictionaries and

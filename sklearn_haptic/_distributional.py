@@ -101,7 +101,8 @@ class DistributionalOrdinalRegressor(
         How "quantile" decides: the median level, or the most probable (the
         paper).
     n_quantiles : int, default=99
-        Positions of "quantile", evenly spaced: 0.01, …, 0.99.
+        Positions of "quantile", evenly spaced: 0.01, …, 0.99. `NNPOM` needs them
+        for the rule "argmax" alone; see the Notes.
     levels : array-like of shape (n_levels,), default=None
         All ordered levels, so that one absent from the training data keeps its
         column. By default 1, 2, … for counts, the levels found for labels.

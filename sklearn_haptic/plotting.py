@@ -13,6 +13,20 @@ _OFFSET, _MAX_OFFSET = 0.035, 0.4
 _BLUE, _ORANGE = "#0072B2", "#E69F00"
 
 
+def _axes(ax, display):
+    """Return the axes given, or those of a new figure for a display."""
+    try:
+        from matplotlib import pyplot as plt
+    except ImportError as error:
+        raise ImportError(
+            f"{display} needs matplotlib; install it with "
+            "pip install 'sklearn_haptic[plot]'."
+        ) from error
+    if ax is None:
+        _, ax = plt.subplots(figsize=(6.4, 4), layout="constrained")
+    return ax
+
+
 class InverseCDFDisplay:
     """Inverse CDFs of ratings predicted from touches of one object, and the true one.
 
@@ -153,16 +167,9 @@ class InverseCDFDisplay:
         ImportError
             If matplotlib is not installed.
         """
-        try:
-            from matplotlib import colormaps
-            from matplotlib import pyplot as plt
-        except ImportError as error:
-            raise ImportError(
-                "InverseCDFDisplay needs matplotlib; install it with "
-                "pip install 'sklearn_haptic[plot]'."
-            ) from error
-        if ax is None:
-            _, ax = plt.subplots(figsize=(6.4, 4), layout="constrained")
+        ax = _axes(ax, type(self).__name__)
+        from matplotlib import colormaps
+
         n_trials = len(self.y_proba)
         offset = min(_OFFSET, _MAX_OFFSET / n_trials)
         offsets = offset * (np.arange(n_trials) - (n_trials - 1) / 2)
@@ -332,16 +339,9 @@ class SpeedAccuracyDisplay:
         ImportError
             If matplotlib is not installed.
         """
-        try:
-            from matplotlib import pyplot as plt
-            from matplotlib.ticker import LogLocator
-        except ImportError as error:
-            raise ImportError(
-                "SpeedAccuracyDisplay needs matplotlib; install it with "
-                "pip install 'sklearn_haptic[plot]'."
-            ) from error
-        if ax is None:
-            _, ax = plt.subplots(figsize=(6.4, 4), layout="constrained")
+        ax = _axes(ax, type(self).__name__)
+        from matplotlib.ticker import LogLocator
+
         seconds, score = self.seconds, self.score
         self.ax_, self.figure_ = ax, ax.figure
         self.errorbar_ = ax.errorbar(

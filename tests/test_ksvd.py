@@ -7,6 +7,7 @@ import joblib
 import numpy as np
 import pandas as pd
 import pytest
+from cached_rows import assert_an_entry_each
 from callback_recorder import Recorder
 from sklearn import config_context
 from sklearn.base import clone
@@ -365,16 +366,7 @@ def test_cached_rows_depend_on_every_parameter(tmp_path):
         {"remove_mean": False},
         {"dict_init": atoms[4:]},
     ]
-    rows = []
-    for change in changes:
-        changed = clone(codes).set_params(**change).fit_transform(trials)
-        pool = TemporalMaxPool((2, 1), memory=str(tmp_path))
-        rows.append(pool.fit_transform(changed))
-        np.testing.assert_array_equal(
-            rows[-1], TemporalMaxPool((2, 1)).fit_transform(changed)
-        )
-        assert all(not np.array_equal(rows[-1], row) for row in rows[:-1])
-    assert len(list(tmp_path.rglob("output.pkl"))) == len(changes)
+    assert_an_entry_each(codes, changes, trials, tmp_path)
 
 
 def test_cached_dictionary_depends_on_the_draw(tmp_path):
