@@ -2,6 +2,7 @@
 
 from ._baselines import DummyDistribution
 from ._distributional import PAPER_2020, DistributionalOrdinalRegressor
+from ._fusion import SensorFusionNNPOM
 from ._ksvd import KSVDTransformer
 from ._nnpom import NNPOM
 from ._pooling import TemporalMaxPool
@@ -15,6 +16,7 @@ __all__ = [
     "DummyDistribution",
     "KSVDTransformer",
     "STHMPTransformer",
+    "SensorFusionNNPOM",
     "TemporalMaxPool",
     "make_haptic_pipeline",
 ]

@@ -213,7 +213,7 @@ class DistributionalOrdinalRegressor(
         return tags
 
     @_fit_context(prefer_skip_nested_validation=False)
-    def fit(self, X, y, sample_weight=None, *, groups=None):
+    def fit(self, X, y, sample_weight=None, *, groups=None, X_val=None, y_val=None):
         """Fit the estimator on each trial at several positions.
 
         Parameters
@@ -227,6 +227,12 @@ class DistributionalOrdinalRegressor(
         groups : array-like of shape (n_trials,), default=None
             The object of each trial, so that an estimator with
             ``early_stopping=True`` validates on whole objects.
+        X_val : array-like of shape (n_val_trials, n_features), default=None
+            Trials on which an estimator with ``early_stopping=True`` validates; by
+            default a share of those in ``X``.
+        y_val : array-like of shape (n_val_trials, n_levels) or (n_val_trials,), \
+                default=None
+            Their ratings.
 
         Returns
         -------
@@ -245,6 +251,7 @@ class DistributionalOrdinalRegressor(
         groups = None if groups is None else np.asarray(groups)[used]
         rng = check_random_state(self.random_state)
         self.estimator_ = self._make_estimator(rng)
+        validation = self._check_validation(X_val, y_val)
         positions, level, weight = training_observations(
             counts, self.n_duplicates, self.sampling, self.balance, rng
         )
@@ -256,7 +263,7 @@ class DistributionalOrdinalRegressor(
         with task.propagate_callback_context(self.estimator_):
             if hasattr(self.estimator_, "fit_with_positions"):
                 self._fit_sharing_features(
-                    X, counts, inputs, level, weight, groups, rng
+                    X, counts, inputs, level, weight, groups, validation, rng
                 )
             else:
                 self._fit_repeated_rows(X, inputs, level, weight)
@@ -265,9 +272,31 @@ class DistributionalOrdinalRegressor(
         )
         return self
 
-    def _fit_sharing_features(self, X, counts, inputs, level, weight, groups, rng):
-        validation = None
-        if getattr(self.estimator_, "early_stopping", False):
+    def _check_validation(self, X_val, y_val):
+        """Return the validation trials and their counts, None if none are given."""
+        if X_val is None and y_val is None:
+            return None
+        if X_val is None or y_val is None:
+            raise ValueError("X_val and y_val belong together; give both or neither.")
+        if not (
+            hasattr(self.estimator_, "fit_with_positions")
+            and getattr(self.estimator_, "early_stopping", False)
+        ):
+            raise ValueError(
+                "X_val requires an estimator that stops early; use an NNPOM with "
+                "early_stopping=True, or leave X_val and y_val out."
+            )
+        X_val = validate_data(self, X_val, dtype=np.float64, reset=False)
+        counts, _ = check_ratings(y_val, self.levels_, name="y_val")
+        check_consistent_length(X_val, counts)
+        return X_val, counts
+
+    def _fit_sharing_features(
+        self, X, counts, inputs, level, weight, groups, validation, rng
+    ):
+        if validation is not None:
+            validation = self._validation_set(*validation)
+        elif getattr(self.estimator_, "early_stopping", False):
             train, held_out = validation_split(
                 len(X), groups, self.estimator_.validation_fraction, rng
             )
@@ -281,6 +310,7 @@ class DistributionalOrdinalRegressor(
             levels=self.levels_,
             monotone=self.monotone,
             validation=validation,
+            feature_names=getattr(self, "feature_names_in_", None),
         )
 
     def _make_estimator(self, rng):
@@ -289,13 +319,13 @@ class DistributionalOrdinalRegressor(
         else:
             estimator = clone(self.estimator)
         if self.random_state is not None:
+            seed = int(rng.randint(np.iinfo(np.int32).max))
             names = [
                 name
-                for name in sorted(estimator.get_params())
+                for name in estimator.get_params()
                 if name == "random_state" or name.endswith("__random_state")
             ]
-            seeds = rng.randint(np.iinfo(np.int32).max, size=len(names))
-            estimator.set_params(**dict(zip(names, seeds.tolist())))
+            estimator.set_params(**dict.fromkeys(names, seed))
         return estimator
 
     def _transform(self, positions):

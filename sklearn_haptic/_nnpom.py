@@ -246,6 +246,7 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         levels,
         monotone=False,
         validation=None,
+        feature_names=None,
     ):
         """Fit as if each trial were repeated with one more feature, its position.
 
@@ -257,9 +258,10 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         Parameters
         ----------
         X : ndarray of shape (n_trials, n_features)
-            Features of each trial.
-        positions : ndarray of shape (n_trials, n_observations)
-            The last feature of each observation.
+            Features of each trial; of shape (n_trials, n_observations, n_features)
+            if its observations do not share them.
+        positions : ndarray of shape (n_trials, n_observations), or None
+            The last feature of each observation, if there is one.
         level : ndarray of int of shape (n_trials, n_observations)
             Index into ``levels`` of each observation's rating.
         weight : ndarray of shape (n_trials, n_observations)
@@ -272,16 +274,25 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
             for the "lbfgs" solver.
         validation : tuple of (X, positions, level, weight), default=None
             Trials for early stopping; None for no early stopping.
+        feature_names : ndarray of shape (n_features,), default=None
+            Names of the features, if they have any; the last feature is named
+            ``"position"``.
 
         Returns
         -------
         self : NNPOM
-            The fitted network, with ``n_features + 1`` inputs.
+            The fitted network; the position is the last of its inputs.
         """
         self._validate_params()
-        self.n_features_in_ = X.shape[1] + 1
+        self.n_features_in_ = X.shape[-1] + (positions is not None)
+        if feature_names is not None:
+            self.feature_names_in_ = np.append(feature_names, "position")
         self.levels_ = levels
         rng = check_random_state(self.random_state)
+        if X.ndim == 3:  # each observation is a trial of its own
+            used = weight > 0
+            X, level, weight = X[used], level[used][:, None], weight[used][:, None]
+            positions = None if positions is None else positions[used][:, None]
         return self._fit(X, positions, level, weight, validation, rng, monotone)
 
     def _fit(self, X, positions, level, weight, validation, rng, monotone=False):
@@ -453,8 +464,28 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         latent : ndarray of shape (n_trials, n_positions)
             What `thresholds_` cut into levels.
         """
+        return self._forward_with_positions(X, positions)[0]
+
+    def hidden_activations_with_positions(self, X, positions):
+        """Activations of the hidden units for each trial at each position.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n_trials, n_features)
+            Validated features, without the position.
+        positions : ndarray of shape (n_positions,) or (n_trials, n_positions)
+            The last feature.
+
+        Returns
+        -------
+        hidden : ndarray of shape (n_trials, n_positions, n_hidden)
+            Values in (0, 1).
+        """
+        return self._forward_with_positions(X, positions)[1]
+
+    def _forward_with_positions(self, X, positions):
         weights = self.coefs_[0], self.intercepts_, self._output
-        return forward(X, positions[None], *weights)[0]
+        return forward(X, np.atleast_2d(positions), *weights)
 
     def predict(self, X):
         """Predict the most probable level.

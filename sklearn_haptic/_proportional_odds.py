@@ -133,6 +133,8 @@ def forward(X, positions, coef, bias, output):
     Parameters
     ----------
     X : ndarray of shape (n_trials, n_features)
+        Or of shape (n_trials, n_positions, n_features), where the observations of a
+        trial do not share their features.
     positions : ndarray broadcastable to (n_trials, n_positions), or None
         The extra input that the observations of a trial do not share.
     coef, bias, output : ndarray
@@ -143,11 +145,12 @@ def forward(X, positions, coef, bias, output):
     latent : ndarray of shape (n_trials, n_positions)
     hidden : ndarray of shape (n_trials, n_positions, n_hidden), or None
     """
-    shared = X @ coef[: X.shape[1]]
+    shared = X @ coef[: X.shape[-1]]
+    if X.ndim == 2:
+        shared = shared[:, None]
     if len(output) == 0:
-        latent = shared[:, None]
-        return (latent if positions is None else latent + positions * coef[-1]), None
-    shared = (shared + bias)[:, None]
+        return (shared if positions is None else shared + positions * coef[-1]), None
+    shared = shared + bias
     if positions is None:
         hidden = expit(shared)
     else:

@@ -11,6 +11,7 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     DummyDistribution,
     KSVDTransformer,
+    SensorFusionNNPOM,
     STHMPTransformer,
     TemporalMaxPool,
 )
@@ -31,6 +32,10 @@ PREDICTORS = [
     DistributionalOrdinalRegressor(NNPOM(0, tol=1e-10)),
     DistributionalOrdinalRegressor(
         LogisticRegression(tol=1e-12, max_iter=5000), decode="quantile"
+    ),
+    SensorFusionNNPOM(
+        estimator=NNPOM(n_hidden=2, tol=1e-10, max_iter=5000),
+        final_estimator=NNPOM(n_hidden=2, tol=1e-10, max_iter=5000),
     ),
     DummyDistribution(),
     DummyDistribution("barycentre"),
@@ -66,6 +71,8 @@ def test_every_public_estimator_is_here():
 
 
 # The checks' data are not scaled, so 10 hidden units take long to converge on some.
+# Their columns have no names of sensors.
+@pytest.mark.filterwarnings("ignore:X has no column names to tell sensors by")
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
 @parametrize_with_checks([*TRANSFORMERS, *PREDICTORS])
 def test_common_checks(estimator, check):
@@ -74,6 +81,7 @@ def test_common_checks(estimator, check):
 
 # Some of these checks fit on a data frame and transform an array, or the reverse.
 @pytest.mark.filterwarnings("ignore:X (has|does not have valid) feature names")
+@pytest.mark.filterwarnings("ignore:X has no column names to tell sensors by")
 @pytest.mark.parametrize(("estimator", "name"), BEYOND_THE_SUITE, ids=str)
 def test_checks_beyond_the_common_suite(estimator, name):
     getattr(estimator_checks, name)(type(estimator).__name__, estimator)

@@ -227,9 +227,19 @@ class CountingBase(BaseEstimator):
         raise AssertionError("the rows were repeated")
 
     def fit_with_positions(
-        self, X, positions, level, weight, *, levels, monotone, validation
+        self,
+        X,
+        positions,
+        level,
+        weight,
+        *,
+        levels,
+        monotone,
+        validation,
+        feature_names,
     ):
-        assert X.shape[0] == positions.shape[0] and validation is None
+        assert X.shape[0] == positions.shape[0]
+        assert validation is None and feature_names is None
         self.seen_ = X, positions, level, weight
         self.n_levels_ = len(levels)
         return self

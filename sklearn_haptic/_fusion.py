@@ -1,0 +1,531 @@
+"""A network for each sensor, and one network that combines what they have learnt.
+
+Richardson & Kuchenbecker (2020) train a network on the features of each sensor; the
+activations of their hidden units, not their outputs, are the inputs of a combined
+network. Setting those of one sensor to zero and training the combined network again
+shows what the sensor contributes.
+"""
+
+import warnings
+
+import numpy as np
+from sklearn.base import (
+    BaseEstimator,
+    ClassifierMixin,
+    MetaEstimatorMixin,
+    _fit_context,
+    clone,
+)
+from sklearn.callback import CallbackSupportMixin, with_callbacks
+from sklearn.frozen import FrozenEstimator
+from sklearn.utils import check_random_state
+from sklearn.utils._param_validation import HasMethods
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from ._nnpom import NNPOM
+
+_NETWORK = HasMethods(["fit_with_positions", "hidden_activations_with_positions"])
+
+
+def resolve_sensors(sensors, feature_names, n_features):
+    """Return the columns of each sensor.
+
+    Parameters
+    ----------
+    sensors : dict of str to columns, or None
+        As `SensorFusionNNPOM` takes it.
+    feature_names : array-like of shape (n_features,), or None
+        The name of each column, if they have any.
+    n_features : int
+        Number of columns.
+
+    Returns
+    -------
+    columns : dict of str to ndarray of int
+        Indices of the columns, sensors in the order of their first mention.
+
+    Raises
+    ------
+    ValueError
+        If a column has a name without a prefix, or a sensor unknown columns or none.
+
+    Examples
+    --------
+    >>> from sklearn_haptic._fusion import resolve_sensors
+    >>> resolve_sensors(None, ["pac__0", "pac__1", "tdc__0"], 3)
+    {'pac': array([0, 1]), 'tdc': array([2])}
+    >>> resolve_sensors({"pac": slice(2), "tdc": [2]}, None, 3)
+    {'pac': array([0, 1]), 'tdc': array([2])}
+    """
+    if sensors is not None:
+        return {
+            sensor: _resolve_columns(sensor, columns, feature_names, n_features)
+            for sensor, columns in sensors.items()
+        }
+    names = [] if feature_names is None else [str(name) for name in feature_names]
+    if not any("__" in name for name in names):
+        warnings.warn(
+            "X has no column names to tell sensors by, as 'pac__0' does, so all "
+            "columns are taken to be of one; name them, with "
+            "set_output(transform='pandas') in a pipeline, or set sensors.",
+            UserWarning,
+            stacklevel=3,
+        )
+        return {"all": np.arange(n_features)}
+    columns = {}
+    for i, name in enumerate(names):
+        sensor, separator, _ = name.partition("__")
+        if not separator:
+            raise ValueError(
+                f"Column {name!r} of X has no prefix that names its sensor, as others "
+                "have; rename it or set sensors."
+            )
+        columns.setdefault(sensor, []).append(i)
+    return {sensor: np.array(indices) for sensor, indices in columns.items()}
+
+
+def _resolve_columns(sensor, columns, feature_names, n_features):
+    try:
+        if isinstance(columns, slice):
+            columns = np.arange(n_features)[columns]
+        columns = np.atleast_1d(columns)
+        if columns.dtype.kind in "UO":
+            known = {} if feature_names is None else feature_names
+            index = {name: i for i, name in enumerate(known)}
+            columns = np.array([index[name] for name in columns], dtype=np.intp)
+        columns = np.arange(n_features)[columns]
+    except (IndexError, KeyError) as error:
+        raise ValueError(
+            f"sensors has columns for {sensor!r} that are not in X ({error}); name "
+            f"some of its {n_features} columns."
+        ) from error
+    if len(columns) == 0:
+        raise ValueError(f"sensors has no columns for {sensor!r}; name some or none.")
+    return columns
+
+
+class SensorFusionNNPOM(
+    CallbackSupportMixin, MetaEstimatorMixin, ClassifierMixin, BaseEstimator
+):
+    """Combine a network for each sensor by the activations of their hidden units.
+
+    Each sensor's columns, with the position in the population if there is one, train
+    a network of their own; the activations of all hidden units are the inputs of a
+    combined network [1]_. Made to be the ``estimator`` of
+    `DistributionalOrdinalRegressor`, which gives every network the same positions.
+
+    Parameters
+    ----------
+    sensors : dict of str to columns, default=None
+        The columns of each sensor: indices, names, a slice or a mask. By default
+        columns are grouped by what precedes ``"__"`` in their names, which a
+        ColumnTransformer puts there; with ``set_output(transform="pandas")`` names
+        reach this estimator. Columns of no sensor are not used.
+    estimator : NNPOM or dict of str to NNPOM, default=None
+        The network of every sensor, or of each. One in a
+        `sklearn.frozen.FrozenEstimator` is used as it was fitted. By default
+        ``NNPOM(n_hidden=10, alpha=3)``.
+    final_estimator : NNPOM, default=None
+        The combined network. By default ``NNPOM(n_hidden=10, alpha=3)``.
+    held_out : str, default=None
+        A sensor whose activations are zero in training and prediction.
+    random_state : int, RandomState instance or None, default=None
+        Start values of all networks, in place of their own; None leaves those as
+        they are.
+
+    Attributes
+    ----------
+    sensors_ : dict of str to ndarray of int
+        The columns of each sensor.
+    sensor_networks_ : dict of str to NNPOM
+        The fitted network of each sensor that is not held out.
+    final_network_ : NNPOM
+        The fitted combined network.
+    levels_, classes_ : ndarray of shape (n_levels,)
+        The ordered levels.
+    thresholds_ : ndarray of shape (n_levels - 1,)
+        Thresholds of the combined network.
+    n_features_in_ : int
+        Number of features.
+    feature_names_in_ : ndarray of shape (n_features_in_,)
+        Names of the features, if they have any.
+
+    See Also
+    --------
+    sklearn_haptic.model_selection.sensor_contributions : Hold out one after the other.
+
+    Notes
+    -----
+    With p the position, x_s the features of sensor s and h_s(x_s, p) the activations
+    of its network, the latent response is that of the combined network at
+    (h_1, …, h_S). The position enters through the sensors' networks alone.
+
+    References
+    ----------
+    .. [1] Richardson, B. A. & Kuchenbecker, K. J. (2020). Learning to predict
+       perceptual distributions of haptic adjectives. Frontiers in Neurorobotics
+       13, 116, section 2.3.3 and Figure 8. :doi:`10.3389/fnbot.2019.00116`
+
+    Examples
+    --------
+    Vibration tells how people rate these objects, temperature does not.
+
+    >>> import numpy as np
+    >>> from sklearn_haptic import DistributionalOrdinalRegressor, SensorFusionNNPOM
+    >>> rng = np.random.default_rng(0)
+    >>> X = rng.normal(size=(40, 4))
+    >>> counts = rng.poisson(2 * np.exp(np.outer(X[:, 0], [-1, 0, 1]))) + 1
+    >>> fusion = SensorFusionNNPOM({"pac": [0, 1], "tdc": [2, 3]}, random_state=0)
+    >>> full = DistributionalOrdinalRegressor(fusion).fit(X, counts)
+    >>> fusion.set_params(held_out="pac")
+    SensorFusionNNPOM(held_out='pac', ...)
+    >>> deaf = DistributionalOrdinalRegressor(fusion).fit(X, counts)
+    >>> full.score(X, counts) > deaf.score(X, counts)
+    True
+    """
+
+    # Splitters take groups too: passing them does not mean that fit wants them.
+    __metadata_request__fit = {"groups": False}  # noqa: RUF012
+
+    _parameter_constraints = {  # noqa: RUF012
+        "sensors": [dict, None],
+        "estimator": [_NETWORK, dict, None],
+        "final_estimator": [_NETWORK, None],
+        "held_out": [str, None],
+        "random_state": ["random_state"],
+    }
+
+    def __init__(
+        self,
+        sensors=None,
+        estimator=None,
+        final_estimator=None,
+        held_out=None,
+        *,
+        random_state=None,
+    ):
+        self.sensors = sensors
+        self.estimator = estimator
+        self.final_estimator = final_estimator
+        self.held_out = held_out
+        self.random_state = random_state
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.classifier_tags.poor_score = True  # on classes that have no order
+        return tags
+
+    @_fit_context(prefer_skip_nested_validation=False)
+    def fit(self, X, y, sample_weight=None, *, groups=None):
+        """Fit the networks of the sensors, then the combined one.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+        y : array-like of shape (n_trials,) or (n_trials, n_levels)
+            One rating a trial, or how many people gave each rating.
+        sample_weight : array-like of shape (n_trials,), default=None
+            Weight of each trial; 2 equals the trial given twice.
+        groups : array-like of shape (n_trials,), default=None
+            The object of each trial. Early stopping holds out whole objects.
+
+        Returns
+        -------
+        self : SensorFusionNNPOM
+            The fitted networks.
+        """
+        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True)
+        names = getattr(self, "feature_names_in_", None)
+        self.sensors_ = resolve_sensors(self.sensors, names, X.shape[1])
+        self._has_position = False
+
+        def fit_sensor(network, columns):
+            network.fit(X[:, columns], y, sample_weight, groups=groups)
+
+        def fit_final(network):
+            hidden = self._activations(X)
+            network.fit(hidden, y, sample_weight, groups=groups)
+
+        return self._fit_networks(X, fit_sensor, fit_final)
+
+    @with_callbacks
+    def fit_with_positions(
+        self,
+        X,
+        positions,
+        level,
+        weight,
+        *,
+        levels,
+        monotone=False,
+        validation=None,
+        feature_names=None,
+    ):
+        """Fit to observations of each trial at several positions.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n_trials, n_features)
+            Features of each trial.
+        positions : ndarray of shape (n_trials, n_observations)
+            The last feature of each observation, the same for every network.
+        level : ndarray of int of shape (n_trials, n_observations)
+            Index into ``levels`` of each observation's rating.
+        weight : ndarray of shape (n_trials, n_observations)
+            Weight of each observation.
+        levels : ndarray of shape (n_levels,)
+            The ordered levels.
+        monotone : bool, default=False
+            Not supported here.
+        validation : tuple of (X, positions, level, weight), default=None
+            Trials for the early stopping of networks that have it.
+        feature_names : ndarray of shape (n_features,), default=None
+            Names of the features, if they have any.
+
+        Returns
+        -------
+        self : SensorFusionNNPOM
+            The fitted networks, with ``n_features + 1`` inputs.
+
+        Raises
+        ------
+        ValueError
+            If `monotone` is true.
+        """
+        self._validate_params()
+        if monotone:
+            raise ValueError(
+                "monotone=True requires an NNPOM, but estimator is a "
+                "SensorFusionNNPOM; set monotone=False, predicted distributions are "
+                "sorted in any case."
+            )
+        self.n_features_in_ = X.shape[1] + 1
+        if feature_names is not None:
+            self.feature_names_in_ = np.append(feature_names, "position")
+        self.sensors_ = resolve_sensors(self.sensors, feature_names, X.shape[1])
+        self._has_position = True
+
+        def fit(network, inputs_of):
+            held_out = None
+            if validation is not None and network.early_stopping:
+                held_out = (*inputs_of(*validation[:2]), *validation[2:])
+            network.fit_with_positions(
+                *inputs_of(X, positions),
+                level,
+                weight,
+                levels=levels,
+                validation=held_out,
+            )
+
+        def fit_sensor(network, columns):
+            fit(network, lambda X, positions: (X[:, columns], positions))
+
+        def fit_final(network):
+            fit(network, lambda X, positions: (self._activations(X, positions), None))
+
+        return self._fit_networks(X, fit_sensor, fit_final)
+
+    def _fit_networks(self, X, fit_sensor, fit_final):
+        if self.held_out is not None and self.held_out not in self.sensors_:
+            raise ValueError(
+                f"held_out={self.held_out!r} is not among the sensors "
+                f"{list(self.sensors_)}; name one of them."
+            )
+        networks, final_network = self._make_networks()
+        self._n_hidden = {name: each.n_hidden for name, each in networks.items()}
+        networks.pop(self.held_out, None)
+        self.sensor_networks_ = {
+            sensor: network.estimator
+            if isinstance(network, FrozenEstimator)
+            else network
+            for sensor, network in networks.items()
+        }
+        self.final_network_ = final_network
+        context = self._init_callback_context(max_subtasks=len(networks) + 1)
+        context.call_on_fit_task_begin(estimator=self, X=X)
+        for sensor, network in networks.items():
+            task = context.subcontext(task_name=f"fit network of {sensor}")
+            if not isinstance(network, FrozenEstimator):
+                with task.propagate_callback_context(network):
+                    fit_sensor(network, self.sensors_[sensor])
+        task = context.subcontext(task_name="fit combined network")
+        with task.propagate_callback_context(final_network):
+            fit_final(final_network)
+        self.levels_ = self.classes_ = final_network.levels_
+        context.call_on_fit_task_end(estimator=self, X=X, reconstruction_attributes={})
+        return self
+
+    def _make_networks(self):
+        """Clone and seed the networks of the sensors and the combined one."""
+        default = NNPOM(n_hidden=10, alpha=3.0)
+        of_sensor = default if self.estimator is None else self.estimator
+        if not isinstance(of_sensor, dict):
+            of_sensor = dict.fromkeys(self.sensors_, of_sensor)
+        if of_sensor.keys() != self.sensors_.keys():
+            raise ValueError(
+                f"estimator has networks for {list(of_sensor)}, but the sensors are "
+                f"{list(self.sensors_)}; give one network for each of them."
+            )
+        final = default if self.final_estimator is None else self.final_estimator
+        networks = {sensor: clone(of_sensor[sensor]) for sensor in self.sensors_}
+        final_network = clone(final)
+        for sensor, network in networks.items():
+            if network.n_hidden == 0:
+                raise ValueError(
+                    f"The network of sensor {sensor!r} has n_hidden=0, so no "
+                    "activations to combine; set it to at least 1."
+                )
+        if self.random_state is not None:
+            rng = check_random_state(self.random_state)
+            for network in (*networks.values(), final_network):
+                seed = int(rng.randint(np.iinfo(np.int32).max))
+                if not isinstance(network, FrozenEstimator):
+                    network.set_params(random_state=seed)
+        return networks, final_network
+
+    def _stopping_early(self):
+        of_sensor = self.estimator
+        networks = of_sensor.values() if isinstance(of_sensor, dict) else [of_sensor]
+        return [
+            network
+            for network in (*networks, self.final_estimator)
+            if not isinstance(network, FrozenEstimator)
+            and getattr(network, "early_stopping", False)
+        ]
+
+    @property
+    def early_stopping(self):
+        """Whether a network stops early, and so needs trials to validate on."""
+        return bool(self._stopping_early())
+
+    @property
+    def validation_fraction(self):
+        """Largest share of the trials that a network holds out for early stopping."""
+        fractions = [network.validation_fraction for network in self._stopping_early()]
+        return max(fractions, default=0.0)
+
+    @property
+    def thresholds_(self):
+        """Thresholds between the levels, of the combined network."""
+        return self.final_network_.thresholds_
+
+    def _activations(self, X, positions=None):
+        """Activations of all sensors side by side, zero for the one held out."""
+        shape = (len(X),) if positions is None else (len(X), np.shape(positions)[-1])
+        parts = []
+        for sensor, columns in self.sensors_.items():
+            if sensor == self.held_out:
+                parts.append(np.zeros((*shape, self._n_hidden[sensor])))
+                continue
+            network, of_sensor = self.sensor_networks_[sensor], X[:, columns]
+            if positions is None:
+                parts.append(network.hidden_activations(of_sensor))
+            else:
+                parts.append(
+                    network.hidden_activations_with_positions(of_sensor, positions)
+                )
+        return np.concatenate(parts, axis=-1)
+
+    def hidden_activations(self, X):
+        """Activations of the hidden units of the sensors' networks.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+
+        Returns
+        -------
+        hidden : ndarray of shape (n_trials, n_units)
+            Values in (0, 1), sensor by sensor; 0 for the sensor held out.
+        """
+        check_is_fitted(self)
+        X = validate_data(self, X, dtype=np.float64, reset=False)
+        if not self._has_position:
+            return self._activations(X)
+        return self._activations(X[:, :-1], X[:, -1:])[:, 0]
+
+    def predict_latent(self, X):
+        """Predict the latent response, which the thresholds cut into levels.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+
+        Returns
+        -------
+        latent : ndarray of shape (n_trials,)
+        """
+        hidden = self.hidden_activations(X)
+        return self.final_network_.predict_latent(hidden)
+
+    def predict_proba(self, X):
+        """Predict the probability of each level.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_levels)
+            Rows sum to 1; columns as in ``levels_``.
+        """
+        hidden = self.hidden_activations(X)
+        return self.final_network_.predict_proba(hidden)
+
+    def predict(self, X):
+        """Predict the most probable level.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+
+        Returns
+        -------
+        rating : ndarray of shape (n_trials,)
+        """
+        hidden = self.hidden_activations(X)
+        return self.final_network_.predict(hidden)
+
+    def predict_latent_with_positions(self, X, positions):
+        """Predict the latent response of each trial at each position.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n_trials, n_features)
+            Validated features, without the position.
+        positions : ndarray of shape (n_positions,)
+            The last feature.
+
+        Returns
+        -------
+        latent : ndarray of shape (n_trials, n_positions)
+        """
+        return self._predict_with_positions("predict_latent", X, positions)
+
+    def predict_proba_with_positions(self, X, positions):
+        """Predict for each trial at each position.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n_trials, n_features)
+            Validated features, without the position.
+        positions : ndarray of shape (n_positions,)
+            The last feature.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_positions, n_levels)
+        """
+        return self._predict_with_positions("predict_proba", X, positions)
+
+    def _predict_with_positions(self, method, X, positions):
+        hidden = self._activations(X, positions)
+        rows = hidden.reshape(-1, hidden.shape[-1])
+        predicted = getattr(self.final_network_, method)(rows)
+        return predicted.reshape(*hidden.shape[:2], *predicted.shape[1:])
