@@ -7,6 +7,7 @@ deviation of the folds' scores over the square root of their number. Candidates
 whose score is not finite, such as those whose fit failed, are left out.
 
 The sensors of a model are such a choice too: :func:`sensor_subsets` tries them all.
+:func:`sensor_contributions` holds out one after the other where a model combines them.
 """
 
 from collections.abc import Mapping
@@ -24,6 +25,16 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils import _safe_indexing, indexable
 from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_is_fitted
+
+from ._contributions import contribution_summary, sensor_contributions
+
+__all__ = [
+    "cheapest_within_one_se",
+    "contribution_summary",
+    "sensor_contributions",
+    "sensor_subsets",
+    "speed_accuracy_frontier",
+]
 
 
 class Candidates(NamedTuple):
