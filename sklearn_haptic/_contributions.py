@@ -429,7 +429,8 @@ def contribution_summary(scores, *, metric="macro_mae", by=None):
 
     To say that a sensor helps with objects not seen yet, use ``p_objects``, for which
     each object is one observation; of fewer than six it is never below 0.05. It ignores
-    that the objects of a cross-validation share training trials.
+    that the objects of a cross-validation share training trials. Look at the sign of
+    the difference too: a sensor that tells nothing often makes a model truly worse.
 
     No p is corrected for the number of rows: of twenty useless sensors, one is expected
     below 0.05.
@@ -485,6 +486,11 @@ def contribution_summary(scores, *, metric="macro_mae", by=None):
 def _melt_thresholds(scores):
     """Give each threshold a row, with its term of the ranked probability score."""
     terms = scores.filter(regex=r"^rps_\d+$").columns
+    if terms.empty:
+        raise ValueError(
+            "scores has no column rps_1, rps_2, …, which by='threshold' requires; make "
+            "it by sensor_contributions."
+        )
     others = scores.columns.difference([*terms, "rps"], sort=False)
     long = scores.drop(columns="rps", errors="ignore").melt(
         list(others), list(terms), var_name="threshold", value_name="rps"
