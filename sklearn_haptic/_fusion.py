@@ -58,6 +58,8 @@ def resolve_sensors(sensors, feature_names, n_features):
     {'pac': array([0, 1]), 'tdc': array([2])}
     """
     if sensors is not None:
+        if not sensors:
+            raise ValueError("sensors={} names no sensor; give the columns of each.")
         return {
             sensor: _resolve_columns(sensor, columns, feature_names, n_features)
             for sensor, columns in sensors.items()
@@ -89,6 +91,8 @@ def _resolve_columns(sensor, columns, feature_names, n_features):
         if isinstance(columns, slice):
             columns = np.arange(n_features)[columns]
         columns = np.atleast_1d(columns)
+        if columns.size == 0:
+            columns = columns.astype(np.intp)
         if columns.dtype.kind in "UO":
             known = {} if feature_names is None else feature_names
             index = {name: i for i, name in enumerate(known)}
@@ -124,9 +128,10 @@ class SensorFusionNNPOM(
     estimator : NNPOM or dict of str to NNPOM, default=None
         The network of every sensor, or of each. One in a
         `sklearn.frozen.FrozenEstimator` is used as it was fitted. By default
-        ``NNPOM(n_hidden=10, alpha=3)``.
+        ``NNPOM(n_hidden=10, alpha=10)``.
     final_estimator : NNPOM, default=None
-        The combined network. By default ``NNPOM(n_hidden=10, alpha=3)``.
+        The combined network. By default ``NNPOM(n_hidden=0, alpha=10)``; the paper's
+        has hidden units too.
     held_out : str, default=None
         A sensor whose activations are zero in training and prediction.
     random_state : int, RandomState instance or None, default=None
@@ -335,20 +340,22 @@ class SensorFusionNNPOM(
         networks, final_network = self._make_networks()
         self._n_hidden = {name: each.n_hidden for name, each in networks.items()}
         networks.pop(self.held_out, None)
+        unfitted = {
+            sensor: network
+            for sensor, network in networks.items()
+            if not isinstance(network, FrozenEstimator)
+        }
         self.sensor_networks_ = {
-            sensor: network.estimator
-            if isinstance(network, FrozenEstimator)
-            else network
+            sensor: network if sensor in unfitted else network.estimator
             for sensor, network in networks.items()
         }
         self.final_network_ = final_network
-        context = self._init_callback_context(max_subtasks=len(networks) + 1)
+        context = self._init_callback_context(max_subtasks=len(unfitted) + 1)
         context.call_on_fit_task_begin(estimator=self, X=X)
-        for sensor, network in networks.items():
+        for sensor, network in unfitted.items():
             task = context.subcontext(task_name=f"fit network of {sensor}")
-            if not isinstance(network, FrozenEstimator):
-                with task.propagate_callback_context(network):
-                    fit_sensor(network, self.sensors_[sensor])
+            with task.propagate_callback_context(network):
+                fit_sensor(network, self.sensors_[sensor])
         task = context.subcontext(task_name="fit combined network")
         with task.propagate_callback_context(final_network):
             fit_final(final_network)
@@ -358,8 +365,9 @@ class SensorFusionNNPOM(
 
     def _make_networks(self):
         """Clone and seed the networks of the sensors and the combined one."""
-        default = NNPOM(n_hidden=10, alpha=3.0)
-        of_sensor = default if self.estimator is None else self.estimator
+        of_sensor = self.estimator
+        if of_sensor is None:
+            of_sensor = NNPOM(n_hidden=10, alpha=10.0)
         if not isinstance(of_sensor, dict):
             of_sensor = dict.fromkeys(self.sensors_, of_sensor)
         if of_sensor.keys() != self.sensors_.keys():
@@ -367,15 +375,13 @@ class SensorFusionNNPOM(
                 f"estimator has networks for {list(of_sensor)}, but the sensors are "
                 f"{list(self.sensors_)}; give one network for each of them."
             )
-        final = default if self.final_estimator is None else self.final_estimator
         networks = {sensor: clone(of_sensor[sensor]) for sensor in self.sensors_}
-        final_network = clone(final)
+        if self.final_estimator is None:
+            final_network = NNPOM(n_hidden=0, alpha=10.0)
+        else:
+            final_network = clone(self.final_estimator)
         for sensor, network in networks.items():
-            if network.n_hidden == 0:
-                raise ValueError(
-                    f"The network of sensor {sensor!r} has n_hidden=0, so no "
-                    "activations to combine; set it to at least 1."
-                )
+            self._check_network(sensor, network)
         if self.random_state is not None:
             rng = check_random_state(self.random_state)
             for network in (*networks.values(), final_network):
@@ -383,6 +389,26 @@ class SensorFusionNNPOM(
                 if not isinstance(network, FrozenEstimator):
                     network.set_params(random_state=seed)
         return networks, final_network
+
+    def _check_network(self, sensor, network):
+        if not hasattr(network, "hidden_activations_with_positions"):
+            raise TypeError(
+                f"estimator has a {type(network).__name__} for sensor {sensor!r}, but "
+                "an NNPOM is required (of a fitted regressor, its estimator_)."
+            )
+        if network.n_hidden == 0:
+            raise ValueError(
+                f"The network of sensor {sensor!r} has n_hidden=0, so no activations "
+                "to combine; set it to at least 1."
+            )
+        n_inputs = len(self.sensors_[sensor]) + self._has_position
+        if isinstance(network, FrozenEstimator) and network.n_features_in_ != n_inputs:
+            raise ValueError(
+                f"The fitted network of sensor {sensor!r} has "
+                f"{network.n_features_in_} inputs, but {n_inputs} are given here"
+                f"{', the position among them' * self._has_position}; fit it to the "
+                "same columns."
+            )
 
     def _stopping_early(self):
         of_sensor = self.estimator

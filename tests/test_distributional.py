@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import mord
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.integrate import quad
 from scipy.special import expit, logit
@@ -23,6 +24,7 @@ from sklearn_haptic import (
     DummyDistribution,
 )
 from sklearn_haptic._distributional import decide
+from sklearn_haptic._nnpom import validation_split
 from sklearn_haptic._positions import (
     population_quadrature,
     quantile_grid,
@@ -438,3 +440,53 @@ def test_barycentre_minimises_the_mean_distance():
     own = np.abs(cdf - best).sum(axis=1).mean()
     for other in np.cumsum(rng.dirichlet(np.ones(5), size=2000), axis=1):
         assert own <= np.abs(cdf - other).sum(axis=1).mean() + 1e-12
+
+
+def test_validation_trials_may_be_given():
+    """As many iterations as when the same trials are held out by the estimator."""
+    X, counts, objects = ordinal_trials()
+    base = NNPOM(5, 0.01, random_state=0, early_stopping=True, n_iter_no_change=30)
+    model = DistributionalOrdinalRegressor(base, random_state=0)
+    drawn = clone(model).fit(X, counts, groups=objects)
+    rng = np.random.RandomState(0)
+    rng.randint(2**31 - 1)  # the seed of the network comes first
+    train, held_out = validation_split(len(X), objects, 0.1, rng)
+    data = {"X_val": X[held_out], "y_val": counts[held_out]}
+    given = clone(model).fit(X[train], counts[train], **data)
+    assert drawn.estimator_.n_iter_ == given.estimator_.n_iter_ < 500
+    np.testing.assert_array_equal(drawn.predict_proba(X), given.predict_proba(X))
+
+
+@pytest.mark.parametrize(
+    ("estimator", "data", "message"),
+    [
+        (NNPOM(2, early_stopping=True), {"X_val": [[0.0] * 4]}, "belong together"),
+        (NNPOM(2), {"X_val": [[0.0] * 4], "y_val": [[1] * 5]}, "X_val requires an"),
+        (
+            HistGradientBoostingRegressor(early_stopping=True),
+            {"X_val": [[0.0] * 4], "y_val": [[1] * 5]},
+            "X_val requires an estimator that stops early",
+        ),
+        (
+            NNPOM(2, early_stopping=True),
+            {"X_val": [[0.0] * 4], "y_val": [[0] * 5]},
+            "y_val has no ratings in trial 0",
+        ),
+        (
+            NNPOM(2, early_stopping=True),
+            {"X_val": [[0.0] * 3], "y_val": [[1] * 5]},
+            "X has 3 features",
+        ),
+    ],
+)
+def test_validation_errors(estimator, data, message):
+    X, counts, _ = ordinal_trials()
+    with pytest.raises(ValueError, match=message):
+        DistributionalOrdinalRegressor(estimator).fit(X, counts, **data)
+
+
+def test_feature_names_reach_the_network():
+    X, counts, _ = ordinal_trials()
+    names = ["a", "b", "c", "d"]
+    model = DistributionalOrdinalRegressor().fit(pd.DataFrame(X, columns=names), counts)
+    assert model.estimator_.feature_names_in_.tolist() == [*names, "position"]
