@@ -316,7 +316,6 @@ def sensor_contributions(
     features_of = parallel(
         delayed(_compute_features)(features, X, y, train, test) for train, test in folds
     )
-
     tables = parallel(
         delayed(_score_start)(
             regressor,
@@ -413,7 +412,7 @@ def contribution_summary(scores, *, metric="macro_mae", by=None):
     ValueError
         If the metric or a column is unknown, there is no full model or no holdout,
         models are not scored on the same trials or some twice, there are fewer than two
-        starts, or a score is not finite.
+        starts, a score is not finite, or ``by`` has "held_out" or "start".
 
     See Also
     --------
@@ -489,7 +488,7 @@ def _melt_thresholds(scores):
     if terms.empty:
         raise ValueError(
             "scores has no column rps_1, rps_2, …, which by='threshold' requires; make "
-            "it by sensor_contributions."
+            "scores with sensor_contributions."
         )
     others = scores.columns.difference([*terms, "rps"], sort=False)
     long = scores.drop(columns="rps", errors="ignore").melt(
@@ -505,6 +504,11 @@ def _pair_models(scores, metric, by):
         raise ValueError(
             f"scores has no column {sorted(missing)}; choose metric and by among "
             f"{list(scores.columns)}."
+        )
+    compared = {"held_out", "start"}.intersection(by)
+    if compared:
+        raise ValueError(
+            f"by has {sorted(compared)}, which each summary compares; leave it out."
         )
     keys = [name for name in dict.fromkeys((*by, *_UNIT)) if name in scores]
     keys = [*keys, "held_out"]

@@ -13,8 +13,14 @@ from sklearn.model_selection import GroupKFold, KFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNNPOM
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    SensorFusionNNPOM,
+    make_haptic_pipeline,
+)
 from sklearn_haptic._contributions import fit_holdouts, score_trials
+from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import ranked_probability_score
 from sklearn_haptic.model_selection import contribution_summary, sensor_contributions
 
@@ -129,20 +135,31 @@ def test_holdouts_equal_models_fitted_one_by_one(scores, touches):
             np.testing.assert_allclose(rows["rps"], rps, rtol=1e-9)
 
 
-def test_networks_of_sensors_are_fitted_once_and_shared(touches):
+def test_networks_of_sensors_are_fitted_once_and_shared(touches, monkeypatch):
     X, y, _ = touches
+    fitted, fit = [], NNPOM.fit_with_positions
+    monkeypatch.setattr(
+        NNPOM,
+        "fit_with_positions",
+        lambda self, *args, **kwargs: fitted.append(fit(self, *args, **kwargs)),
+    )
     models = fit_holdouts(make_regressor(), X, y, random_state=0)
-    full = models.pop("none").estimator_
+    full = models["none"].estimator_
     assert full.held_out is None
-    for held_out, model in models.items():
-        fusion = model.estimator_
+    final = [model.estimator_.final_network_ for model in models.values()]
+    assert [id(n) for n in fitted] == [
+        id(n) for n in (*full.sensor_networks_.values(), *final)
+    ]
+    for held_out in SENSORS:
+        fusion = models[held_out].estimator_
         assert fusion.held_out == held_out
-        assert fusion.final_network_ is not full.final_network_
-        for sensor, network in fusion.sensor_networks_.items():
-            for shared, own in zip(
-                full.sensor_networks_[sensor].coefs_, network.coefs_
-            ):
-                np.testing.assert_array_equal(shared, own)
+        others = full.sensor_networks_.keys() - {held_out}
+        assert fusion.sensor_networks_.keys() == others
+        for sensor in others:
+            np.testing.assert_array_equal(
+                fusion.sensor_networks_[sensor].coefs_[0],
+                full.sensor_networks_[sensor].coefs_[0],
+            )
 
 
 def test_frozen_networks_stay_and_only_the_combined_network_restarts(touches):
@@ -162,19 +179,25 @@ def test_frozen_networks_stay_and_only_the_combined_network_restarts(touches):
     assert not np.array_equal(first.coefs_[0], second.coefs_[0])
 
 
-def test_any_number_of_jobs_gives_the_same_table(scores, touches):
+def test_any_number_of_jobs_gives_the_same_table(touches):
     X, y, objects = touches
-    again = sensor_contributions(
-        make_regressor(),
-        X,
-        y,
-        groups=objects,
-        cv=3,
-        n_repeats=4,
-        random_state=0,
-        n_jobs=2,
+    one, two = (
+        sensor_contributions(
+            make_regressor(),
+            X,
+            y,
+            groups=objects,
+            cv=2,
+            n_repeats=2,
+            random_state=0,
+            n_jobs=n_jobs,
+        )
+        for n_jobs in (1, 2)
     )
-    pd.testing.assert_frame_equal(scores, again, check_exact=True)
+    pd.testing.assert_frame_equal(one, two, check_exact=True)
+    assert (
+        not one.loc[one["start"] == 0, "rps"].isin(one.query("start == 1")["rps"]).any()
+    )
 
 
 def test_pipeline_tells_sensors_by_names_and_learns_nothing_of_test_trials(touches):
@@ -192,6 +215,18 @@ def test_pipeline_tells_sensors_by_names_and_learns_nothing_of_test_trials(touch
         make_regressor(), scaled, y, random_state=0, **settings
     )
     pd.testing.assert_frame_equal(scores, by_hand, rtol=1e-9)
+
+
+def test_recordings():
+    corpus = make_haptic_corpus(6, 2, sensors=["tdc", "pdc"], random_state=0)
+    model = make_haptic_pipeline(["tdc", "pdc"], random_state=0)
+    model.set_params(model__estimator=SensorFusionNNPOM())
+    model.set_output(transform="pandas")
+    scores = sensor_contributions(
+        model, corpus.trials, corpus.ratings["hard"], groups=corpus.objects, cv=2
+    )
+    assert list(scores["held_out"].unique()) == ["none", "tdc", "pdc"]
+    assert len(scores) == 3 * 10 * 12
 
 
 def test_labels_without_groups(touches):
@@ -418,6 +453,12 @@ def test_errors_of_the_table(spoil, message):
 @pytest.mark.parametrize("by", ["material", "threshold"])
 def test_unknown_columns(by):
     with pytest.raises(ValueError, match=f"no column .*'{by}'"):
+        contribution_summary(hand_made_table(), metric="emd", by=by)
+
+
+@pytest.mark.parametrize("by", ["start", ["object", "held_out"]])
+def test_by_what_is_compared(by):
+    with pytest.raises(ValueError, match=r"by has .*leave it out"):
         contribution_summary(hand_made_table(), metric="emd", by=by)
 
 
