@@ -1,0 +1,781 @@
+"""The whole experiment of Richardson & Kuchenbecker (2020), in resumable units.
+
+Each sensor's recordings of each exploratory procedure give features over a dictionary
+of their own. For each procedure, adjective and fold a network a sensor is chosen on
+validation objects, then a network that combines them; this and one holdout a sensor
+predict the ratings of test objects, from several random starts.
+
+A *unit* is one step of this that is written to disk when it is finished: the trials of
+a procedure, the features of a sensor, or all models of a fold. Its result depends on
+nothing but the corpus, the settings and its name.
+"""
+
+import json
+import re
+import sys
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.metadata import version
+from itertools import product
+from numbers import Integral, Real
+from os import PathLike
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from joblib import effective_n_jobs
+from sklearn.base import clone
+from sklearn.decomposition import PCA
+from sklearn.frozen import FrozenEstimator
+from sklearn.metrics import check_scoring
+from sklearn.model_selection import GroupKFold
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils import Bunch, check_random_state
+from sklearn.utils._param_validation import Interval, StrOptions, validate_params
+from sklearn.utils.parallel import Parallel, _threadpool_controller_decorator, delayed
+
+from ._contributions import _import_pandas, fit_holdouts, score_trials
+from ._distributional import DistributionalOrdinalRegressor
+from ._fusion import SensorFusionNNPOM
+from ._nnpom import NNPOM, validation_split
+from ._pooling import TemporalMaxPool
+from ._presets import make_haptic_pipeline
+from ._study_store import (
+    open_study,
+    read_finished,
+    read_record,
+    read_settings,
+    read_unit,
+    write_unit,
+)
+from .datasets._phac2 import PROCEDURE_STATES, SENSORS, choose
+
+_SHARE_OF_DICTIONARY = 0.6  # of the trials of each object
+_SHARE_OF_TEST = 0.1  # of the objects, in the paper's split
+_SHARE_OF_VALIDATION = 1 / 9  # of the objects that are not for testing
+_COMBINED = "combined"
+
+
+# Pure steps -----------------------------------------------------------------
+
+
+def derive_seed(random_state, *name):
+    """Return the seed of one random choice, a function of the study's and its name.
+
+    Parameters
+    ----------
+    random_state : int
+        Seed of the study.
+    *name : str, int or float
+        What the seed is for.
+
+    Returns
+    -------
+    seed : int
+        From 0 to 2**31 - 1.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.study import derive_seed
+    >>> derive_seed(0, "features", "hold", "pac")
+    1392585247
+    """
+    digest = sha256(json.dumps([random_state, *name]).encode()).digest()
+    return int.from_bytes(digest[:4], "big") >> 1
+
+
+def split_objects(objects, split, *, n_splits, n_repeats, seed):
+    """Divide trials into training, validation and test trials of distinct objects.
+
+    Parameters
+    ----------
+    objects : ndarray of shape (n_trials,)
+        The object of each trial.
+    split : {"group_kfold", "paper"}
+        As `run_study` takes it.
+    n_splits, n_repeats : int
+        Of "group_kfold".
+    seed : int
+
+    Returns
+    -------
+    folds : list of (train, validation, test)
+        Ascending indices of trials. They depend on which objects there are, not on
+        the order of the trials.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.study import split_objects
+    >>> objects = np.repeat(np.arange(60), 10)
+    >>> (parts,) = split_objects(objects, "paper", n_splits=5, n_repeats=2, seed=0)
+    >>> [len(np.unique(objects[part])) for part in parts]
+    [48, 6, 6]
+    """
+    rng = check_random_state(seed)
+    if split == "paper":
+        outer = [validation_split(len(objects), objects, _SHARE_OF_TEST, rng)]
+    else:
+        kfold = GroupKFold(n_splits, shuffle=True, random_state=rng)
+        outer = [
+            fold
+            for _ in range(n_repeats)
+            for fold in kfold.split(objects, groups=objects)
+        ]
+    folds = []
+    for rest, test in outer:
+        train, validation = validation_split(
+            len(rest), objects[rest], _SHARE_OF_VALIDATION, rng
+        )
+        folds.append(tuple(map(np.sort, (rest[train], rest[validation], test))))
+    return folds
+
+
+def learn_features(trials, objects, sensor, seed):
+    """Learn a sensor's dictionary from some trials of each object; code all trials.
+
+    Nobody's ratings are used, and every object takes part, as in the paper.
+
+    Parameters
+    ----------
+    trials : sequence of ndarray of shape (n_times_i, n_channels)
+        The sensor's recordings.
+    objects : ndarray of shape (n_trials,)
+        The object of each trial.
+    sensor : str
+        Its name, which says how it is coded.
+    seed : int
+
+    Returns
+    -------
+    features : ndarray of float32 of shape (n_trials, n_features)
+        Codes pooled over space, if the sensor has some, and time. Levels of the
+        temporal pyramid too fine for the shortest trial are left out.
+    dictionary : ndarray of shape (n_atoms, n_samples)
+
+    Examples
+    --------
+    >>> from sklearn_haptic.datasets import make_haptic_corpus
+    >>> from sklearn_haptic.study import learn_features
+    >>> corpus = make_haptic_corpus(3, 2, "fast_slide", sensors=["tdc"], random_state=0)
+    >>> features, dictionary = learn_features(
+    ...     list(corpus.trials["tdc"]), corpus.objects, "tdc", seed=0
+    ... )
+    >>> features.shape, dictionary.shape
+    ((6, 600), (10, 50))
+    """
+    rng = check_random_state(seed)
+    learnt_from = []
+    for each in np.unique(objects):
+        of_object = rng.permutation(np.flatnonzero(objects == each))
+        n_learnt = max(1, round(_SHARE_OF_DICTIONARY * len(of_object)))
+        learnt_from.extend(of_object[:n_learnt])
+    model = make_haptic_pipeline([sensor], preset="accurate", random_state=seed)
+    coder = model["features"].transformers[0][1][0]
+    coder.fit([trials[i] for i in sorted(learnt_from)])
+    features = TemporalMaxPool().fit_transform(coder.transform(trials))
+    return features.astype(np.float32, copy=False), coder.components_
+
+
+def rotate_features(features, train):
+    """Standardise features and rotate them to the principal axes of training trials.
+
+    The axes are all those that the training trials span, so that distances between
+    these stay as they are, and with them what a network with an L2 penalty can learn.
+
+    Parameters
+    ----------
+    features : ndarray of shape (n_trials, n_features)
+    train : ndarray of int of shape (n_train,)
+        Trials to take means, standard deviations and axes from.
+
+    Returns
+    -------
+    rotated : ndarray of shape (n_trials, n_axes)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.study import rotate_features
+    >>> features = np.random.default_rng(0).normal(size=(6, 20))
+    >>> rotate_features(features, np.arange(4)).shape
+    (6, 3)
+    """
+    features = features.astype(np.float64)
+    X = StandardScaler().fit(features[train]).transform(features)
+    pca = PCA(svd_solver="full").fit(X[train])
+    length = pca.singular_values_
+    tolerance = length[0] * max(len(train), X.shape[1]) * np.finfo(float).eps
+    return pca.transform(X)[:, length >= tolerance]
+
+
+def for_early_stopping(regressor, X, counts, validation):
+    """Arguments of ``fit`` that a regressor takes if its networks stop early."""
+    if not regressor.estimator.early_stopping:
+        return {}
+    return {"X_val": X[validation], "y_val": counts[validation]}
+
+
+def fit_best(candidates, X, counts, train, validation, scoring):
+    """Fit regressors to training trials and keep the best on validation trials.
+
+    Parameters
+    ----------
+    candidates : list of DistributionalOrdinalRegressor
+        Unfitted. Those whose networks stop early do so on the validation trials.
+    X : ndarray of shape (n_trials, n_features)
+    counts : ndarray of shape (n_trials, n_levels)
+    train, validation : ndarray of int
+        Indices of trials.
+    scoring : str, callable or None
+        Higher is better; None for the regressor's own score.
+
+    Returns
+    -------
+    best : int
+        Index of the best candidate, the first among equals.
+    score : float
+        Its score.
+    model : DistributionalOrdinalRegressor
+        The candidate, fitted.
+    """
+    best = None
+    for i, candidate in enumerate(candidates):
+        held_out = for_early_stopping(candidate, X, counts, validation)
+        candidate.fit(X[train], counts[train], **held_out)
+        scorer = check_scoring(candidate, scoring)
+        score = float(scorer(candidate, X[validation], counts[validation]))
+        if best is None or score > best[1]:
+            best = i, score, candidate
+    return best
+
+
+# Units ----------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Study:
+    """What the units of a study need to know; see `run_study` for the settings."""
+
+    corpus: object
+    folder: Path
+    sensors: list
+    split: str
+    n_splits: int
+    n_repeats: int
+    n_hidden: list
+    alpha: list
+    n_starts: int
+    regressor: DistributionalOrdinalRegressor
+    scoring: object
+    random_state: int
+
+    @property
+    def settings(self):
+        """Everything that changes the results of a unit."""
+        chosen = {name: value for name, value in vars(self).items() if name != "folder"}
+        return {"version": version("sklearn_haptic"), **chosen}
+
+    @property
+    def n_folds(self):
+        """Folds of each procedure and adjective."""
+        return 1 if self.split == "paper" else self.n_splits * self.n_repeats
+
+    def seed(self, *name):
+        """Seed of a random choice."""
+        return derive_seed(self.random_state, *name)
+
+    def split_objects(self, objects, adjective):
+        """Folds of trials: the paper's for one adjective, or the same for all."""
+        name = adjective if self.split == "paper" else "all"
+        return split_objects(
+            objects,
+            self.split,
+            n_splits=self.n_splits,
+            n_repeats=self.n_repeats,
+            seed=self.seed("split", name),
+        )
+
+
+def compute_trials(study, procedure):
+    """Return a table of trials: name, object and how many people gave each rating."""
+    import pandas as pd
+
+    corpus = study.corpus(procedure=procedure, sensors=study.sensors[:1])
+    if not corpus.ratings:
+        raise ValueError(
+            "The corpus has no ratings; give load_phac2 the file as ratings_path."
+        )
+    columns = {"trial": corpus.trials.index, "object": corpus.objects}
+    for adjective, counts in corpus.ratings.items():
+        for k, count in enumerate(counts.T, start=1):
+            columns[f"{adjective}_{k}"] = count
+    return pd.DataFrame(columns), {}
+
+
+def adjectives_of(trials):
+    """Return the adjectives in a table made by `compute_trials`."""
+    counts = trials.columns.drop(["trial", "object"])
+    return list(dict.fromkeys(name.rpartition("_")[0] for name in counts))
+
+
+def counts_of(trials, adjective):
+    """Return counts (n_trials, n_levels) from a table made by `compute_trials`."""
+    return trials.filter(regex=rf"^{re.escape(adjective)}_\d+$").to_numpy()
+
+
+def compute_features(study, procedure, sensor):
+    """Return the arrays of `learn_features` for one sensor and procedure."""
+    corpus = study.corpus(procedure=procedure, sensors=[sensor])
+    trials, _ = read_unit(study.folder, ("trials", procedure))
+    if list(trials["trial"]) != list(map(str, corpus.trials.index)):
+        raise ValueError(
+            f"The corpus gives other trials of {procedure!r} than those of the study "
+            f"in {study.folder}; give the same corpus, or another folder."
+        )
+    features, dictionary = learn_features(
+        list(corpus.trials[sensor]),
+        corpus.objects,
+        sensor,
+        study.seed("features", procedure, sensor),
+    )
+    return {"features": features, "dictionary": dictionary}, {}
+
+
+def compute_models(study, procedure, adjective, fold):
+    """Return a table of scores, of the combined model and its holdouts, of one fold."""
+    import pandas as pd
+
+    trials, _ = read_unit(study.folder, ("trials", procedure))
+    objects, counts = trials["object"].to_numpy(), counts_of(trials, adjective)
+    train, validation, test = study.split_objects(objects, adjective)[fold]
+    name = procedure, adjective, fold
+
+    choices = []
+
+    def choose_network(network, regressor, grid_of, X):
+        """Search the hidden units and penalty of one network of a regressor."""
+        grid = list(product(study.n_hidden, study.alpha))
+        candidates = [
+            clone(regressor).set_params(
+                **{f"{grid_of}__n_hidden": n_hidden, f"{grid_of}__alpha": alpha},
+                random_state=study.seed(*name, network, n_hidden, alpha),
+            )
+            for n_hidden, alpha in grid
+        ]
+        best, score, model = fit_best(
+            candidates, X, counts, train, validation, study.scoring
+        )
+        n_hidden, alpha = grid[best]
+        choices.append(
+            {"network": network, "n_hidden": n_hidden, "alpha": alpha, "score": score}
+        )
+        return model
+
+    parts, columns, networks = [], {}, {}
+    for sensor in study.sensors:
+        arrays, _ = read_unit(study.folder, ("features", procedure, sensor))
+        part = rotate_features(arrays["features"], train)
+        model = choose_network(sensor, study.regressor, "estimator", part)
+        networks[sensor] = FrozenEstimator(model.estimator_)
+        start = sum(each.shape[1] for each in parts)
+        columns[sensor] = slice(start, start + part.shape[1])
+        parts.append(part)
+    X = np.hstack(parts)
+
+    fusion = SensorFusionNNPOM(
+        columns, networks, final_estimator=study.regressor.estimator
+    )
+    combined = clone(study.regressor).set_params(estimator=fusion)
+    model = choose_network(_COMBINED, combined, "estimator__final_estimator", X)
+
+    held_out = for_early_stopping(model, X, counts, validation)
+    levels = range(1, counts.shape[1] + 1)
+    tables = []
+    for start in range(study.n_starts):
+        models = fit_holdouts(
+            model,
+            X[train],
+            counts[train],
+            random_state=study.seed(*name, "start", start),
+            **held_out,
+        )
+        for sensor, holdout in models.items():
+            proba = holdout.predict_proba(X[test])
+            columns = {
+                "procedure": procedure,
+                "adjective": adjective,
+                "fold": fold,
+                "held_out": sensor,
+                "start": start,
+                "object": objects[test],
+                "trial": trials["trial"].to_numpy()[test],
+                **score_trials(counts[test], proba),
+                **{f"proba_{k}": p for k, p in zip(levels, proba.T)},
+                **{f"count_{k}": n for k, n in zip(levels, counts[test].T)},
+            }
+            tables.append(pd.DataFrame(columns))
+    return pd.concat(tables, ignore_index=True), {"choices": choices}
+
+
+_COMPUTE = {
+    "trials": compute_trials,
+    "features": compute_features,
+    "models": compute_models,
+}
+
+
+# Sums in another order would differ in the last digit.
+@_threadpool_controller_decorator(limits=1, user_api="blas")
+def complete_unit(study, unit):
+    """Compute a unit and write it; return its name and the seconds it took."""
+    started = perf_counter()
+    kind, *name = unit
+    content, record = _COMPUTE[kind](study, *name)
+    seconds = perf_counter() - started
+    write_unit(study.folder, unit, content, seconds=seconds, **record)
+    return unit, seconds
+
+
+# The whole study ------------------------------------------------------------
+
+
+class Progress:
+    """Prints a line for each finished unit, with the time left.
+
+    Parameters
+    ----------
+    study : Study
+    units : list of tuple
+        All units, finished or not.
+    n_workers : int
+        How many are computed at a time.
+    """
+
+    def __init__(self, study, units, n_workers):
+        records = {unit: read_record(study.folder, unit) for unit in units}
+        self.seconds = {
+            unit: record["seconds"] if record else None
+            for unit, record in records.items()
+        }
+        self.n_workers = n_workers
+
+    def __call__(self, unit, seconds):
+        """Note that a unit is finished."""
+        self.seconds[unit] = seconds
+        n_done = sum(each is not None for each in self.seconds.values())
+        print(
+            f"[{n_done}/{len(self.seconds)}] {' '.join(map(str, unit))}: "
+            f"{seconds:.1f} s, {self.time_left()}",
+            file=sys.stderr,
+            flush=True,
+        )
+
+    def time_left(self):
+        """Estimate the time left from the mean time of each kind of unit."""
+        total = 0.0
+        for kind in _COMPUTE:
+            of_kind = [s for unit, s in self.seconds.items() if unit[0] == kind]
+            taken = [s for s in of_kind if s is not None]
+            n_left = len(of_kind) - len(taken)
+            if n_left and not taken:
+                return f"time left not known before the first of {n_left} {kind}"
+            if n_left:
+                total += n_left * sum(taken) / len(taken)
+        return f"about {total / self.n_workers / 60:.1f} min left"
+
+
+def complete_units(study, units, *, n_jobs, report=None):
+    """Compute the units that are not finished, in any order.
+
+    Parameters
+    ----------
+    study : Study
+    units : list of tuple
+    n_jobs : int or None
+    report : callable, default=None
+        Called with each unit and the seconds it took.
+    """
+    pending = [unit for unit in units if read_record(study.folder, unit) is None]
+    parallel = Parallel(n_jobs=n_jobs, return_as="generator_unordered", batch_size=1)
+    for finished in parallel(delayed(complete_unit)(study, unit) for unit in pending):
+        if report is not None:
+            report(*finished)
+
+
+@validate_params(
+    {
+        "corpus": [callable],
+        "folder": [str, PathLike],
+        "adjectives": ["array-like", None],
+        "procedures": ["array-like", None],
+        "sensors": ["array-like", None],
+        "split": [StrOptions({"group_kfold", "paper"})],
+        "n_splits": [Interval(Integral, 2, None, closed="left")],
+        "n_repeats": [Interval(Integral, 1, None, closed="left")],
+        "n_hidden": ["array-like"],
+        "alpha": ["array-like"],
+        "n_starts": [Interval(Integral, 1, None, closed="left")],
+        "regressor": [DistributionalOrdinalRegressor, None],
+        "scoring": [str, callable, None],
+        "random_state": [Interval(Integral, 0, None, closed="left")],
+        "n_jobs": [Integral, None],
+        "verbose": ["boolean"],
+    },
+    prefer_skip_nested_validation=False,
+)
+# Threads share what they limit, so it stays limited until the last has ended.
+@_threadpool_controller_decorator(limits=1, user_api="blas")
+def run_study(
+    corpus,
+    folder,
+    *,
+    adjectives=None,
+    procedures=None,
+    sensors=None,
+    split="group_kfold",
+    n_splits=5,
+    n_repeats=2,
+    n_hidden=(1, 5, 10, 20, 30),
+    alpha=(0.001, 0.01, 0.1, 1.0, 10.0),
+    n_starts=10,
+    regressor=None,
+    scoring=None,
+    random_state=0,
+    n_jobs=None,
+    verbose=True,
+):
+    """Run the experiment of Richardson & Kuchenbecker, or what is left of it.
+
+    Whatever is finished is in ``folder`` at once and is never computed again: call
+    this function again after an interruption, or with more adjectives or procedures.
+    The results are the same, bit for bit, as those of one uninterrupted run. Requires
+    pandas: ``pip install sklearn_haptic[plot]``.
+
+    Parameters
+    ----------
+    corpus : callable
+        Called as ``corpus(procedure=..., sensors=[...])``, returns what `load_phac2`
+        and `make_haptic_corpus` return:
+        ``functools.partial(load_phac2, path, ratings_path=ratings_path)``, or
+        ``functools.partial(make_haptic_corpus, 60, 10, random_state=0)``. It must
+        return the same each time.
+    folder : str or path-like
+        Where results are kept; made if it is not there.
+    adjectives : array-like of str, default=None
+        Adjectives to predict, by default all that the corpus has ratings of.
+    procedures : array-like of str, default=None
+        Some of ``"squeeze"``, ``"hold"``, ``"slow_slide"`` and ``"fast_slide"``, by
+        default all.
+    sensors : array-like of str, default=None
+        Some of ``"pac"``, ``"pdc"``, ``"tac"``, ``"tdc"`` and ``"electrodes"``, by
+        default all.
+    split : {"group_kfold", "paper"}, default="group_kfold"
+        "group_kfold" tests on every object: ``n_repeats`` times the objects are
+        divided at random into ``n_splits`` folds, the same for every adjective and
+        procedure, and a ninth of the objects not tested are for validation. "paper"
+        divides them once an adjective at random, 80 % for training and 10 % each for
+        validation and testing. Six test objects of sixty cannot tell methods apart.
+    n_splits : int, default=5
+        Number of folds of "group_kfold".
+    n_repeats : int, default=2
+        How often "group_kfold" divides the objects.
+    n_hidden : array-like of int, default=(1, 5, 10, 20, 30)
+        Numbers of hidden units to choose among, for each network.
+    alpha : array-like of float, default=(0.001, 0.01, 0.1, 1.0, 10.0)
+        Penalties to choose among, lambda in the paper.
+    n_starts : int, default=10
+        How often the combined model and each holdout are fitted and tested, with other
+        random states.
+    regressor : DistributionalOrdinalRegressor, default=None
+        How networks are fitted and distributions predicted. Its estimator is an
+        `NNPOM`, whose ``n_hidden`` and ``alpha`` are chosen; if it stops early, it does
+        so on the validation objects. By default that with ``early_stopping=True,
+        max_iter=200, n_iter_no_change=30``.
+        ``DistributionalOrdinalRegressor(**PAPER_2020)`` gives the paper's.
+    scoring : str, callable or None, default=None
+        Score by which networks are chosen on the validation objects, higher being
+        better; by default the regressor's own, the negative ranked probability score.
+        The paper's is :func:`~sklearn_haptic.metrics.neg_macro_mae_scorer`.
+    random_state : int, default=0
+        Seed of everything random. Each unit's own seeds follow from this one and its
+        name.
+    n_jobs : int, default=None
+        Number of jobs; one computes a unit. The results are the same for any number
+        and any joblib backend.
+    verbose : bool, default=True
+        Whether to print a line to stderr for each finished unit, with the time left.
+
+    Returns
+    -------
+    study : :class:`~sklearn.utils.Bunch`
+        All finished results in ``folder``, as `read_study` returns them.
+
+    Raises
+    ------
+    ValueError
+        If ``folder`` holds a study with other settings, the corpus has no ratings or
+        lacks an adjective, or a parameter does not fit.
+    ImportError
+        If pandas is not installed.
+
+    See Also
+    --------
+    read_study : Read the results without computing any.
+    sklearn_haptic.model_selection.contribution_summary : What each sensor contributes.
+
+    Notes
+    -----
+    Dictionaries are learnt from 60 % of the trials of every object, test objects
+    included, as in the paper: they know nothing of ratings. All that follows uses
+    training trials only: features are standardised and rotated to their principal
+    axes, of which none is dropped; a network a sensor is chosen by its score on the
+    validation objects, then a combined network on the activations of those; the latter
+    is fitted again from each start, with all sensors and without each.
+
+    References
+    ----------
+    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
+    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020, sections
+    2.2 and 2.3. :doi:`10.3389/fnbot.2019.00116`
+
+    Examples
+    --------
+    >>> from functools import partial
+    >>> from tempfile import TemporaryDirectory
+    >>> from sklearn_haptic.datasets import make_haptic_corpus
+    >>> from sklearn_haptic.study import run_study
+    >>> with TemporaryDirectory() as folder:
+    ...     study = run_study(
+    ...         partial(make_haptic_corpus, 10, 2, random_state=0),
+    ...         folder,
+    ...         adjectives=["hard"],
+    ...         procedures=["fast_slide"],
+    ...         sensors=["pdc", "tdc"],
+    ...         split="paper",
+    ...         n_hidden=[2],
+    ...         alpha=[1.0, 10.0],
+    ...         n_starts=2,
+    ...         verbose=False,
+    ...     )
+    >>> study.choices["network"].tolist()
+    ['pdc', 'tdc', 'combined']
+    >>> study.scores.groupby("held_out").size().to_dict()
+    {'none': 4, 'pdc': 4, 'tdc': 4}
+    """
+    _import_pandas("run_study")
+    if regressor is None:
+        network = NNPOM(early_stopping=True, max_iter=200, n_iter_no_change=30)
+        regressor = DistributionalOrdinalRegressor(network)
+    if not isinstance(regressor.estimator, NNPOM):
+        raise ValueError(
+            f"regressor has the estimator {regressor.estimator!r}; give it an NNPOM."
+        )
+    check_scoring(regressor, scoring)
+    study = Study(
+        corpus=corpus,
+        folder=Path(folder),
+        sensors=choose(sensors, list(SENSORS), "sensor", "PHAC-2"),
+        split=split,
+        n_splits=int(n_splits),
+        n_repeats=int(n_repeats),
+        n_hidden=_check_grid("n_hidden", n_hidden, int, 1),
+        alpha=_check_grid("alpha", alpha, float, 0),
+        n_starts=int(n_starts),
+        regressor=regressor,
+        scoring=scoring,
+        random_state=int(random_state),
+    )
+    procedures = choose(procedures, list(PROCEDURE_STATES), "procedure", "PHAC-2")
+    open_study(study.folder, study.settings)
+
+    trials = list(product(["trials"], procedures))
+    complete_units(study, trials, n_jobs=n_jobs)
+    features = list(product(["features"], procedures, study.sensors))
+    models = [
+        ("models", procedure, adjective, fold)
+        for procedure in procedures
+        for adjective in _choose_adjectives(study, procedure, adjectives)
+        for fold in range(study.n_folds)
+    ]
+    report = None
+    if verbose:
+        report = Progress(study, features + models, effective_n_jobs(n_jobs))
+    complete_units(study, features, n_jobs=n_jobs, report=report)
+    complete_units(study, models, n_jobs=n_jobs, report=report)
+    return read_study(study.folder)
+
+
+def read_study(folder):
+    """Read what `run_study` has finished so far; nothing is computed or executed.
+
+    Requires pandas: ``pip install sklearn_haptic[plot]``.
+
+    Parameters
+    ----------
+    folder : str or path-like
+        The folder of the study.
+
+    Returns
+    -------
+    study : :class:`~sklearn.utils.Bunch`
+        Dictionary-like object with the attributes:
+
+        scores : DataFrame
+            A row for each model and test trial. Columns: ``procedure``, ``adjective``
+            and ``fold``; ``held_out``, the sensor, or "none" for the full model;
+            ``start``; ``object``; ``trial``, its name; the scores that
+            `sensor_contributions` gives; ``proba_1``, …, the predicted probability of
+            each level; and ``count_1``, …, how many people chose it.
+        choices : DataFrame
+            A row for each network chosen. Columns: ``procedure``, ``adjective`` and
+            ``fold``; ``network``, the sensor or "combined"; ``n_hidden`` and ``alpha``,
+            what was chosen; and ``score``, that on the validation objects.
+
+        Rows are ordered by procedure, adjective and fold.
+
+    Raises
+    ------
+    ValueError
+        If there is no study, or none of its models is finished, or a file is damaged.
+    ImportError
+        If pandas is not installed.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.study import read_study
+    >>> study = read_study("study")  # doctest: +SKIP
+    >>> study.scores.groupby("adjective")["rps"].mean()  # doctest: +SKIP
+    """
+    pd = _import_pandas("read_study")
+    folder = Path(folder)
+    read_settings(folder)
+    units = read_finished(folder, "models")
+    if not units:
+        raise ValueError(f"{folder} has no finished models yet; run_study makes them.")
+    choices = [
+        {**dict(zip(("procedure", "adjective", "fold"), record["unit"][1:])), **choice}
+        for _, record in units
+        for choice in record["choices"]
+    ]
+    return Bunch(
+        scores=pd.concat([table for table, _ in units], ignore_index=True),
+        choices=pd.DataFrame(choices),
+    )
+
+
+def _choose_adjectives(study, procedure, adjectives):
+    trials, _ = read_unit(study.folder, ("trials", procedure))
+    return choose(adjectives, adjectives_of(trials), "adjective", "the corpus")
+
+
+def _check_grid(name, values, kind, least):
+    number = Integral if kind is int else Real
+    if not len(values) or not all(
+        isinstance(value, number) and value >= least for value in values
+    ):
+        raise ValueError(
+            f"{name}={values!r} must list {'whole ' if kind is int else ''}numbers of "
+            f"at least {least}."
+        )
+    return list(map(kind, values))
