@@ -147,49 +147,6 @@ def fit_holdouts(regressor, X, y, *, random_state, groups=None, X_val=None, y_va
     }
 
 
-def score_holdouts(models, X, counts, **columns):
-    """Score the predictions of the full model and the holdouts.
-
-    Parameters
-    ----------
-    models : dict of str to DistributionalOrdinalRegressor
-        What `fit_holdouts` returned.
-    X : array-like of shape (n_trials, n_features)
-        Features of trials not fitted to.
-    counts : array-like of shape (n_trials, n_levels)
-        How many people gave each trial's object each rating.
-    **columns : scalar or array-like of shape (n_trials,)
-        What else to note down: start, fold, object, trial, ...
-
-    Returns
-    -------
-    scores : DataFrame of shape (n_models * n_trials, n_columns)
-        ``held_out``, the columns given, and those of `score_trials`.
-
-    Examples
-    --------
-    >>> from sklearn_haptic import DummyDistribution
-    >>> from sklearn_haptic._contributions import score_holdouts
-    >>> model = DummyDistribution().fit([[0], [0]], [[1, 3], [2, 2]])
-    >>> score_holdouts({"none": model}, [[0]], [[1, 1]], start=0)[["held_out", "rps"]]
-      held_out       rps
-    0     none  0.265625
-    """
-    import pandas as pd
-
-    tables = [
-        pd.DataFrame(
-            {
-                "held_out": held_out,
-                **columns,
-                **score_trials(counts, model.predict_proba(X)),
-            }
-        )
-        for held_out, model in models.items()
-    ]
-    return pd.concat(tables, ignore_index=True)
-
-
 @validate_params(
     {
         "n_repeats": [Interval(Integral, 1, None, closed="left")],
@@ -372,10 +329,24 @@ def _compute_features(transformer, X, y, train, test):
 def _score_start(
     regressor, X_train, X_test, y_train, y_test, *, random_state, groups, **columns
 ):
+    """Scores of the full model and the holdouts of one start on one fold."""
+    import pandas as pd
+
     models = fit_holdouts(
         regressor, X_train, y_train, random_state=random_state, groups=groups
     )
-    return score_holdouts(models, X_test, y_test, **columns)
+    return pd.concat(
+        [
+            pd.DataFrame(
+                {
+                    "held_out": held_out,
+                    **columns,
+                    **score_trials(y_test, model.predict_proba(X_test)),
+                }
+            )
+            for held_out, model in models.items()
+        ]
+    )
 
 
 def contribution_summary(scores, *, metric="macro_mae", by=None):
@@ -468,7 +439,7 @@ def contribution_summary(scores, *, metric="macro_mae", by=None):
     pd = _import_pandas("contribution_summary")
     by = [] if by is None else [by] if isinstance(by, str) else list(by)
     if "threshold" in by:
-        scores, metric = _melt_thresholds(scores), "rps"
+        scores, metric = _melt_thresholds(scores, by), "rps"
     paired = _pair_models(scores, metric, by)
     cells = paired.groupby(by, sort=False) if by else [((), paired)]
     summary = pd.DataFrame(
@@ -482,7 +453,7 @@ def contribution_summary(scores, *, metric="macro_mae", by=None):
     return summary.drop(columns="p_objects") if one_object else summary
 
 
-def _melt_thresholds(scores):
+def _melt_thresholds(scores, by):
     """Give each threshold a row, with its term of the ranked probability score."""
     terms = scores.filter(regex=r"^rps_\d+$").columns
     if terms.empty:
@@ -490,10 +461,8 @@ def _melt_thresholds(scores):
             "scores has no column rps_1, rps_2, …, which by='threshold' requires; make "
             "scores with sensor_contributions."
         )
-    others = scores.columns.difference([*terms, "rps"], sort=False)
-    long = scores.drop(columns="rps", errors="ignore").melt(
-        list(others), list(terms), var_name="threshold", value_name="rps"
-    )
+    keys = scores.columns.intersection([*by, *_UNIT, "held_out"], sort=False)
+    long = scores[[*keys, *terms]].melt(keys, var_name="threshold", value_name="rps")
     return long.assign(threshold=long["threshold"].str.removeprefix("rps_").astype(int))
 
 
