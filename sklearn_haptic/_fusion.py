@@ -411,13 +411,13 @@ class SensorFusionNNPOM(
             )
 
     def _stopping_early(self):
+        # Frozen networks count, so that all models that share them train on the same.
         of_sensor = self.estimator
         networks = of_sensor.values() if isinstance(of_sensor, dict) else [of_sensor]
         return [
             network
             for network in (*networks, self.final_estimator)
-            if not isinstance(network, FrozenEstimator)
-            and getattr(network, "early_stopping", False)
+            if getattr(network, "early_stopping", False)
         ]
 
     @property

@@ -276,6 +276,19 @@ def test_every_network_that_stops_early_validates_on_the_same_trials():
     assert grouped.estimator_.validation_fraction == 0.1
 
 
+def test_holdouts_train_on_the_trials_of_the_full_model():
+    """Also where only the sensors' networks, which they share, stop early."""
+    X, counts, objects = touches()
+    model = SensorFusionNNPOM(SENSORS, NNPOM(2, early_stopping=True))
+    full = DistributionalOrdinalRegressor(model, random_state=0)
+    full.fit(X, counts, groups=objects)
+    networks = full.estimator_.sensor_networks_
+    frozen = {name: FrozenEstimator(network) for name, network in networks.items()}
+    again = clone(full).set_params(estimator__estimator=frozen)
+    again.fit(X, counts, groups=objects)
+    np.testing.assert_array_equal(again.predict_proba(X), full.predict_proba(X))
+
+
 def test_the_combined_network_stops_at_its_least_validation_error():
     """The per-trial error of every tenth iterate is measured again by hand."""
     X, counts, objects = touches(40)
