@@ -4,42 +4,24 @@ Each sensor's recordings of each exploratory procedure give features over a dict
 of their own. For each procedure, adjective and fold a network a sensor is chosen on
 validation objects, then a network that combines them; this and one holdout a sensor
 predict the ratings of test objects, from several random starts.
-
-A *unit* is one step of this that is written to disk when it is finished: the trials of
-a procedure, the features of a sensor, or all models of a fold. Its result depends on
-nothing but the corpus, the settings and its name.
 """
 
-import json
-import re
 import sys
-from dataclasses import dataclass
-from hashlib import sha256
-from importlib.metadata import version
 from itertools import product
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
 from time import perf_counter
 
-import numpy as np
 from joblib import effective_n_jobs
-from sklearn.base import clone
-from sklearn.decomposition import PCA
-from sklearn.frozen import FrozenEstimator
 from sklearn.metrics import check_scoring
-from sklearn.model_selection import GroupKFold
-from sklearn.preprocessing import StandardScaler
-from sklearn.utils import Bunch, check_random_state
+from sklearn.utils import Bunch
 from sklearn.utils._param_validation import Interval, StrOptions, validate_params
 from sklearn.utils.parallel import Parallel, _threadpool_controller_decorator, delayed
 
-from ._contributions import _import_pandas, fit_holdouts, score_trials
+from ._contributions import _import_pandas
 from ._distributional import DistributionalOrdinalRegressor
-from ._fusion import SensorFusionNNPOM
-from ._nnpom import NNPOM, validation_split
-from ._pooling import TemporalMaxPool
-from ._presets import make_haptic_pipeline
+from ._nnpom import NNPOM
 from ._study_store import (
     open_study,
     read_finished,
@@ -48,381 +30,10 @@ from ._study_store import (
     read_unit,
     write_unit,
 )
+from ._study_units import COMPUTE, Study, adjectives_of
 from .datasets._phac2 import PROCEDURE_STATES, SENSORS, choose
 
-_SHARE_OF_DICTIONARY = 0.6  # of the trials of each object
-_SHARE_OF_TEST = 0.1  # of the objects, in the paper's split
-_SHARE_OF_VALIDATION = 1 / 9  # of the objects that are not for testing
-_COMBINED = "combined"
-
-
-# Pure steps -----------------------------------------------------------------
-
-
-def derive_seed(random_state, *name):
-    """Return the seed of one random choice, a function of the study's and its name.
-
-    Parameters
-    ----------
-    random_state : int
-        Seed of the study.
-    *name : str, int or float
-        What the seed is for.
-
-    Returns
-    -------
-    seed : int
-        From 0 to 2**31 - 1.
-
-    Examples
-    --------
-    >>> from sklearn_haptic.study import derive_seed
-    >>> derive_seed(0, "features", "hold", "pac")
-    1392585247
-    """
-    digest = sha256(json.dumps([random_state, *name]).encode()).digest()
-    return int.from_bytes(digest[:4], "big") >> 1
-
-
-def split_objects(objects, split, *, n_splits, n_repeats, seed):
-    """Divide trials into training, validation and test trials of distinct objects.
-
-    Parameters
-    ----------
-    objects : ndarray of shape (n_trials,)
-        The object of each trial.
-    split : {"group_kfold", "paper"}
-        As `run_study` takes it.
-    n_splits, n_repeats : int
-        Of "group_kfold".
-    seed : int
-
-    Returns
-    -------
-    folds : list of (train, validation, test)
-        Ascending indices of trials. They depend on which objects there are, not on
-        the order of the trials.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from sklearn_haptic.study import split_objects
-    >>> objects = np.repeat(np.arange(60), 10)
-    >>> (parts,) = split_objects(objects, "paper", n_splits=5, n_repeats=2, seed=0)
-    >>> [len(np.unique(objects[part])) for part in parts]
-    [48, 6, 6]
-    """
-    rng = check_random_state(seed)
-    if split == "paper":
-        outer = [validation_split(len(objects), objects, _SHARE_OF_TEST, rng)]
-    else:
-        kfold = GroupKFold(n_splits, shuffle=True, random_state=rng)
-        outer = [
-            fold
-            for _ in range(n_repeats)
-            for fold in kfold.split(objects, groups=objects)
-        ]
-    folds = []
-    for rest, test in outer:
-        train, validation = validation_split(
-            len(rest), objects[rest], _SHARE_OF_VALIDATION, rng
-        )
-        folds.append(tuple(map(np.sort, (rest[train], rest[validation], test))))
-    return folds
-
-
-def learn_features(trials, objects, sensor, seed):
-    """Learn a sensor's dictionary from some trials of each object; code all trials.
-
-    Nobody's ratings are used, and every object takes part, as in the paper.
-
-    Parameters
-    ----------
-    trials : sequence of ndarray of shape (n_times_i, n_channels)
-        The sensor's recordings.
-    objects : ndarray of shape (n_trials,)
-        The object of each trial.
-    sensor : str
-        Its name, which says how it is coded.
-    seed : int
-
-    Returns
-    -------
-    features : ndarray of float32 of shape (n_trials, n_features)
-        Codes pooled over space, if the sensor has some, and time. Levels of the
-        temporal pyramid too fine for the shortest trial are left out.
-    dictionary : ndarray of shape (n_atoms, n_samples)
-
-    Examples
-    --------
-    >>> from sklearn_haptic.datasets import make_haptic_corpus
-    >>> from sklearn_haptic.study import learn_features
-    >>> corpus = make_haptic_corpus(3, 2, "fast_slide", sensors=["tdc"], random_state=0)
-    >>> features, dictionary = learn_features(
-    ...     list(corpus.trials["tdc"]), corpus.objects, "tdc", seed=0
-    ... )
-    >>> features.shape, dictionary.shape
-    ((6, 600), (10, 50))
-    """
-    rng = check_random_state(seed)
-    learnt_from = []
-    for each in np.unique(objects):
-        of_object = rng.permutation(np.flatnonzero(objects == each))
-        n_learnt = max(1, round(_SHARE_OF_DICTIONARY * len(of_object)))
-        learnt_from.extend(of_object[:n_learnt])
-    model = make_haptic_pipeline([sensor], preset="accurate", random_state=seed)
-    coder = model["features"].transformers[0][1][0]
-    coder.fit([trials[i] for i in sorted(learnt_from)])
-    features = TemporalMaxPool().fit_transform(coder.transform(trials))
-    return features.astype(np.float32, copy=False), coder.components_
-
-
-def rotate_features(features, train):
-    """Standardise features and rotate them to the principal axes of training trials.
-
-    The axes are all those that the training trials span, so that distances between
-    these stay as they are, and with them what a network with an L2 penalty can learn.
-
-    Parameters
-    ----------
-    features : ndarray of shape (n_trials, n_features)
-    train : ndarray of int of shape (n_train,)
-        Trials to take means, standard deviations and axes from.
-
-    Returns
-    -------
-    rotated : ndarray of shape (n_trials, n_axes)
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from sklearn_haptic.study import rotate_features
-    >>> features = np.random.default_rng(0).normal(size=(6, 20))
-    >>> rotate_features(features, np.arange(4)).shape
-    (6, 3)
-    """
-    features = features.astype(np.float64)
-    X = StandardScaler().fit(features[train]).transform(features)
-    pca = PCA(svd_solver="full").fit(X[train])
-    length = pca.singular_values_
-    tolerance = length[0] * max(len(train), X.shape[1]) * np.finfo(float).eps
-    return pca.transform(X)[:, length >= tolerance]
-
-
-def for_early_stopping(regressor, X, counts, validation):
-    """Arguments of ``fit`` that a regressor takes if its networks stop early."""
-    if not regressor.estimator.early_stopping:
-        return {}
-    return {"X_val": X[validation], "y_val": counts[validation]}
-
-
-def fit_best(candidates, X, counts, train, validation, scoring):
-    """Fit regressors to training trials and keep the best on validation trials.
-
-    Parameters
-    ----------
-    candidates : list of DistributionalOrdinalRegressor
-        Unfitted. Those whose networks stop early do so on the validation trials.
-    X : ndarray of shape (n_trials, n_features)
-    counts : ndarray of shape (n_trials, n_levels)
-    train, validation : ndarray of int
-        Indices of trials.
-    scoring : str, callable or None
-        Higher is better; None for the regressor's own score.
-
-    Returns
-    -------
-    best : int
-        Index of the best candidate, the first among equals.
-    score : float
-        Its score.
-    model : DistributionalOrdinalRegressor
-        The candidate, fitted.
-    """
-    best = None
-    for i, candidate in enumerate(candidates):
-        held_out = for_early_stopping(candidate, X, counts, validation)
-        candidate.fit(X[train], counts[train], **held_out)
-        scorer = check_scoring(candidate, scoring)
-        score = float(scorer(candidate, X[validation], counts[validation]))
-        if best is None or score > best[1]:
-            best = i, score, candidate
-    return best
-
-
-# Units ----------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Study:
-    """What the units of a study need to know; see `run_study` for the settings."""
-
-    corpus: object
-    folder: Path
-    sensors: list
-    split: str
-    n_splits: int
-    n_repeats: int
-    n_hidden: list
-    alpha: list
-    n_starts: int
-    regressor: DistributionalOrdinalRegressor
-    scoring: object
-    random_state: int
-
-    @property
-    def settings(self):
-        """Everything that changes the results of a unit."""
-        chosen = {name: value for name, value in vars(self).items() if name != "folder"}
-        return {"version": version("sklearn_haptic"), **chosen}
-
-    @property
-    def n_folds(self):
-        """Folds of each procedure and adjective."""
-        return 1 if self.split == "paper" else self.n_splits * self.n_repeats
-
-    def seed(self, *name):
-        """Seed of a random choice."""
-        return derive_seed(self.random_state, *name)
-
-    def split_objects(self, objects, adjective):
-        """Folds of trials: the paper's for one adjective, or the same for all."""
-        name = adjective if self.split == "paper" else "all"
-        return split_objects(
-            objects,
-            self.split,
-            n_splits=self.n_splits,
-            n_repeats=self.n_repeats,
-            seed=self.seed("split", name),
-        )
-
-
-def compute_trials(study, procedure):
-    """Return a table of trials: name, object and how many people gave each rating."""
-    import pandas as pd
-
-    corpus = study.corpus(procedure=procedure, sensors=study.sensors[:1])
-    if not corpus.ratings:
-        raise ValueError(
-            "The corpus has no ratings; give load_phac2 the file as ratings_path."
-        )
-    columns = {"trial": corpus.trials.index, "object": corpus.objects}
-    for adjective, counts in corpus.ratings.items():
-        for k, count in enumerate(counts.T, start=1):
-            columns[f"{adjective}_{k}"] = count
-    return pd.DataFrame(columns), {}
-
-
-def adjectives_of(trials):
-    """Return the adjectives in a table made by `compute_trials`."""
-    counts = trials.columns.drop(["trial", "object"])
-    return list(dict.fromkeys(name.rpartition("_")[0] for name in counts))
-
-
-def counts_of(trials, adjective):
-    """Return counts (n_trials, n_levels) from a table made by `compute_trials`."""
-    return trials.filter(regex=rf"^{re.escape(adjective)}_\d+$").to_numpy()
-
-
-def compute_features(study, procedure, sensor):
-    """Return the arrays of `learn_features` for one sensor and procedure."""
-    corpus = study.corpus(procedure=procedure, sensors=[sensor])
-    trials, _ = read_unit(study.folder, ("trials", procedure))
-    if list(trials["trial"]) != list(map(str, corpus.trials.index)):
-        raise ValueError(
-            f"The corpus gives other trials of {procedure!r} than those of the study "
-            f"in {study.folder}; give the same corpus, or another folder."
-        )
-    features, dictionary = learn_features(
-        list(corpus.trials[sensor]),
-        corpus.objects,
-        sensor,
-        study.seed("features", procedure, sensor),
-    )
-    return {"features": features, "dictionary": dictionary}, {}
-
-
-def compute_models(study, procedure, adjective, fold):
-    """Return a table of scores, of the combined model and its holdouts, of one fold."""
-    import pandas as pd
-
-    trials, _ = read_unit(study.folder, ("trials", procedure))
-    objects, counts = trials["object"].to_numpy(), counts_of(trials, adjective)
-    train, validation, test = study.split_objects(objects, adjective)[fold]
-    name = procedure, adjective, fold
-
-    choices = []
-
-    def choose_network(network, regressor, grid_of, X):
-        """Search the hidden units and penalty of one network of a regressor."""
-        grid = list(product(study.n_hidden, study.alpha))
-        candidates = [
-            clone(regressor).set_params(
-                **{f"{grid_of}__n_hidden": n_hidden, f"{grid_of}__alpha": alpha},
-                random_state=study.seed(*name, network, n_hidden, alpha),
-            )
-            for n_hidden, alpha in grid
-        ]
-        best, score, model = fit_best(
-            candidates, X, counts, train, validation, study.scoring
-        )
-        n_hidden, alpha = grid[best]
-        choices.append(
-            {"network": network, "n_hidden": n_hidden, "alpha": alpha, "score": score}
-        )
-        return model
-
-    parts, columns, networks = [], {}, {}
-    for sensor in study.sensors:
-        arrays, _ = read_unit(study.folder, ("features", procedure, sensor))
-        part = rotate_features(arrays["features"], train)
-        model = choose_network(sensor, study.regressor, "estimator", part)
-        networks[sensor] = FrozenEstimator(model.estimator_)
-        start = sum(each.shape[1] for each in parts)
-        columns[sensor] = slice(start, start + part.shape[1])
-        parts.append(part)
-    X = np.hstack(parts)
-
-    fusion = SensorFusionNNPOM(
-        columns, networks, final_estimator=study.regressor.estimator
-    )
-    combined = clone(study.regressor).set_params(estimator=fusion)
-    model = choose_network(_COMBINED, combined, "estimator__final_estimator", X)
-
-    held_out = for_early_stopping(model, X, counts, validation)
-    levels = range(1, counts.shape[1] + 1)
-    tables = []
-    for start in range(study.n_starts):
-        models = fit_holdouts(
-            model,
-            X[train],
-            counts[train],
-            random_state=study.seed(*name, "start", start),
-            **held_out,
-        )
-        for sensor, holdout in models.items():
-            proba = holdout.predict_proba(X[test])
-            columns = {
-                "procedure": procedure,
-                "adjective": adjective,
-                "fold": fold,
-                "held_out": sensor,
-                "start": start,
-                "object": objects[test],
-                "trial": trials["trial"].to_numpy()[test],
-                **score_trials(counts[test], proba),
-                **{f"proba_{k}": p for k, p in zip(levels, proba.T)},
-                **{f"count_{k}": n for k, n in zip(levels, counts[test].T)},
-            }
-            tables.append(pd.DataFrame(columns))
-    return pd.concat(tables, ignore_index=True), {"choices": choices}
-
-
-_COMPUTE = {
-    "trials": compute_trials,
-    "features": compute_features,
-    "models": compute_models,
-}
+__all__ = ["read_study", "run_study"]
 
 
 # Sums in another order would differ in the last digit.
@@ -431,13 +42,14 @@ def complete_unit(study, unit):
     """Compute a unit and write it; return its name and the seconds it took."""
     started = perf_counter()
     kind, *name = unit
-    content, record = _COMPUTE[kind](study, *name)
+    try:
+        content, record = COMPUTE[kind](study, *name)
+    except Exception as error:
+        error.add_note(f"This happened in the unit {unit} of the study.")
+        raise
     seconds = perf_counter() - started
     write_unit(study.folder, unit, content, seconds=seconds, **record)
     return unit, seconds
-
-
-# The whole study ------------------------------------------------------------
 
 
 class Progress:
@@ -474,7 +86,7 @@ class Progress:
     def time_left(self):
         """Estimate the time left from the mean time of each kind of unit."""
         total = 0.0
-        for kind in _COMPUTE:
+        for kind in COMPUTE:
             of_kind = [s for unit, s in self.seconds.items() if unit[0] == kind]
             taken = [s for s in of_kind if s is not None]
             n_left = len(of_kind) - len(taken)

@@ -1,0 +1,567 @@
+"""A study ends the same whatever interrupts it, and is what its tables say it is."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.distance import pdist
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils import Bunch
+
+from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, metrics
+from sklearn_haptic._study_store import (
+    describe,
+    open_study,
+    read_record,
+    read_unit,
+    write_unit,
+)
+from sklearn_haptic._study_units import (
+    Parts,
+    Study,
+    compute_models,
+    fit_best,
+    learn_features,
+    rotate_features,
+    split_objects,
+)
+from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.model_selection import contribution_summary
+from sklearn_haptic.study import Progress, read_study, run_study
+
+CORPUS = partial(make_haptic_corpus, 8, 2, random_state=0)
+SENSORS = ["pdc", "tdc"]
+SETTINGS = {
+    "procedures": ["fast_slide"],
+    "adjectives": ["hard", "cold"],
+    "sensors": SENSORS,
+    "n_splits": 2,
+    "n_repeats": 1,
+    "n_hidden": [1, 2],
+    "alpha": [1.0, 10.0],
+    "n_starts": 2,
+    "verbose": False,
+}
+# What a new process runs to do the same study.
+SCRIPT = """
+import sys
+from tests.test_study import CORPUS, SETTINGS
+from sklearn_haptic.study import run_study
+run_study(CORPUS, sys.argv[1], **SETTINGS)
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The folder of a finished study; not to be changed."""
+    folder = tmp_path_factory.mktemp("study")
+    run_study(CORPUS, folder, **SETTINGS)
+    return folder
+
+
+@pytest.fixture
+def copied(folder, tmp_path):
+    return shutil.copytree(folder, tmp_path / "copied")
+
+
+def data_of(folder):
+    """Content of every file of data; the records hold seconds too."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.suffix in (".csv", ".npz") or path.name == "study.json"
+    }
+
+
+def assert_same_study(one, other):
+    """Equal in every bit: inf and signs of zero too."""
+    for name in ("scores", "choices"):
+        pd.testing.assert_frame_equal(one[name], other[name], check_exact=True)
+
+
+def modified(folder):
+    return {path: path.stat().st_mtime_ns for path in folder.rglob("*.*")}
+
+
+# Interruptions --------------------------------------------------------------
+
+
+def test_killed_and_resumed(folder, tmp_path):
+    killed = tmp_path / "killed"
+    process = subprocess.Popen([sys.executable, "-c", SCRIPT, killed])
+    deadline = time.monotonic() + 120
+    while not (finished := list(killed.glob("models/*.json"))):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.005)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert len(list(killed.glob("models/*.json"))) < 4  # in the middle
+    before = modified(killed)
+
+    resumed = run_study(CORPUS, killed, **SETTINGS)
+    assert_same_study(resumed, read_study(folder))
+    assert data_of(killed) == data_of(folder)
+    assert all(modified(killed)[path] == before[path] for path in finished)
+
+
+def truncate(path):
+    path.write_bytes(path.read_bytes()[:-9])
+
+
+def flip(path):
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(bytes(data))
+
+
+@pytest.mark.parametrize("damage", [truncate, flip, os.unlink])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "trials/fast_slide.csv",
+        "features/fast_slide_tdc.npz",
+        "models/fast_slide_hard_1.csv",
+    ],
+)
+def test_damaged_unit_is_done_again(folder, copied, name, damage):
+    before = modified(copied)
+    damage(copied / name)
+    run_study(CORPUS, copied, **SETTINGS)
+    assert data_of(copied) == data_of(folder)
+    done_again = {path for path in before if modified(copied)[path] != before[path]}
+    assert done_again == {copied / name, (copied / name).with_suffix(".json")}
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"file": "../study.json"}'])
+def test_damaged_record(folder, copied, text):
+    path = copied / "models" / "fast_slide_cold_0.json"
+    record = json.loads(path.read_bytes())
+    path.write_text(text)
+    with pytest.raises(ValueError, match=r"fast_slide_cold_0\.json is missing or dam"):
+        read_study(copied)
+    assert_same_study(run_study(CORPUS, copied, **SETTINGS), read_study(folder))
+    record_again = json.loads(path.read_bytes())
+    assert {**record_again, "seconds": None} == {**record, "seconds": None}
+
+
+def test_leftovers_of_a_kill_do_no_harm(folder, copied):
+    path = copied / "models" / "fast_slide_cold_0.csv"
+    path.with_name(f"{path.name}.123.tmp").write_bytes(path.read_bytes()[:100])
+    path.with_suffix(".json").unlink()
+    assert len(read_study(copied).choices) == len(read_study(folder).choices) - 3
+    assert_same_study(run_study(CORPUS, copied, **SETTINGS), read_study(folder))
+
+
+def test_nothing_is_done_twice(copied):
+    before = modified(copied)
+
+    def no_corpus(**_):
+        raise AssertionError("the corpus was read")
+
+    no_corpus.__module__ = "sklearn_haptic.datasets._synthetic"
+    no_corpus.__qualname__ = "make_haptic_corpus"
+    corpus = partial(no_corpus, *CORPUS.args, **CORPUS.keywords)
+    run_study(corpus, copied, **SETTINGS)
+    assert modified(copied) == before
+
+
+def test_two_jobs(folder, tmp_path):
+    study = run_study(CORPUS, tmp_path, **SETTINGS, n_jobs=2)
+    assert_same_study(study, read_study(folder))
+    assert data_of(tmp_path) == data_of(folder)
+
+
+def test_extended(folder, tmp_path):
+    """Adjectives one after the other, in another order, give the same."""
+    for adjective in ("cold", "hard"):
+        study = run_study(CORPUS, tmp_path, **SETTINGS | {"adjectives": [adjective]})
+    assert_same_study(study, read_study(folder))
+
+
+# Settings -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [
+        ("n_starts", 3),
+        ("alpha", [1.0]),
+        ("sensors", ["tdc", "pdc"]),
+        ("split", "paper"),
+        ("random_state", 1),
+        ("scoring", metrics.neg_macro_mae_scorer),
+        ("regressor", DistributionalOrdinalRegressor(NNPOM(tol=1e-3))),
+        ("corpus", partial(make_haptic_corpus, 8, 2, random_state=1)),
+    ],
+)
+def test_other_settings(folder, setting, value):
+    before = modified(folder)
+    with pytest.raises(
+        ValueError, match=rf"holds a study with {setting}=.*; give the same {setting}, "
+    ):
+        run_study(**{"corpus": CORPUS, "folder": folder, **SETTINGS, setting: value})
+    assert modified(folder) == before
+
+
+def test_lost_settings(copied):
+    (copied / "study.json").unlink()
+    with pytest.raises(ValueError, match=r"no study\.json that says of which"):
+        run_study(CORPUS, copied, **SETTINGS)
+    with pytest.raises(ValueError, match=r"holds no study: study\.json is missing"):
+        read_study(copied)
+    (copied / "study.json").write_text('{"version"')
+    with pytest.raises(ValueError, match=r"study\.json is damaged"):
+        read_study(copied)
+
+
+def test_corpus_that_changed(tmp_path):
+    n_trials = 2
+
+    def corpus(**asked):
+        return make_haptic_corpus(8, n_trials, random_state=0, **asked)
+
+    run_study(corpus, tmp_path, **SETTINGS | {"adjectives": ["hard"]})
+    shutil.rmtree(tmp_path / "features")
+    n_trials = 3
+    with pytest.raises(
+        ValueError, match="gives other trials of 'fast_slide'"
+    ) as raised:
+        run_study(corpus, tmp_path, **SETTINGS)
+    assert "('features', 'fast_slide', 'pdc')" in raised.value.__notes__[0]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"adjectives": ["hardness"]}, "Unknown adjective 'hardness'; .*'hard'"),
+        ({"procedures": ["poke"]}, "Unknown procedure 'poke'"),
+        ({"sensors": ["nose"]}, "Unknown sensor 'nose'"),
+        ({"n_hidden": [0, 1]}, r"n_hidden=\[0, 1\] must list whole numbers of at lea"),
+        ({"n_hidden": []}, r"n_hidden=\[\] must list whole numbers"),
+        ({"alpha": [-1]}, r"alpha=\[-1\] must list numbers of at least 0"),
+        ({"scoring": "rps"}, "'scoring' parameter|'rps' is not a valid scoring"),
+        ({"split": "loo"}, "The 'split' parameter"),
+        (
+            {"regressor": DistributionalOrdinalRegressor()},
+            "regressor has the estimator None; give it an NNPOM",
+        ),
+    ],
+)
+def test_wrong_settings(tmp_path, wrong, message):
+    with pytest.raises(ValueError, match=message):
+        run_study(CORPUS, tmp_path, **{**SETTINGS, **wrong})
+
+
+def test_corpus_without_ratings(tmp_path):
+    def corpus(**asked):
+        return Bunch(**CORPUS(**asked) | {"ratings": {}})
+
+    with pytest.raises(ValueError, match="no ratings; give load_phac2"):
+        run_study(corpus, tmp_path, **SETTINGS)
+
+
+def test_nothing_finished(tmp_path):
+    open_study(tmp_path, {"n_starts": 1})
+    with pytest.raises(ValueError, match="no finished models yet"):
+        read_study(tmp_path)
+
+
+def test_description_of_settings(tmp_path):
+    assert describe(partial(sorted, tmp_path, key=[np.int64(3)], reverse=None)) == {
+        "function": "builtins.sorted",
+        "args": [str(tmp_path)],
+        "keywords": {"key": [3], "reverse": None},
+    }
+    described = describe(DistributionalOrdinalRegressor(NNPOM(7)))
+    assert described["estimator"]["n_hidden"] == 7
+    assert json.loads(json.dumps(described)) == described
+
+
+# Results --------------------------------------------------------------------
+
+
+def test_tables(folder):
+    study = read_study(folder)
+    corpus = CORPUS(procedure="fast_slide", sensors=["tdc"])
+    scores = study.scores
+    names = pd.Index(corpus.trials.index, name="trial")
+    object_of = pd.Series(corpus.objects, names)
+    keys = ["adjective", "held_out", "start", "trial"]
+    # Every trial once for each model.
+    expected = pd.MultiIndex.from_product(
+        [["cold", "hard"], ["none", *SENSORS], [0, 1], names], names=keys
+    )
+    assert set(scores.set_index(keys).index) == set(expected)
+    assert len(scores) == len(expected)
+    assert (scores["object"] == scores["trial"].map(object_of)).all()
+    for adjective, table in scores.groupby("adjective"):
+        rows = names.get_indexer(table["trial"])
+        np.testing.assert_array_equal(
+            table.filter(like="count_"), corpus.ratings[adjective][rows]
+        )
+    assert study.choices["network"].tolist() == [*SENSORS, "combined"] * 4
+    assert study.choices["n_hidden"].isin([1, 2]).all()
+
+
+def test_scores_are_those_of_probabilities_and_counts(folder):
+    scores = read_study(folder).scores
+    counts, proba = scores.filter(like="count_"), scores.filter(like="proba_")
+    for name, score in {
+        "macro_mae": metrics.macro_mae_per_trial,
+        "emd": metrics.earth_movers_distance,
+        "rps": metrics.ranked_probability_score,
+        "log_score": metrics.log_score,
+    }.items():
+        np.testing.assert_array_equal(scores[name], score(counts, proba, average=False))
+    terms = scores[[f"rps_{k}" for k in (1, 2, 3, 4)]].sum(axis=1)
+    np.testing.assert_allclose(terms, scores["rps"], rtol=1e-12)
+
+
+def test_summary_of_contributions(folder):
+    scores = read_study(folder).scores
+    summary = contribution_summary(scores, metric="rps", by=["adjective", "procedure"])
+    full = scores[scores["held_out"] == "none"].groupby("adjective")["rps"].mean()
+    np.testing.assert_allclose(
+        summary["full"], full[summary["adjective"]].to_numpy(), rtol=1e-12
+    )
+
+
+def study_of(folder, **changes):
+    defaults = {
+        "corpus": CORPUS,
+        "folder": folder,
+        "sensors": SENSORS,
+        "split": "group_kfold",
+        "n_splits": 2,
+        "n_repeats": 1,
+        "n_hidden": [1, 2],
+        "alpha": [1.0, 10.0],
+        "n_starts": 1,
+        "regressor": DistributionalOrdinalRegressor(NNPOM(early_stopping=True)),
+        "scoring": None,
+        "random_state": 0,
+    }
+    return Study(**defaults | changes)
+
+
+def test_ratings_of_test_objects_are_not_seen(copied):
+    """Predictions stay the same when the tested objects have other ratings."""
+    study = study_of(copied)
+    name = "fast_slide", "hard", 0
+    before, record = compute_models(study, *name)
+    trials, _ = read_unit(copied, ("trials", "fast_slide"))
+    tested = trials["object"].isin(before["object"])
+    columns = [f"hard_{k}" for k in range(1, 6)]
+    trials.loc[tested, columns] = trials.loc[tested, columns[::-1]].to_numpy()
+    write_unit(copied, ("trials", "fast_slide"), trials)
+    after, record_after = compute_models(study, *name)
+    assert record_after == record
+    assert not before.filter(like="count_").equals(after.filter(like="count_"))
+    pd.testing.assert_frame_equal(
+        before.filter(like="proba_"), after.filter(like="proba_"), check_exact=True
+    )
+    trials.loc[~tested, columns] = trials.loc[~tested, columns[::-1]].to_numpy()
+    write_unit(copied, ("trials", "fast_slide"), trials)
+    last, _ = compute_models(study, *name)
+    assert not last.filter(like="proba_").equals(after.filter(like="proba_"))
+
+
+@pytest.mark.parametrize("early_stopping", [False, True])
+def test_network_of_a_sensor(folder, early_stopping):
+    """The best of the grid, fitted here by hand."""
+    network = NNPOM(early_stopping=early_stopping, max_iter=30, tol=0.1)
+    study = study_of(folder, regressor=DistributionalOrdinalRegressor(network))
+    _, record = compute_models(study, "fast_slide", "hard", 1)
+    arrays, _ = read_unit(folder, ("features", "fast_slide", "tdc"))
+    corpus = CORPUS(procedure="fast_slide", sensors=["tdc"])
+    train, validation, _ = study.split_objects(corpus.objects, "hard")[1]
+    X, y = rotate_features(arrays["features"], train), corpus.ratings["hard"]
+    kwargs = {"X_val": X[validation], "y_val": y[validation]} if early_stopping else {}
+    results = {}
+    for n_hidden in (1, 2):
+        for alpha in (1.0, 10.0):
+            seed = study.seed("fast_slide", "hard", 1, "tdc", n_hidden, alpha)
+            model = DistributionalOrdinalRegressor(
+                NNPOM(
+                    n_hidden, alpha, early_stopping=early_stopping, max_iter=30, tol=0.1
+                ),
+                random_state=seed,
+            ).fit(X[train], y[train], **kwargs)
+            proba = model.predict_proba(X[validation])
+            rps = metrics.ranked_probability_score(y[validation], proba)
+            results[-rps] = {"n_hidden": n_hidden, "alpha": alpha}
+    best = max(results)
+    assert record["choices"][1] == {"network": "tdc", **results[best], "score": best}
+
+
+def test_first_of_equal_candidates():
+    X, counts = np.zeros((4, 1)), np.array([[1, 2], [2, 1], [1, 1], [0, 3]])
+    candidates = [DistributionalOrdinalRegressor(NNPOM(0)) for _ in range(3)]
+    parts = Parts(np.arange(2), np.array([2]), np.array([3]))
+    best, score, model = fit_best(candidates, X, counts, parts, None)
+    assert best == 0 and model is candidates[0]
+    assert score == model.score(X[[2]], counts[[2]])
+
+
+# Steps ----------------------------------------------------------------------
+
+NO_FOLDS = {"n_splits": 5, "n_repeats": 2, "seed": 0}
+
+
+@pytest.mark.parametrize("split", ["paper", "group_kfold"])
+def test_splits(split):
+    objects = np.repeat(np.arange(60), 10)
+    folds = split_objects(objects, split, **NO_FOLDS)
+    n_tests = np.zeros(60, dtype=int)
+    for parts in folds:
+        np.testing.assert_array_equal(np.sort(np.concatenate(parts)), np.arange(600))
+        train, validation, test = (set(objects[part]) for part in parts)
+        assert not (train & validation or train & test or validation & test)
+        n_tests[list(test)] += 1
+        sizes = len(train), len(validation), len(test)
+        assert sizes == ((48, 6, 6) if split == "paper" else (42, 6, 12))
+    if split == "group_kfold":
+        assert len(folds) == 10
+        assert (n_tests == 2).all()
+        assert not np.array_equal(folds[0].test, folds[5].test)
+
+
+@pytest.mark.parametrize("split", ["paper", "group_kfold"])
+def test_splits_do_not_depend_on_the_order_of_trials(split):
+    objects = np.repeat(np.arange(20), 2)
+    shuffled = np.random.default_rng(0).permutation(objects)
+    for one, other in zip(
+        split_objects(objects, split, **NO_FOLDS),
+        split_objects(shuffled, split, **NO_FOLDS),
+    ):
+        for part, other_part in zip(one, other):
+            assert set(objects[part]) == set(shuffled[other_part])
+
+
+def test_paper_splits_each_adjective_and_kfold_all_alike(tmp_path):
+    objects = np.repeat(np.arange(60), 2)
+
+    def tested(split, adjective):
+        folds = study_of(tmp_path, split=split).split_objects(objects, adjective)
+        return [tuple(fold.test) for fold in folds]
+
+    assert tested("paper", "hard") == tested("paper", "hard")
+    assert tested("paper", "hard") != tested("paper", "cold")
+    assert tested("group_kfold", "hard") == tested("group_kfold", "cold")
+
+
+def test_dictionary_of_three_fifths_of_the_trials_of_each_object():
+    """Only trials that it was learnt from change the dictionary."""
+    corpus = make_haptic_corpus(2, 5, "fast_slide", sensors=["tdc"], random_state=0)
+    trials = list(corpus.trials["tdc"])
+    features, dictionary = learn_features(trials, corpus.objects, "tdc", seed=0)
+    assert features.dtype == np.float32
+    assert features.shape == (10, 15 * 2 * 2 * 10)  # cells, fingers, signs, atoms
+    learnt_from = np.zeros(10, dtype=bool)
+    for i in range(10):
+        changed = [*trials[:i], 1 + trials[i] ** 2, *trials[i + 1 :]]
+        other, other_dictionary = learn_features(changed, corpus.objects, "tdc", seed=0)
+        learnt_from[i] = not np.array_equal(other_dictionary, dictionary)
+        assert not np.array_equal(other[i], features[i])
+    assert learnt_from.reshape(2, 5).sum(axis=1).tolist() == [3, 3]
+
+
+@pytest.mark.parametrize("shape", [(12, 40), (30, 5)])
+def test_rotation_keeps_distances_of_training_trials(shape):
+    rng = np.random.default_rng(0)
+    features = (rng.normal(size=shape) * 10 ** rng.uniform(-3, 3, shape[1])).astype(
+        "f4"
+    )
+    features[:, 0] = 2
+    features[:, 2] = features[:, 1]
+    train = np.arange(0, shape[0], 2)
+    rotated = rotate_features(features, train)
+    scaled = StandardScaler().fit_transform(features[train].astype(float))
+    assert rotated.shape == (shape[0], min(len(train) - 1, shape[1] - 2))
+    np.testing.assert_allclose(pdist(rotated[train]), pdist(scaled), rtol=1e-9)
+    covariance = np.cov(rotated[train].T)
+    np.testing.assert_allclose(
+        covariance, np.diag(np.diag(covariance)), atol=1e-9 * covariance.max()
+    )
+
+
+def test_features_that_say_nothing():
+    rotated = rotate_features(np.ones((5, 3), dtype=np.float32), np.arange(4))
+    np.testing.assert_array_equal(rotated, np.zeros((5, 3)))
+
+
+# Store ----------------------------------------------------------------------
+
+
+def test_every_bit_of_a_unit_comes_back(tmp_path):
+    rng = np.random.default_rng(0)
+    special = [np.inf, -np.inf, 0.0, -0.0, 5e-324, 1.7976931348623157e308, 0.1, 1 / 3]
+    floats = rng.integers(0, 2**62, 3000).view(np.float64)
+    table = pd.DataFrame(
+        {
+            "trial": [f"{i:03d}" for i in range(1500)]
+            + ["NA", "none"] * 750
+            + ["1"] * 8,
+            "object": np.arange(3008),
+            "rps": [*floats, *special],
+            "start": 7,
+        }
+    )
+    arrays = {"features": rng.normal(size=(3, 4)).astype(np.float32)}
+    write_unit(tmp_path, ("models", "hold", "hard", 0), table, seconds=0.1 + 0.2)
+    write_unit(tmp_path, ("features", "hold", "pac"), arrays)
+    read, record = read_unit(tmp_path, ("models", "hold", "hard", 0))
+    assert record["seconds"] == 0.1 + 0.2
+    assert read["trial"].tolist() == table["trial"].tolist()
+    for name in ("object", "rps", "start"):
+        assert read[name].dtype == table[name].dtype
+        assert read[name].to_numpy().tobytes() == table[name].to_numpy().tobytes()
+    (features,) = read_unit(tmp_path, ("features", "hold", "pac"))[0].values()
+    assert features.dtype == np.float32
+    np.testing.assert_array_equal(features, arrays["features"])
+    assert not list(tmp_path.rglob("*.tmp"))
+
+
+def test_arrays_of_objects_are_neither_written_nor_read(tmp_path):
+    """A pickle could run code."""
+    unit = "features", "hold", "pac"
+    with pytest.raises(ValueError, match="allow_pickle=False"):
+        write_unit(tmp_path, unit, {"a": np.array([{}], dtype=object)})
+    assert read_record(tmp_path, unit) is None
+
+
+def test_progress(folder, copied, capsys):
+    models = [("models", "fast_slide", "hard", fold) for fold in range(4)]
+    features = [("features", "fast_slide", "pac"), ("features", "fast_slide", "tac")]
+    units = [*features, *models]
+    for fold, seconds in ((0, 100.0), (1, 140.0)):
+        write_unit(copied, models[fold], pd.DataFrame({"a": [1]}), seconds=seconds)
+    progress = Progress(study_of(copied), units, n_workers=2)
+    progress(features[0], 60.0)
+    progress(features[1], 20.0)
+    progress(models[2], 60.0)
+    lines = capsys.readouterr().err.splitlines()
+    # 60 s of features and 2 × 120 s of models, then the models alone, by two workers
+    assert lines[0] == "[3/6] features fast_slide pac: 60.0 s, about 2.5 min left"
+    assert lines[1].endswith("tac: 20.0 s, about 2.0 min left")
+    assert lines[2] == "[5/6] models fast_slide hard 2: 60.0 s, about 0.8 min left"
+
+    unknown = Progress(study_of(folder), [*features, models[2]], n_workers=1)
+    unknown(features[0], 1.0)
+    assert "time left not known before the first of 1 models" in capsys.readouterr().err
+
+
+def test_a_line_for_each_unit(copied, capsys):
+    shutil.rmtree(copied / "models")
+    run_study(CORPUS, copied, **SETTINGS | {"adjectives": ["hard"], "verbose": True})
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split("]")[0] for line in lines] == ["[3/4", "[4/4"]
+    assert lines[-1].endswith("about 0.0 min left")
