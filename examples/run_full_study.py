@@ -1,0 +1,120 @@
+"""The whole experiment of Richardson & Kuchenbecker (2020), on PHAC-2 or generated.
+
+Run it as
+
+    python examples/run_full_study.py --demo                  # about a minute
+    python examples/run_full_study.py --split paper --jobs 2  # under an hour
+    python examples/run_full_study.py --jobs 8 --phac2 \
+        phac_train_test_pos_neg_90_10_1_20.h5 --ratings ratings.mat
+
+Interrupt it whenever you like; the same command goes on where it stopped. The folder
+then holds every prediction (see docs/study.md), and two figures like those of the
+paper: figure_11.png, predicted and true ratings of an object, and figure_12.png, what
+each sensor contributes.
+"""
+
+import argparse
+from functools import partial
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+
+from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
+from sklearn_haptic.model_selection import contribution_summary
+from sklearn_haptic.plotting import InverseCDFDisplay, SensorContributionsDisplay
+from sklearn_haptic.study import run_study
+
+DEMO = {
+    "procedures": ["hold", "fast_slide"],
+    "adjectives": ["hard", "rough"],
+    "sensors": ["pac", "pdc", "tac"],
+    "n_repeats": 1,
+    "n_hidden": [1, 10],
+    "alpha": [1.0, 10.0],
+    "n_starts": 3,
+}
+
+
+def parse_arguments():
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--phac2", help="HDF5 file of trials; generated if not given")
+    parser.add_argument("--ratings", help="MATLAB file of ratings, with --phac2")
+    parser.add_argument("--folder", type=Path, help="where results are kept")
+    parser.add_argument("--demo", action="store_true", help="a small study")
+    parser.add_argument("--split", choices=["group_kfold", "paper"])
+    parser.add_argument("--jobs", type=int, default=1, help="processes at a time")
+    arguments = parser.parse_args()
+    if (arguments.phac2 is None) != (arguments.ratings is None):
+        parser.error("--phac2 and --ratings belong together; give both or neither.")
+    return arguments
+
+
+def make_corpus(arguments):
+    if arguments.phac2 is not None:
+        return partial(load_phac2, arguments.phac2, ratings_path=arguments.ratings)
+    n_objects, n_trials = (20, 4) if arguments.demo else (60, 10)
+    return partial(make_haptic_corpus, n_objects, n_trials, random_state=0)
+
+
+def print_summary(scores):
+    """Print Figure 12 as a table."""
+    summary = contribution_summary(scores, by=["procedure", "adjective"])
+    for (procedure, adjective), rows in summary.groupby(["procedure", "adjective"]):
+        full = rows.iloc[0]
+        print(
+            f"\n{adjective}, {procedure}: MAE^M {full['full']:.3f} "
+            f"(sd over starts {full['full_sd']:.3f})"
+        )
+        columns = ["held_out", "difference", "difference_sd", "p_starts", "p_objects"]
+        print(rows[columns].to_string(index=False, float_format="{:.3f}".format))
+
+
+def plot_contributions(scores):
+    """Plot Figure 12: a row a procedure, a group of bars an adjective."""
+    by_procedure = list(scores.groupby("procedure"))
+    n_bars = scores["adjective"].nunique() * scores["held_out"].nunique()
+    figure, axes = plt.subplots(
+        len(by_procedure),
+        squeeze=False,
+        figsize=(max(6.4, 0.28 * n_bars), 3.6 * len(by_procedure)),
+        layout="constrained",
+    )
+    for ax, (procedure, rows) in zip(axes[:, 0], by_procedure):
+        SensorContributionsDisplay.from_scores(rows, by="adjective", ax=ax)
+        ax.set_title(procedure.replace("_", " "), loc="left")
+    return figure
+
+
+def plot_ratings(scores):
+    """Plot Figure 11 for the object that is predicted as well as half of them."""
+    keys = ["procedure", "adjective", "fold", "object"]
+    model = scores[(scores["held_out"] == "none") & (scores["start"] == 0)]
+    errors = model.groupby(keys)["macro_mae"].mean().sort_values()
+    chosen = errors.index[len(errors) // 2]
+    rows = model.set_index(keys).sort_index().loc[chosen]
+    display = InverseCDFDisplay.from_predictions(
+        rows.filter(like="count_"), rows.filter(like="proba_")
+    )
+    procedure, adjective, _, name = chosen
+    display.ax_.set_title(f"object {name}, {adjective}, {procedure.replace('_', ' ')}")
+    return display.figure_
+
+
+def main():
+    arguments = parse_arguments()
+    options = DEMO if arguments.demo else {}
+    if arguments.split is not None:
+        options = options | {"split": arguments.split}
+    folder = arguments.folder or Path("study_demo" if arguments.demo else "study")
+    corpus = make_corpus(arguments)
+    study = run_study(corpus, folder, n_jobs=arguments.jobs, **options)
+    print_summary(study.scores)
+    plot_contributions(study.scores).savefig(folder / "figure_12.png", dpi=150)
+    plot_ratings(study.scores).savefig(folder / "figure_11.png", dpi=150)
+    print(f"\nFigures saved in {folder}")
+
+
+if __name__ == "__main__":
+    main()
