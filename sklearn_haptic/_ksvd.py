@@ -59,6 +59,13 @@ def encode(observations, atoms, n_nonzero_coefs, *, remove_mean=True, sign="spli
 def centre(observations, remove_mean):
     """Return observations, mean removed if asked, and their norms before."""
     scale = row_norms(observations)
+    # The norm times sqrt(n) bounds the sum of a row and what mean removal leaves.
+    limit = np.finfo(observations.dtype).max / np.sqrt(observations.shape[1])
+    if not (scale <= limit).all():
+        raise ValueError(
+            f"X holds values so large that their sums overflow {observations.dtype}; "
+            "divide X by a constant."
+        )
     if remove_mean:
         observations = observations - observations.mean(axis=1, keepdims=True)
     return observations, scale
@@ -389,7 +396,10 @@ class _DictionaryCoder(CallbackSupportMixin, TransformerMixin, BaseEstimator):
         if self.dict_init is None:
             return None
         atoms = check_array(
-            self.dict_init, dtype=observations.dtype, input_name="dict_init"
+            self.dict_init,
+            dtype=observations.dtype,
+            copy=True,
+            input_name="dict_init",
         )
         expected = (self.n_atoms, observations.shape[1])
         if atoms.shape != expected:

@@ -50,6 +50,12 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
     coefs : ndarray of shape (n_slots, n_signals)
         The coefficients of those atoms, of the dtype of `signals`.
 
+    Raises
+    ------
+    ValueError
+        If the norm of an atom overflows, or a coefficient is too large for the
+        dtype of `signals`.
+
     References
     ----------
     R. Rubinstein, M. Zibulevsky and M. Elad, "Efficient implementation of the
@@ -66,6 +72,11 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
     """
     n_slots = min(n_nonzero_coefs, *atoms.shape)
     norms = row_norms(atoms)
+    if not np.isfinite(norms).all():
+        raise ValueError(
+            f"The norm of atom {norms.argmax()} overflows float64; divide dict_init "
+            "by a constant."
+        )
     norms[norms == 0] = 1  # all-zero atoms, whose coefficients are 0
     directions = unit_rows(atoms.astype(np.float64, copy=False))
     gram = directions @ directions.T
@@ -91,8 +102,16 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
             thresholds = magnitudes * rounding_level(signals.dtype)
             thresholds = thresholds.astype(work_dtype, copy=False)
         _pursue(work, gram, pairs, thresholds, support[:, chunk], coefs[:, chunk])
-        coefs[:, chunk] *= units / norms.take(support[:, chunk])
-    return support, coefs.astype(signals.dtype, copy=False)
+        with np.errstate(over="ignore", invalid="ignore"):
+            coefs[:, chunk] *= units / norms.take(support[:, chunk])
+    with np.errstate(over="ignore"):
+        coefs = coefs.astype(signals.dtype, copy=False)
+    if not np.isfinite(coefs).all():
+        raise ValueError(
+            f"The codes overflow {coefs.dtype}: the signals in X are too large for "
+            "atoms this small; divide X by a constant or multiply dict_init by one."
+        )
+    return support, coefs
 
 
 def dense_codes(support, coefs, n_atoms, *, sign="none"):
@@ -127,7 +146,7 @@ def dense_codes(support, coefs, n_atoms, *, sign="none"):
 
 
 def row_norms(signals):
-    """Euclidean norms of rows in float64, without overflow or underflow.
+    """Euclidean norms of rows in float64, without overflow or underflow of squares.
 
     Parameters
     ----------
@@ -137,10 +156,11 @@ def row_norms(signals):
     Returns
     -------
     norms : ndarray of shape (n_signals,)
-        Their norms.
+        Their norms, infinite above the largest number.
     """
     _, norms, units = _scaled(signals.astype(np.float64, copy=False))
-    return norms * units
+    with np.errstate(over="ignore"):
+        return norms * units
 
 
 def rounding_level(dtype):
@@ -150,8 +170,9 @@ def rounding_level(dtype):
 
 def unit_rows(rows):
     """Divide rows by their norms; all-zero rows stay."""
-    norms = row_norms(rows)[:, None]
-    return (rows / np.where(norms > 0, norms, 1)).astype(rows.dtype, copy=False)
+    scaled, norms, _ = _scaled(rows.astype(np.float64, copy=False))
+    norms[norms == 0] = 1
+    return (scaled / norms[:, None]).astype(rows.dtype, copy=False)
 
 
 def _scaled(signals):

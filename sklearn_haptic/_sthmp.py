@@ -156,15 +156,13 @@ def _cell_bounds(n_items, n_cells):
     return list(zip(starts, [*starts[1:], n_items]))
 
 
-def normalise_frames(frames, eps):
-    """Divide each row by its Euclidean norm plus `eps`, in place.
+def normalise_frames(frames):
+    """Divide each row by its Euclidean norm, in place; all-zero rows stay.
 
     Parameters
     ----------
     frames : ndarray of shape (n_times, n_features)
         Rows of any magnitude; overwritten.
-    eps : float
-        Norm below which a row goes to zero.
 
     Returns
     -------
@@ -175,7 +173,7 @@ def normalise_frames(frames, eps):
     --------
     >>> import numpy as np
     >>> from sklearn_haptic._sthmp import normalise_frames
-    >>> normalise_frames(np.array([[3.0, 4.0], [0.0, 0.0]]), eps=1e-16)
+    >>> normalise_frames(np.array([[3.0, 4.0], [0.0, 0.0]]))
     array([[0.6, 0.8],
            [0. , 0. ]])
     """
@@ -183,8 +181,8 @@ def normalise_frames(frames, eps):
     peaks[peaks == 0] = 1
     frames /= peaks[:, np.newaxis]  # so that no square overflows or underflows
     norms = np.sqrt(np.einsum("ij,ij->i", frames, frames))
-    with np.errstate(over="ignore"):
-        frames /= (norms + eps / peaks)[:, np.newaxis]
+    norms[norms == 0] = 1
+    frames /= norms[:, np.newaxis]
     return frames
 
 
@@ -226,9 +224,6 @@ def encode_frames(
     patches = image_patches(images, patch_size, step)
     n_rows, n_columns = patches.shape[1:3]
     n_pixels = atoms.shape[1]
-    # The authors divide codes by the root of n_pixels before they normalise, which
-    # cancels but for the weight of the term that avoids 0 / 0.
-    eps = 2.0**-52 * n_pixels**0.5
     n_chunks = -(-len(trial) * n_rows * n_columns // _CHUNK_SIZE)
     frames = []
     for chunk in np.array_split(patches, min(n_chunks, len(trial))):
@@ -239,7 +234,7 @@ def encode_frames(
         )
         by_time = codes.reshape(n_rows, n_columns, len(chunk), -1).swapaxes(2, 3)
         pooled = spatial_max_pool(np.ascontiguousarray(by_time), spatial_cells)
-        frames.append(normalise_frames(pooled.reshape(-1, len(chunk)).T, eps).T)
+        frames.append(normalise_frames(pooled.reshape(-1, len(chunk)).T).T)
     return np.concatenate(frames, axis=1).T
 
 
@@ -327,7 +322,9 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
 
     A frame without contrast gives exact zeros, whatever rounding the removal of
     means leaves. Any other frame is scaled to norm 1, so faintly touched ones count
-    as much as firmly touched ones.
+    as much as firmly touched ones. Multiplying recordings by a power of two changes
+    no digit of the codes. The authors add 2.2e-16 to each norm, and stop a pursuit at
+    an absolute correlation of 1e-7, so their codes depend on the unit of measurement.
 
     References
     ----------

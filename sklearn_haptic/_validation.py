@@ -121,8 +121,9 @@ def check_trials(X, *, ndims=(2,), n_channels=None, min_times=1):
     Raises
     ------
     ValueError
-        If there is no trial, or one is too short, not finite, not numeric or
-        of another shape than the rest; the message names the trial.
+        If there is no trial, or one is too short, without channels, not finite,
+        not of real numbers or of another shape than the rest; the message names
+        the trial.
     """
     cells = _column_cells(X) if hasattr(X, "to_numpy") else X
     if cells is None:
@@ -284,6 +285,8 @@ def _samples(shape):
 def _check_trial(trial, i, ndims, min_times):
     try:
         trial = np.asarray(trial)
+        if np.iscomplexobj(trial):
+            raise TypeError("complex values have no order")
         if trial.dtype not in (np.float32, np.float64):
             trial = trial.astype(np.float64)
     except (TypeError, ValueError) as error:
@@ -302,6 +305,11 @@ def _check_trial(trial, i, ndims, min_times):
             f"Trial {i} of X has shape {trial.shape}; it must be {wanted}."
         )
     _check_length(i, len(trial), min_times)
+    if trial.size == 0:
+        raise ValueError(
+            f"Trial {i} of X has shape {trial.shape}, which holds no values; give each "
+            "trial one channel or more."
+        )
     if not np.isfinite(trial).all():
         raise ValueError(
             f"Trial {i} of X contains NaN or infinity; impute or remove those samples."

@@ -185,15 +185,10 @@ def test_norms_neither_overflow_nor_underflow(exponent):
     vectors = np.ldexp([[3.0, -4.0], [0.0, 0.0], [-1.0, -1.0]], exponent)
     root = np.sqrt(0.5)
     np.testing.assert_allclose(
-        normalise_frames(vectors, eps=5e-324),
+        normalise_frames(vectors),
         [[0.6, -0.8], [0, 0], [-root, -root]],
         rtol=1e-15,
     )
-
-
-def test_norm_far_below_eps_goes_to_zero():
-    vectors = np.array([[3e-20, 4e-20], [5e-324, 0]])
-    np.testing.assert_allclose(normalise_frames(vectors, 2**-52), 0, atol=1e-3)
 
 
 # The authors' vectors
@@ -289,14 +284,13 @@ def test_constant_training_frames_are_no_obstacle():
     np.testing.assert_array_equal(frames[0], 0)
 
 
-@pytest.mark.parametrize("exponent", [-40, 200, 450])
+@pytest.mark.parametrize("exponent", [-900, -40, 200, 450])
 def test_frame_vectors_do_not_depend_on_scale(exponent):
     trials = electrodes()
     estimator = small().fit(trials)
     scaled = estimator.transform([np.ldexp(trial, exponent) for trial in trials])
     for frames, expected in zip(scaled, estimator.transform(trials)):
-        np.testing.assert_allclose(frames, expected, atol=1e-3 if exponent < 0 else 0)
-        assert np.isfinite(frames).all()
+        np.testing.assert_array_equal(frames, expected)
 
 
 def test_float32_is_kept_and_close():
