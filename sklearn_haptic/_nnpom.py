@@ -22,6 +22,7 @@ from ._proportional_odds import (
     EvenedFeatures,
     NetworkLoss,
     change_weights,
+    feature_means,
     forward,
     initial_params,
     level_probabilities,
@@ -33,6 +34,9 @@ from ._proportional_odds import (
 from ._solvers import Monitor, irprop_plus, lbfgs
 from ._validation import check_ratings
 from .metrics import _macro_mae
+
+# Differences between latent responses and thresholds stay finite.
+_LARGEST_LATENT = 1e300
 
 
 def validation_split(n_trials, groups, fraction, random_state):
@@ -63,9 +67,10 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         log-likelihoods: repeating every observation weakens it. Search it on a
         log scale.
     scale_features : bool, default=True
-        Divide all features by the square root of their total variance, so that the
-        same alpha and the same start values suit any number of features; `coefs_`
-        are for the features as given. False is the paper's.
+        Centre the features and divide all by the square root of their total
+        variance, so that the same alpha and the same start values suit any number
+        of features in any unit; `coefs_` are for the features as given. False is
+        the paper's.
     solver : {"lbfgs", "irprop+"}, default="lbfgs"
         "irprop+" is the paper's. "lbfgs" reaches the same cost in fewer
         iterations; it works on the features' principal directions, as many as the
@@ -327,9 +332,13 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
 
         n_hidden, n_inputs = self.n_hidden, self.n_features_in_
         params = initial_params(n_inputs, n_hidden, level_weight[self._present], rng)
-        spread = 1.0
+        X = np.ascontiguousarray(X)  # the same sums in any layout
+        centre, spread = np.zeros(X.shape[1]), 1.0
         if self.scale_features:
-            spread = total_spread(X, weight.sum(axis=1)) or 1.0
+            trial_weight = weight.sum(axis=1)
+            centre = feature_means(X, trial_weight)
+            X = X - centre
+            spread = total_spread(X, trial_weight) or 1.0
             X = X / spread
         alpha, evened = self.alpha, None
         if self.solver == "lbfgs":
@@ -348,7 +357,14 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
             return weights / spread
 
         def of_features(params):
-            return change_weights(params, to_features, X.shape[1], n_hidden, n_inputs)
+            params = change_weights(params, to_features, X.shape[1], n_hidden, n_inputs)
+            coef, bias, _, first, _ = unpack(params, self.n_features_in_, n_hidden)
+            at_centre = centre @ coef[: len(centre)]
+            if n_hidden:
+                bias -= at_centre
+            else:
+                first += at_centre
+            return params
 
         def validation_error(params):
             X_val, positions_val, level_val, weight_val = validation
@@ -484,8 +500,7 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         return self._forward_with_positions(X, positions)[1]
 
     def _forward_with_positions(self, X, positions):
-        weights = self.coefs_[0], self.intercepts_, self._output
-        return forward(X, np.atleast_2d(positions), *weights)
+        return self._apply(X, np.atleast_2d(positions))
 
     def predict(self, X):
         """Predict the most probable level.
@@ -535,11 +550,21 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
     def _forward(self, X):
         check_is_fitted(self)
         X = validate_data(self, X, dtype=np.float64, reset=False)
-        return forward(X, None, self.coefs_[0], self.intercepts_, self._output)
+        return self._apply(X, None)
 
-    @property
-    def _output(self):
-        return self.coefs_[1] if len(self.coefs_) > 1 else self.intercepts_
+    def _apply(self, X, positions):
+        output = self.coefs_[1] if self.n_hidden else self.intercepts_
+        with np.errstate(over="ignore", invalid="ignore"):
+            latent, hidden = forward(
+                X, positions, self.coefs_[0], self.intercepts_, output
+            )
+        unknown = np.isnan(latent).any(axis=1)
+        if unknown.any():
+            raise ValueError(
+                f"The features of trial {np.argmax(unknown)} of X are too large for "
+                "this network; give them in the unit that it was fitted to."
+            )
+        return np.clip(latent, -_LARGEST_LATENT, _LARGEST_LATENT), hidden
 
     def _proba(self, latent):
         present = level_probabilities(latent, self._present_thresholds)

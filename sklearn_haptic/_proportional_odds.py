@@ -232,7 +232,7 @@ class NetworkLoss:
         layer, work = self.buffers
         shared = self.X @ coef[: self.X.shape[1]]
         if self.n_hidden:
-            layer = self._activate(shared + bias, coef[-1])
+            layer = self._activate(shared + bias, coef)
             latent = layer @ output
         elif self.positions is None:
             latent = shared
@@ -268,7 +268,7 @@ class NetworkLoss:
         grad /= self.total
         return loss / self.total, grad
 
-    def _activate(self, shared, position_coef):
+    def _activate(self, shared, coef):
         """Activations of the hidden units, in the first of the buffers."""
         layer, work = self.buffers
         if self.positions is None:
@@ -280,7 +280,7 @@ class NetworkLoss:
         def of_positions(values):
             return np.take(values, self.which, axis=0, out=work, mode="clip")
 
-        np.multiply.outer(self.distinct, position_coef, out=self.moved)
+        np.multiply.outer(self.distinct, coef[-1], out=self.moved)
         return sigmoid_of_sums(shared, self.moved, of_trials, of_positions, out=layer)
 
 
@@ -294,23 +294,36 @@ def initial_params(n_inputs, n_hidden, level_weight, random_state):
     if n_hidden:
         n_params = n_inputs * n_hidden + 2 * n_hidden + 1 + n_gaps
         return random_state.uniform(-0.5, 0.5, n_params)
-    below = np.cumsum(level_weight)[:-1] / np.sum(level_weight)
-    thresholds = np.log(below) - np.log1p(-below)
-    gap_logits = np.log(np.expm1(np.diff(thresholds)))
-    return np.concatenate((np.zeros(n_inputs), thresholds[:1], gap_logits))
+    below = np.log(np.cumsum(level_weight))  # of this level and all below
+    above = np.log(np.cumsum(level_weight[::-1])[::-1])
+    first = below[:1] - above[1:2]
+    # exp(gap) - 1 of logit(a + share) - logit(a) is share / (a * (1 - a - share)).
+    gap_logits = np.log(level_weight[1:-1]) + below[-1] - below[:-2] - above[2:]
+    return np.concatenate((np.zeros(n_inputs), first, gap_logits))
+
+
+def feature_means(X, weight):
+    """Means over trials of given weights; of constant features exactly the constant."""
+    return X[0] + weight / weight.sum() @ (X - X[0])
 
 
 def total_spread(X, weight):
     """Square root of the features' total variance, over trials of given weights."""
     unit = _magnitude(X)
     X = X / unit
-    X -= weight @ X / weight.sum()
+    X -= feature_means(X, weight)
     return unit * np.sqrt(weight @ np.einsum("ij,ij->i", X, X) / weight.sum())
 
 
 def _magnitude(X):
     """Power of two that brings X, and squares of it, into range; changes no digit."""
-    return np.ldexp(1.0, np.frexp(np.abs(X).max(initial=0))[1])
+    largest = np.abs(X).max(initial=0)
+    if 0 < largest < np.finfo(np.float64).tiny:
+        raise ValueError(
+            f"X varies by no more than {largest:.0e}, so that weights would overflow; "
+            "give its features in a smaller unit."
+        )
+    return np.ldexp(1.0, np.frexp(largest)[1] - 1)
 
 
 class EvenedFeatures:

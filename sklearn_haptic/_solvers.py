@@ -39,7 +39,7 @@ def irprop_plus(fun, x0, *, max_iter, tol, callback):
         cost, grad = fun(x)
         if np.max(np.abs(grad)) <= tol:
             return x, iteration, True
-        agreement = previous_grad * grad
+        agreement = np.sign(previous_grad) * np.sign(grad)
         size[agreement > 0] *= _GROW
         size[agreement < 0] *= _SHRINK
         np.minimum(size, _LARGEST_STEP, out=size)

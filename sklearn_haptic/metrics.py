@@ -335,7 +335,7 @@ def pit_histogram(y_true, y_proba, n_bins=10, *, sample_weight=None, levels=None
     below = np.empty((len(counts), n_bins + 1))  # CDF of the PIT at the bins' edges
     for j in range(1, n_bins):
         u = j / n_bins
-        share = np.clip((u - lower) / np.where(point, 1, width), 0, 1)
+        share = np.clip(u - lower, 0, width) / np.where(point, 1, width)
         below[:, j] = (proportions * np.where(point, u > lower, share)).sum(axis=1)
     below[:, 0], below[:, -1] = 0, 1
     return n_bins * np.diff(_mean(below, sample_weight))

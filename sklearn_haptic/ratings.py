@@ -254,7 +254,7 @@ def adjective_correlation(ratings):
     )
     if names is None:
         names = [f"x{i}" for i in range(ratings.shape[1])]
-    constant = np.ptp(ratings, axis=0) == 0
+    constant = (ratings == ratings[0]).all(axis=0)
     if constant.any():
         raise ValueError(
             f"All ratings of {names[np.argmax(constant)]!r} are equal, so they have no "

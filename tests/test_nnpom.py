@@ -192,12 +192,12 @@ def test_features_that_are_principal_axes_already():
 @pytest.mark.parametrize("n_hidden", [0, 3])
 @pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
 def test_scaled_features_have_a_total_variance_of_one(n_hidden, solver):
-    """The same as fitting features that were scaled beforehand, weights included."""
+    """The same as fitting features scaled beforehand, weights included."""
     rng = np.random.default_rng(2)
     X, y = 5 + 7 * rng.normal(size=(30, 4)), rng.integers(0, 4, 30)
     weight = rng.integers(0, 3, 30)
     repeated = np.repeat(X, weight, axis=0)
-    scaled = X / np.sqrt(repeated.var(axis=0).sum())
+    scaled = (X - repeated.mean(axis=0)) / np.sqrt(repeated.var(axis=0).sum())
     model = NNPOM(n_hidden, solver=solver, max_iter=50, random_state=0)
     with ignore_warnings(category=ConvergenceWarning):
         ours = clone(model).fit(X, y, weight)
