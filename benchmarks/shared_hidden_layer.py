@@ -1,9 +1,11 @@
 """Does learning all adjectives together help? One shared hidden layer or none.
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \
-        SKLEARN_HAPTIC_SHARED=FOLDER python benchmarks/shared_hidden_layer.py
+        SKLEARN_HAPTIC_SHARED=FOLDER python benchmarks/shared_hidden_layer.py \
+        [--seed SEED] [--quick]
 
-FOLDER holds ``data/phac2_static/``; without it only the synthetic corpus is used.
+FOLDER holds ``data/phac2_static/``; without it only the synthetic corpus is used. The
+seed is that of the corpus and of all folds; --quick leaves out separate networks.
 The joint network has one hidden layer, whose inputs are the features of a touch and
 the position p of a rater in the population; each adjective has output weights and
 thresholds of its own. It is fitted to the observations of all adjectives at once.
@@ -17,6 +19,7 @@ training objects. Units and alpha say how often each was chosen. Seconds are of
 processor time, medians over folds: of search and fit, and of the fit alone.
 """
 
+import argparse
 import os
 import time
 import warnings
@@ -36,6 +39,7 @@ from sklearn.decomposition import PCA
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import scale
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, make_haptic_pipeline
 from sklearn_haptic._positions import population_quadrature, training_observations
@@ -136,8 +140,9 @@ class SharedLoss:
 class SharedNetwork:
     """The joint network, with everything else as in `DistributionalOrdinalRegressor`.
 
-    Fitted to a list of rating counts, an array of shape (n_trials, n_levels) for each
-    adjective, it predicts a list of probabilities.
+    Features are centred, as all here are. Fitted to a list of rating counts, an array
+    of shape (n_trials, n_levels) for each adjective, it predicts a list of
+    probabilities.
     """
 
     def __init__(self, n_hidden, alpha):
@@ -196,28 +201,6 @@ class SharedNetwork:
         return proba
 
 
-def check_loss():
-    """Compare with `NetworkLoss` for one adjective, with differences for several."""
-    rng = np.random.RandomState(0)
-    X, n_hidden = rng.normal(size=(8, 3)), 4
-    alpha = rng.uniform(size=5)
-    observations = []
-    for n_levels in (5, 2, 3):
-        counts = rng.randint(1, 5, size=(8, n_levels)).astype(float)
-        positions, *others = training_observations(counts, 6, "level", None, rng)
-        observations.append((logit(positions), *others))
-    loss = SharedLoss(X, observations, n_hidden, alpha)
-    params = rng.normal(size=5 * n_hidden + 3 * n_hidden + 4 + 1 + 2)
-    numeric = approx_fprime(params, lambda params: loss(params)[0], 1e-7)
-    np.testing.assert_allclose(loss(params)[1], numeric, atol=1e-6)
-
-    single = SharedLoss(X, observations[:1], n_hidden, alpha)
-    network = NetworkLoss(X, *observations[0], n_hidden, alpha)
-    params = rng.normal(size=6 * n_hidden + 4)
-    for ours, theirs in zip(single(params), network(params)):
-        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-14)
-
-
 # ----------------------------------------------------------------------------------
 # Its rivals, and the choice of settings
 
@@ -244,6 +227,27 @@ class Separate:
         return [model.predict_proba(X) for model in self.models_]
 
 
+def check():
+    """The gradient is exact, and of one adjective the network is `NNPOM`."""
+    rng = np.random.RandomState(0)
+    X, n_hidden = scale(rng.normal(size=(8, 3))), 4
+    ratings = [rng.randint(1, 5, (8, n_levels)).astype(float) for n_levels in (5, 2, 3)]
+    observations = []
+    for counts in ratings:
+        positions, *others = training_observations(counts, 6, "level", None, rng)
+        observations.append((logit(positions), *others))
+    loss = SharedLoss(X, observations, n_hidden, rng.uniform(size=5))
+    params = rng.normal(size=5 * n_hidden + 3 * n_hidden + 4 + 1 + 2)
+    numeric = approx_fprime(params, lambda params: loss(params)[0], 1e-7)
+    np.testing.assert_allclose(loss(params)[1], numeric, atol=1e-6)
+
+    shared, single = (
+        model(n_hidden, 1.0).fit(X, ratings[:1]).predict_proba(X)[0]
+        for model in (SharedNetwork, Separate)
+    )
+    np.testing.assert_allclose(shared, single, atol=1e-8)
+
+
 LINEAR = [(0, alpha) for alpha in (1.0, *ALPHAS)]
 NETWORKS = [(n_hidden, alpha) for n_hidden in HIDDEN for alpha in ALPHAS]
 JOINT = "joint network"
@@ -261,8 +265,8 @@ def timed(function, *arguments):
     return result, time.process_time() - start
 
 
-def split(n_splits, groups):
-    folds = GroupKFold(n_splits, shuffle=True, random_state=0)
+def split(n_splits, groups, seed):
+    folds = GroupKFold(n_splits, shuffle=True, random_state=seed)
     return folds.split(groups, groups=groups)
 
 
@@ -270,10 +274,10 @@ def of_rows(ratings, rows):
     return [counts[rows] for counts in ratings]
 
 
-def inner_rps(model, settings, X, ratings, groups):
+def inner_rps(model, settings, X, ratings, groups, seed):
     """RPS of each setting and adjective on held-out groups."""
     rps = np.zeros((len(settings), len(ratings)))
-    for train, held_out in split(3, groups):
+    for train, held_out in split(3, groups, seed):
         known, unknown = of_rows(ratings, train), of_rows(ratings, held_out)
         for i, setting in enumerate(settings):
             proba = model(*setting).fit(X[train], known).predict_proba(X[held_out])
@@ -300,8 +304,8 @@ class Data(NamedTuple):
     features: object  # transformer, to be fitted to training trials
 
 
-def synthetic():
-    corpus = make_haptic_corpus(60, 10, procedure="slow_slide", random_state=0)
+def synthetic(seed):
+    corpus = make_haptic_corpus(60, 10, procedure="slow_slide", random_state=seed)
     features = make_pipeline(make_haptic_pipeline(random_state=0)[:-1], PCA())
     title = "Synthetic corpus, 600 slow slides of 60 objects, ten adjectives"
     return Data(title, corpus.trials, corpus.ratings, corpus.objects, features)
@@ -309,7 +313,7 @@ def synthetic():
 
 def real(folder):
     """Adjectives that enough objects have, yes or no, and votes from 0 to 5."""
-    X, hardness, objects, scale, _ = phac2(folder)
+    X, hardness, objects, standardise, _ = phac2(folder)
     stored = np.load(folder / "phac2_static" / "phac2_static.npz")
     has = dict(zip(stored["adjectives"].tolist(), stored["Y_binary"].T.astype(int)))
     binary = {
@@ -320,7 +324,7 @@ def real(folder):
     roughness = sum(has[name] for name in ("rough", "scratchy", "textured", "bumpy"))
     roughness += 1 - has["smooth"]
     votes = {"hardness": np.eye(6)[hardness], "roughness": np.eye(6)[roughness]}
-    features = make_pipeline(scale, PCA())
+    features = make_pipeline(standardise, PCA())
     for title, ratings in [
         (f"PHAC-2, {len(binary)} adjectives, yes or no", binary),
         ("PHAC-2, hardness and roughness votes from 0 to 5", votes),
@@ -341,21 +345,21 @@ def score(ratings, proba):
     return np.transpose(scores, (2, 0, 1))
 
 
-def evaluate(data):
+def evaluate(data, rivals, seed):
     """Scores of each model, settings chosen, and seconds of search and fit."""
     ratings = list(data.ratings.values())
     shape = len(data.trials), len(ratings), len(SCORES)
     scores, chosen, seconds = {}, defaultdict(list), defaultdict(list)
-    for train, test in split(5, data.objects):
+    for train, test in split(5, data.objects, seed):
         features = clone(data.features).fit(data.trials.iloc[train])
         A, B = (
             features.transform(data.trials.iloc[rows]).astype(np.float64)
             for rows in (train, test)
         )
         known, unknown = of_rows(ratings, train), of_rows(ratings, test)
-        for model, settings, names in RIVALS:
+        for model, settings, names in rivals:
             rps, search = timed(
-                inner_rps, model, settings, A, known, data.objects[train]
+                inner_rps, model, settings, A, known, data.objects[train], seed
             )
             for name, own in names.items():
                 setting = best_setting(settings, rps, own)
@@ -401,13 +405,18 @@ def describe(values):
 
 
 def main():
-    check_loss()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--quick", action="store_true")
+    arguments = parser.parse_args()
+    check()
     warnings.simplefilter("ignore", ConvergenceWarning)
-    data = [synthetic()]
+    rivals = [RIVALS[0], RIVALS[-1]] if arguments.quick else RIVALS
+    data = [synthetic(arguments.seed)]
     if "SKLEARN_HAPTIC_SHARED" in os.environ:
         data += real(Path(os.environ["SKLEARN_HAPTIC_SHARED"]) / "data")
     for item in data:
-        report(item, *evaluate(item))
+        report(item, *evaluate(item, rivals, arguments.seed))
 
 
 if __name__ == "__main__":
