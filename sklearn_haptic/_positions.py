@@ -52,9 +52,9 @@ def training_observations(counts, n_duplicates, sampling, balance, random_state)
         weight = np.ones_like(positions)
     if balance == "macro":
         total = np.stack([(weight * (level == k)).sum(1) for k in range(n_levels)], 1)
-        share = n_duplicates / (total > 0).sum(axis=1, keepdims=True)
-        factor = np.divide(share, total, out=np.zeros_like(total), where=total > 0)
-        weight = weight * np.take_along_axis(factor, level, axis=1)
+        total, n_used = np.take_along_axis(total, level, axis=1), (total > 0).sum(1)
+        weight = np.divide(weight, total, out=np.zeros_like(weight), where=total > 0)
+        weight *= n_duplicates / n_used[:, None]
     return positions, level, weight
 
 

@@ -294,11 +294,12 @@ def initial_params(n_inputs, n_hidden, level_weight, random_state):
     if n_hidden:
         n_params = n_inputs * n_hidden + 2 * n_hidden + 1 + n_gaps
         return random_state.uniform(-0.5, 0.5, n_params)
-    below = np.log(np.cumsum(level_weight))  # of this level and all below
-    above = np.log(np.cumsum(level_weight[::-1])[::-1])
+    share = np.maximum(level_weight / np.sum(level_weight), np.finfo(np.float64).tiny)
+    below = np.log(np.cumsum(share))  # of this level and all before
+    above = np.log(np.cumsum(share[::-1])[::-1])
     first = below[:1] - above[1:2]
-    # exp(gap) - 1 of logit(a + share) - logit(a) is share / (a * (1 - a - share)).
-    gap_logits = np.log(level_weight[1:-1]) + below[-1] - below[:-2] - above[2:]
+    # With q = p + share, exp(logit(q) - logit(p)) - 1 = share / (p (1 - q)).
+    gap_logits = np.log(share[1:-1]) - below[:-2] - above[2:]
     return np.concatenate((np.zeros(n_inputs), first, gap_logits))
 
 

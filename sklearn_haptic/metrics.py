@@ -393,7 +393,6 @@ def dispersion(y_true, y_proba, *, sample_weight=None, levels=None):
     0.5
     """
     counts, proba = _check_distributions(y_true, y_proba, levels)
-    proba = _proportions(proba)
     steps = np.arange(proba.shape[1])
     squares = (steps - (proba @ steps)[:, None]) ** 2
     spread = _mean((proba * squares).sum(axis=1), sample_weight)
@@ -485,7 +484,7 @@ def neg_macro_mae_scorer(estimator, X, y, sample_weight=None):
 
 
 def _check_distributions(y_true, y_proba, levels):
-    """Validate ratings and predictions; return counts and probabilities."""
+    """Validate ratings and predictions; return counts and what sums to 1."""
     proba = check_array(y_proba, dtype=np.float64, input_name="y_proba")
     bad = (proba < 0).any(axis=1) | (np.abs(proba.sum(axis=1) - 1) > 1e-6)
     if bad.any():
@@ -505,7 +504,7 @@ def _check_distributions(y_true, y_proba, levels):
             f"y_true has {len(counts)} trials, but y_proba has {len(proba)}; give one "
             "row a trial in both."
         )
-    return counts, proba
+    return counts, _proportions(proba)
 
 
 def _proportions(counts):

@@ -283,6 +283,7 @@ def _level_index(counts, p):
         Index of the level, from 0.
     """
     below = np.cumsum(counts, axis=1, dtype=np.float64)
+    below = np.ldexp(below, -np.frexp(below[:, -1:])[1])  # totals in [1/2, 1)
     # A rank lowered by less than any real difference between ranks, yet by more
     # than the rounding of p, of p * N and of the sum; above 0, so that levels
     # below the lowest one used are passed over.

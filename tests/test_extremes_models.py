@@ -1,0 +1,743 @@
+"""Models, metrics and ratings at the extremes of their input.
+
+Judged by arithmetic of hundreds of digits or of exact fractions, by models whose
+distributions are known, and by inputs that differ in nothing that matters.
+"""
+
+from fractions import Fraction
+from itertools import accumulate, pairwise
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import logit
+from sklearn.base import clone
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.linear_model import LogisticRegression
+from sklearn.utils._testing import ignore_warnings
+
+import sklearn_haptic._nnpom
+from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, DummyDistribution
+from sklearn_haptic._positions import share_below, training_observations
+from sklearn_haptic._proportional_odds import (
+    NetworkLoss,
+    initial_params,
+    level_probabilities,
+    sigmoid_of_sums,
+    softplus,
+    thresholds_from,
+    unpack,
+)
+from sklearn_haptic._solvers import irprop_plus
+from sklearn_haptic.metrics import (
+    dispersion,
+    earth_movers_distance,
+    log_score,
+    macro_mae_per_trial,
+    pit_histogram,
+    ranked_probability_score,
+)
+from sklearn_haptic.ratings import (
+    _level_index,
+    adjective_correlation,
+    interrater_agreement,
+    inverse_cdf,
+)
+
+EPS = np.finfo(np.float64).eps
+TINY = np.finfo(np.float64).smallest_subnormal
+NETWORKS = [
+    pytest.param(
+        NNPOM(n_hidden, solver=solver, random_state=0), id=f"{solver}{n_hidden}"
+    )
+    for n_hidden in (0, 3)
+    for solver in ("lbfgs", "irprop+")
+]
+fit_quietly = ignore_warnings(category=ConvergenceWarning)
+
+
+def examples(n):
+    return settings(
+        max_examples=n, derandomize=True, deadline=None, database=None, print_blob=False
+    )
+
+
+def touches(n_trials=30, n_features=4, seed=0):
+    """Features, and the counts of five levels, every level used."""
+    rng = np.random.default_rng(seed)
+    counts = rng.integers(0, 5, (n_trials, 5))
+    counts[:, 2] += 1
+    return rng.normal(size=(n_trials, n_features)), counts
+
+
+def assert_distributions(proba):
+    assert np.isfinite(proba).all() and (proba >= 0).all()
+    assert np.abs(proba.sum(axis=-1) - 1).max() <= 4 * EPS
+
+
+# The network's cost and gradient
+
+
+def exact_cost(params, X, positions, level, weight, n_hidden, alpha):
+    """The cost by its definition, with differences of cumulative probabilities."""
+    n_inputs = X.shape[1] + (positions is not None)
+    coef, bias, output, first, gap_logits = unpack(
+        np.array(params, dtype=object), n_inputs, n_hidden
+    )
+    gaps = [mpmath.log(1 + mpmath.exp(gap)) for gap in gap_logits]
+    cuts = [-mpmath.inf, *accumulate([first[0], *gaps]), mpmath.inf]
+
+    def sigmoid(z):
+        return 1 / (1 + mpmath.exp(-z))
+
+    total = mpmath.mpf(alpha) / 2 * (np.sum(coef**2) + np.sum(output**2))
+    for i, j in np.ndindex(weight.shape):
+        inputs = np.append(X[i], [] if positions is None else positions[i, j])
+        latent = np.array([mpmath.mpf(x) for x in inputs]) @ coef
+        if n_hidden:
+            latent = np.array([sigmoid(z) for z in latent + bias]) @ output
+        proba = sigmoid(cuts[level[i, j] + 1] - latent)
+        proba -= sigmoid(cuts[level[i, j]] - latent)
+        total -= mpmath.mpf(weight[i, j]) * mpmath.log(proba)
+    return total / mpmath.fsum(map(mpmath.mpf, weight.ravel()))
+
+
+def exact_cost_and_gradient(params, *data):
+    """Central differences of a step of 1e-30 leave sixty digits of the gradient."""
+    with mpmath.workdps(700):
+        params, step = [mpmath.mpf(x) for x in params], mpmath.mpf(10) ** -30
+        grad = []
+        for i in range(len(params)):
+            up, down = list(params), list(params)
+            up[i] += step
+            down[i] -= step
+            grad.append((exact_cost(up, *data) - exact_cost(down, *data)) / (2 * step))
+        return float(exact_cost(params, *data)), np.array(grad, dtype=np.float64)
+
+
+@pytest.mark.parametrize("n_hidden", [0, 2])
+@pytest.mark.parametrize("shared", [False, True], ids=["rows", "positions"])
+@examples(8)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    size=st.sampled_from([0.01, 1.0, 10.0, 100.0]),
+    weight_digits=st.integers(0, 12),
+)
+def test_cost_and_gradient_where_units_saturate(
+    n_hidden, shared, seed, size, weight_digits
+):
+    rng = np.random.default_rng(seed)
+    X, level = rng.normal(size=(2, 2)), rng.integers(0, 4, (2, 2))
+    positions = rng.normal(size=(2, 2)) if shared else None
+    weight = 10 ** rng.uniform(-weight_digits, weight_digits, (2, 2))
+    n_params = (2 + shared) * max(n_hidden, 1) + 2 * n_hidden + 3
+    params = size * rng.uniform(-1, 1, n_params)
+    data = X, positions, level, weight, n_hidden, 0.7
+    cost, grad = NetworkLoss(*data)(params)
+    exact, exact_grad = exact_cost_and_gradient(params, *data)
+    assert cost == pytest.approx(exact, rel=1e-14)
+    atol = 1e-13 * max(1, np.abs(exact_grad).max())
+    np.testing.assert_allclose(grad, exact_grad, rtol=0, atol=atol)
+
+
+@examples(30)
+@given(
+    latent=st.floats(-1e3, 1e3),
+    first=st.floats(-1e3, 1e3),
+    gap_logits=st.lists(st.floats(-700, 1e3), max_size=18),
+)
+def test_probabilities_of_two_to_twenty_levels(latent, first, gap_logits):
+    thresholds = thresholds_from(first, np.array(gap_logits))
+    proba = level_probabilities(np.array([latent]), thresholds)
+    assert_distributions(proba)
+    with mpmath.workdps(1000):
+        below = [1 / (1 + mpmath.exp(mpmath.mpf(latent) - b)) for b in thresholds]
+        exact = np.diff([mpmath.mpf(0), *below, mpmath.mpf(1)]).astype(np.float64)
+    largest = max(1, abs(latent), np.abs(thresholds).max())
+    np.testing.assert_allclose(proba[0], exact, rtol=8 * EPS * largest, atol=1e-300)
+
+
+@pytest.mark.parametrize("latent", [-1e300, -1e4, TINY, 1e4, 1e300])
+def test_probabilities_of_latent_responses_beyond_all_thresholds(latent):
+    proba = level_probabilities(np.array([latent]), np.array([-3.0, 0.0, 3.0]))
+    assert_distributions(proba)
+    if abs(latent) > 1:
+        assert proba[0, -1 if latent > 0 else 0] == 1
+
+
+def test_softplus_and_sigmoids_at_the_ends_of_the_numbers():
+    x = np.array([-np.inf, -1e308, -750.0, -TINY, TINY, 750.0, 1e308, np.inf])
+    expected = [0, 0, np.exp(-750), np.log(2), np.log(2), 750, 1e308, np.inf]
+    np.testing.assert_allclose(softplus(x), expected, rtol=1e-15)
+    a, b = np.array([[-1e308], [1e308]]), np.array([[-1e308, 0.0, 9e307]])
+    with np.errstate(over="ignore"):
+        sigmoid = sigmoid_of_sums(a, b)
+    np.testing.assert_array_equal(sigmoid, [[0, 0, 0], [0.5, 1, 1]])
+
+
+@examples(50)
+@given(
+    st.lists(
+        st.floats(1e-100, 1e100) | st.sampled_from([1.0, 1e12, 1e17]),
+        min_size=2,
+        max_size=20,
+    )
+)
+def test_linear_start_has_the_frequencies_of_the_levels(weight):
+    """To full precision, where one rating stands among 1e200."""
+    params = initial_params(1, 0, np.array(weight), None)
+    with mpmath.workdps(300):
+        cuts = [mpmath.mpf(params[1])]
+        for gap in params[2:]:
+            cuts.append(cuts[-1] + mpmath.log1p(mpmath.exp(mpmath.mpf(gap))))
+        below = [mpmath.mpf(0), *(1 / (1 + mpmath.exp(-cut)) for cut in cuts), 1]
+        total = mpmath.fsum(weight)
+        for (start, end), w in zip(pairwise(below), weight):
+            assert abs((end - start) * total / w - 1) < 1e-9
+
+
+# Fits whose result is known
+
+
+@pytest.mark.parametrize("model", NETWORKS)
+@pytest.mark.parametrize(
+    ("value", "scale_features"),
+    [(0.0, True), (0.1, True), (-1e12, True), (1e-150, True), (0.0, False)],
+)
+def test_constant_features_predict_the_frequencies(model, value, scale_features):
+    _, counts = touches()
+    X = np.full((30, 3), value)
+    model = clone(model).set_params(scale_features=scale_features, tol=1e-7)
+    proba = fit_quietly(model.fit)(X, counts).predict_proba(X)
+    assert_distributions(proba)
+    frequencies = counts.sum(axis=0) / counts.sum()
+    np.testing.assert_allclose(proba[0], frequencies, atol=1e-5)
+    assert max(np.abs(coef).max() for coef in model.coefs_) < 0.1
+
+
+@pytest.mark.parametrize("model", NETWORKS)
+def test_one_trial_predicts_its_own_frequencies(model):
+    X, counts = touches(1)
+    model = clone(model).set_params(tol=1e-7)
+    proba = fit_quietly(model.fit)(X, counts).predict_proba(X)
+    np.testing.assert_allclose(proba, counts / counts.sum(), atol=1e-5)
+    certain = model.fit(X, [3]).predict_proba(X)
+    assert certain.tolist() == [[1.0]] and model.predict(X).tolist() == [3]
+
+
+@pytest.mark.parametrize("model", NETWORKS)
+def test_separable_trials_without_a_penalty(model):
+    X = np.arange(60.0)[:, None]
+    y = np.arange(60) // 3  # twenty levels
+    model = clone(model).set_params(alpha=0, max_iter=200)
+    proba = fit_quietly(model.fit)(X, y).predict_proba(X)
+    assert_distributions(proba)
+    assert np.isfinite(model.loss_) and np.isfinite(model.thresholds_).all()
+    two = clone(model).set_params(tol=0)  # as far as rounding lets it go
+    halves = X[:, 0] >= 30
+    proba = fit_quietly(two.fit)(X, halves).predict_proba(X)
+    assert_distributions(proba)
+    assert (two.predict(X) == halves).all()
+    assert proba[[0, -1], [0, 1]].min() > 0.999
+
+
+@pytest.mark.parametrize("model", NETWORKS)
+@pytest.mark.parametrize("unused", [[0], [2], [4], [0, 1, 3]])
+def test_levels_never_used(model, unused):
+    """First, inner and last ones: as if they did not exist, to the last digit."""
+    X, counts = touches()
+    used = np.setdiff1d(np.arange(5), unused)
+    counts[:, unused] = 0
+    proba = fit_quietly(clone(model).fit)(X, counts).predict_proba(X)
+    without = fit_quietly(clone(model).fit)(X, counts[:, used]).predict_proba(X)
+    np.testing.assert_array_equal(proba[:, used], without)
+    assert (proba[:, unused] == 0).all()
+
+
+@pytest.mark.parametrize("model", NETWORKS)
+def test_raters_who_agree_are_one_rater(model):
+    """As many unanimous raters as the penalty grows: 1, 16 and 16384."""
+    X, counts = touches()
+    y = counts.argmax(axis=1) + 1
+    proba = [fit_quietly(clone(model).fit)(X, y).predict_proba(X)]
+    for n_raters in (1, 16, 16384):
+        unanimous = n_raters * np.eye(5)[y - 1]
+        crowd = clone(model).set_params(alpha=model.alpha * n_raters)
+        proba.append(fit_quietly(crowd.fit)(X, unanimous).predict_proba(X))
+    assert_distributions(np.array(proba))
+    for other in proba[1:]:
+        np.testing.assert_allclose(other, proba[0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("model", NETWORKS)
+@pytest.mark.parametrize("exponent", [-500, -40, 40, 500])
+def test_powers_of_two_in_features_and_weights_change_no_digit(model, exponent):
+    X, counts = touches()
+    factor = 2.0**exponent
+    expected = fit_quietly(clone(model).fit)(X, counts).predict_proba(X)
+    scaled = fit_quietly(clone(model).fit)(X * factor, counts)
+    np.testing.assert_array_equal(scaled.predict_proba(X * factor), expected)
+    weighted = clone(model).set_params(alpha=model.alpha * factor)
+    fit_quietly(weighted.fit)(X, counts, sample_weight=np.full(len(X), factor))
+    np.testing.assert_array_equal(weighted.predict_proba(X), expected)
+
+
+@pytest.mark.parametrize("model", NETWORKS)
+@pytest.mark.parametrize("offset", [2.0**14, 2.0**26])
+def test_features_far_from_zero(model, offset):
+    """Rounding of the weighted sums is all that is left of the offset."""
+    X, counts = touches()
+    X = np.round(X * 2**20) / 2**20
+    expected = fit_quietly(clone(model).fit)(X, counts).predict_proba(X)
+    shifted = fit_quietly(clone(model).fit)(X + offset, counts)
+    np.testing.assert_allclose(
+        shifted.predict_proba(X + offset), expected, rtol=16 * EPS * offset
+    )
+
+
+@pytest.mark.parametrize("model", NETWORKS)
+def test_a_large_constant_beside_a_feature(model):
+    X, counts = touches()
+    padded = np.column_stack((np.full(30, 1e12), X, np.zeros(30)))
+    model = clone(model).set_params(n_hidden=0, tol=1e-8)
+    expected = fit_quietly(model.fit)(X, counts).predict_proba(X)
+    proba = fit_quietly(clone(model).fit)(padded, counts).predict_proba(padded)
+    np.testing.assert_allclose(proba, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("model", NETWORKS)
+def test_weights_of_zero_and_of_a_million_million(model):
+    X, counts = touches()
+    heavy = np.arange(30) % 3 == 0
+    weight = np.where(heavy, 1e12, 0.0)
+    model = clone(model).set_params(alpha=1e12, tol=1e-7)
+    removed = fit_quietly(clone(model).fit)(X[heavy], counts[heavy], weight[heavy])
+    zero = fit_quietly(clone(model).fit)(X, counts, weight)
+    np.testing.assert_array_equal(zero.predict_proba(X), removed.predict_proba(X))
+    light = fit_quietly(clone(model).fit)(X, counts, np.maximum(weight, 1.0))
+    assert_distributions(light.predict_proba(X))
+    if model.n_hidden == 0:
+        np.testing.assert_allclose(
+            light.predict_proba(X), removed.predict_proba(X), atol=1e-5
+        )
+
+
+@pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
+def test_start_values_a_hundred_times_as_large(solver, monkeypatch):
+    X, counts = touches()
+
+    def large(*args):
+        return 100 * initial_params(*args)
+
+    monkeypatch.setattr(sklearn_haptic._nnpom, "initial_params", large)
+    model = NNPOM(3, solver=solver, random_state=0)
+    proba = fit_quietly(model.fit)(X, counts).predict_proba(X)
+    assert_distributions(proba)
+    assert model.loss_ < model.loss_curve_[0]
+
+
+@pytest.mark.parametrize("size", [1e-250, 1.0, 1e250])
+def test_irprop_minds_the_sign_of_the_gradient_alone(size):
+    def fun(x):
+        return size * np.sum((x - 3) ** 2), 2 * size * (x - 3)
+
+    x, n_iter, _ = irprop_plus(
+        fun, np.zeros(2), max_iter=80, tol=0, callback=lambda x, cost: False
+    )
+    np.testing.assert_allclose(x, 3, atol=1e-6)
+    assert n_iter == 80
+
+
+@pytest.mark.parametrize("n_hidden", [0, 3])
+@pytest.mark.parametrize(
+    "layout", [np.asfortranarray, lambda X: X.repeat(2, 1)[:, ::2]]
+)
+def test_layout_of_the_features_changes_no_digit(n_hidden, layout):
+    X, counts = touches()
+    model = NNPOM(n_hidden, random_state=0)
+    fits = [clone(model).fit(features, counts) for features in (X, layout(X))]
+    np.testing.assert_array_equal(*(each.predict_proba(X) for each in fits))
+
+
+@pytest.mark.parametrize("n_hidden", [0, 3])
+def test_order_of_trials(n_hidden):
+    """Sums in another order: the last digits of the cost, then those of the model."""
+    X, counts = touches()
+    order = np.random.default_rng(1).permutation(len(X))
+    params = np.random.default_rng(2).normal(
+        size=4 * max(n_hidden, 1) + 2 * n_hidden + 4
+    )
+    level = np.arange(5)[None]
+    (cost, grad), (other_cost, other_grad) = (
+        NetworkLoss(X[rows], None, level, counts[rows].astype(float), n_hidden, 1.0)(
+            params
+        )
+        for rows in (np.arange(30), order)
+    )
+    assert cost == pytest.approx(other_cost, rel=1e-14)
+    np.testing.assert_allclose(grad, other_grad, atol=1e-14)
+    for base in (
+        NNPOM(n_hidden, alpha=3, tol=1e-9, random_state=0),
+        DistributionalOrdinalRegressor(
+            NNPOM(n_hidden, alpha=3, tol=1e-9), random_state=0
+        ),
+    ):
+        proba = clone(base).fit(X, counts).predict_proba(X)
+        again = clone(base).fit(X, counts).predict_proba(X)
+        permuted = clone(base).fit(X[order], counts[order]).predict_proba(X)
+        np.testing.assert_array_equal(again, proba)
+        np.testing.assert_allclose(permuted, proba, atol=1e-6)
+
+
+@pytest.mark.parametrize("n_hidden", [0, 3])
+@pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
+def test_subnormal_features_are_refused(n_hidden, solver):
+    X, counts = touches()
+    with pytest.raises(ValueError, match="smaller unit"):
+        NNPOM(n_hidden, solver=solver).fit(X * 1e-310, counts)
+
+
+def test_prediction_far_from_the_training_features():
+    """Certain where the sign of an infinite response is, else refused."""
+    X, counts = touches()
+    model = DistributionalOrdinalRegressor(NNPOM(0)).fit(X * 1e-150, counts)
+    coef = model.estimator_.coefs_[0][:-1]
+    away = 1e250 * np.sign(coef)
+    for decode in ("mixture", "quantile"):
+        model.set_params(decode=decode)
+        proba = model.predict_proba([away, -away])
+        certain = [[0, 0, 0, 0, 1], [1, 0, 0, 0, 0]]
+        np.testing.assert_allclose(proba, certain, atol=1e-300)
+    with pytest.raises(ValueError, match="trial 1 of X are too large"):
+        model.predict_proba([away, away * [1, -1, 1, -1]])
+    network = NNPOM(3, random_state=0).fit(X, counts)
+    assert_distributions(network.predict_proba(X * 1e305))
+
+
+# The distributional regressor
+
+CROWDS = {
+    "unanimous": lambda counts: 12 * np.eye(5)[counts.argmax(axis=1)],
+    "one rater": lambda counts: np.eye(5)[counts.argmax(axis=1)],
+    "the same": lambda counts: np.tile([0, 0, 12, 0, 0], (len(counts), 1)),
+    "first and last": lambda counts: counts * [1, 0, 0, 0, 1] + [1, 0, 0, 0, 0],
+    "10,000 raters": lambda counts: 2500 * counts,
+    "rare": lambda counts: np.where(counts > 2, 1e12, counts),
+    "subnormal": lambda counts: np.where(counts > 2, 1, counts * TINY),
+    "ties": lambda counts: np.tile([20, 20, 20, 20, 20], (len(counts), 1)),
+}
+
+
+def assert_consistent(model, X):
+    """All predictions are those of one distribution, which is one."""
+    proba, cdf = model.predict_proba(X), model.predict_cdf(X)
+    assert_distributions(proba)
+    assert (cdf[:, -1] == 1).all() and (np.diff(cdf) >= 0).all()
+    np.testing.assert_allclose(cdf, proba.cumsum(axis=1), atol=4 * EPS)
+    np.testing.assert_array_equal(model.predict(X), model.levels_[proba.argmax(axis=1)])
+    p = np.array([0, TINY, EPS, 0.01, 0.5, 0.99, 1 - EPS, 1 - EPS / 2, 1])
+    quantiles = model.predict_quantile(X, p)
+    assert (np.diff(quantiles) >= 0).all()
+    for row, chosen in zip(proba, quantiles):
+        assert (row[chosen - 1] > 0).all()
+        below = [*accumulate(map(Fraction, row.tolist()))]
+        for position, level in zip(p.tolist(), chosen):
+            if position in (EPS, 1 - EPS, 1 - EPS / 2):  # within the tolerance
+                continue
+            rank = Fraction(position) * below[-1]
+            exact = next(k for k, b in enumerate(below) if b >= rank and row[k] > 0)
+            assert level == exact + 1 or abs(below[exact] - rank) < 40 * EPS
+
+
+@pytest.mark.parametrize("crowd", CROWDS)
+@pytest.mark.parametrize("sampling", ["level", "lattice"])
+@pytest.mark.parametrize("balance", [None, "macro"])
+def test_every_crowd_gives_consistent_predictions(crowd, sampling, balance):
+    X, counts = touches()
+    for n_hidden, monotone in [(0, False), (0, True), (3, False)]:
+        model = DistributionalOrdinalRegressor(
+            NNPOM(n_hidden, max_iter=60),
+            sampling=sampling,
+            balance=balance,
+            monotone=monotone,
+            random_state=0,
+        )
+        fit_quietly(model.fit)(X, CROWDS[crowd](counts))
+        for decode in ("mixture", "quantile"):
+            assert_consistent(model.set_params(decode=decode), X)
+        assert_consistent(model.set_params(rule="argmax"), X)
+
+
+@pytest.mark.parametrize("n_duplicates", [1, 1000])
+@pytest.mark.parametrize("sampling", ["level", "lattice", "stratified", "random"])
+def test_one_duplicate_and_a_thousand(n_duplicates, sampling):
+    X, counts = touches()
+    model = DistributionalOrdinalRegressor(
+        n_duplicates=n_duplicates, sampling=sampling, random_state=0
+    ).fit(X, counts)
+    for decode in ("mixture", "quantile"):
+        assert_consistent(model.set_params(decode=decode), X)
+    peer = DistributionalOrdinalRegressor(
+        LogisticRegression(), n_duplicates=n_duplicates, sampling=sampling
+    ).set_params(random_state=0)
+    assert_consistent(peer.fit(X, counts), X)
+
+
+@examples(40)
+@given(
+    counts=st.lists(st.sampled_from([0, 1, 2, 70, 10**12]), min_size=2, max_size=20),
+    n_duplicates=st.sampled_from([1, 2, 15, 1000]),
+    sampling=st.sampled_from(["level", "lattice", "stratified", "random"]),
+)
+def test_observations_of_extreme_counts(counts, n_duplicates, sampling):
+    """Every label is the rating at its position; every rating has its weight."""
+    counts = counts if any(counts) else [*counts[:-1], 1]
+    positions, level, weight = training_observations(
+        np.array([counts], dtype=np.float64),
+        n_duplicates,
+        sampling,
+        None,
+        np.random.RandomState(0),
+    )
+    assert ((positions > 0) & (positions < 1)).all()
+    assert np.isfinite(logit(positions)).all()
+    assert weight.sum() == pytest.approx(n_duplicates, rel=1e-12)
+    below = [*accumulate(counts)]
+    for p, k, w in zip(positions[0].tolist(), level[0], weight[0]):
+        if w > 0:
+            rank = Fraction(p) * below[-1]
+            tolerance = 4 * len(counts) * EPS * below[-1]
+            assert counts[k] > 0
+            assert below[k] - counts[k] - tolerance <= rank <= below[k] + tolerance
+    if sampling == "level":
+        at_level = np.bincount(level[0], weight[0]) * below[-1] / n_duplicates
+        np.testing.assert_allclose(at_level, counts, rtol=1e-12)
+
+
+class Uniform:
+    """A generator of the smallest and largest numbers that there are in [0, 1)."""
+
+    def uniform(self, size):
+        return np.resize([0.0, 1 - EPS / 2], size)
+
+
+@pytest.mark.parametrize("sampling", ["stratified", "random"])
+def test_positions_next_to_zero_and_one(sampling):
+    counts = np.array([[1.0, 0, 1, 0], [0, 1e12, 1, 0]])
+    positions, level, _ = training_observations(counts, 4, sampling, None, Uniform())
+    assert ((positions > 0) & (positions < 1)).all()
+    assert np.isfinite(logit(positions)).all()
+    assert (np.take_along_axis(counts, level, axis=1) > 0).all()
+
+
+@examples(60)
+@given(
+    latent=st.lists(st.integers(-3, 3), min_size=2, max_size=12),
+    thresholds=st.lists(st.integers(-3, 3), min_size=1, max_size=6),
+)
+def test_share_below_of_responses_that_touch_the_thresholds(latent, thresholds):
+    """Against the lengths of the pieces in exact fractions."""
+    thresholds = sorted(thresholds)
+    n_pieces = len(latent) - 1
+    expected = []
+    for cut in thresholds:
+        length = Fraction(0)
+        for left, right in pairwise(latent):
+            if left == right:
+                length += left <= cut
+            else:
+                part = Fraction(cut - left, right - left)
+                part = min(max(part, Fraction(0)), Fraction(1))
+                length += part if right > left else 1 - part
+        expected.append(float(length / n_pieces))
+    share = share_below(
+        np.array([latent], dtype=np.float64),
+        np.array(thresholds, dtype=np.float64),
+        np.linspace(0, 1, len(latent)),
+        np.positive,
+    )
+    np.testing.assert_allclose(share[0], expected, atol=4 * EPS)
+
+
+def test_nobody_rated():
+    X, counts = touches()
+    model = DistributionalOrdinalRegressor().fit(X, counts)
+    none = counts.copy()
+    none[7] = 0
+    for call in (model.fit, model.score):
+        with pytest.raises(ValueError, match="no ratings in trial 7"):
+            call(X, none)
+
+
+@pytest.mark.parametrize("strategy", ["marginal", "barycentre"])
+def test_baselines_of_hundreds_of_levels_and_extreme_counts(strategy):
+    rng = np.random.default_rng(0)
+    counts = rng.integers(0, 3, (500, 300)) * 10.0 ** rng.integers(-300, 13, (500, 1))
+    model = DummyDistribution(strategy).fit(counts, counts + 1e-300)
+    assert_distributions(model.proba_)
+    cdf = model.proba_.cumsum()
+    share = (counts + 1e-300) / (counts + 1e-300).sum(axis=1, keepdims=True)
+    centre = np.mean if strategy == "marginal" else np.median
+    np.testing.assert_allclose(cdf, centre(share.cumsum(axis=1), axis=0), atol=1e-13)
+
+
+# Metrics
+
+
+def exact_scores(counts, proba):
+    """Every score of one trial in exact fractions and sixty digits."""
+    f = [Fraction(n) / sum(map(Fraction, counts)) for n in counts]
+    p = [Fraction(x) / sum(map(Fraction, proba)) for x in proba]
+    F, P = [*accumulate(f)], [*accumulate(p)]
+    mean = sum(k * x for k, x in enumerate(p))
+    spread = sum(x * (k - mean) ** 2 for k, x in enumerate(p))
+    scatter = sum(x * (k - mean) ** 2 for k, x in enumerate(f))
+    with mpmath.workdps(60):
+        log = mpmath.fsum(
+            mpmath.inf
+            if x == 0
+            else -mpmath.mpf(n.numerator)
+            / n.denominator
+            * mpmath.log(mpmath.mpf(x.numerator) / x.denominator)
+            for n, x in zip(f, p)
+            if n
+        )
+    return {
+        ranked_probability_score: float(
+            sum((a - b) ** 2 + b * (1 - b) for a, b in zip(P, F))
+        ),
+        earth_movers_distance: float(sum(abs(a - b) for a, b in zip(P, F))),
+        log_score: float(log),
+        dispersion: float(spread / scatter) if scatter else (np.inf if spread else 1.0),
+    }
+
+
+@examples(150)
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from([0, 1, 3, 10**12]), st.sampled_from([0, 1, 7, 2**40])
+        ),
+        min_size=1,
+        max_size=9,
+    ).filter(lambda pairs: all(map(any, zip(*pairs))))
+)
+def test_scores_equal_exact_arithmetic(pairs):
+    counts, parts = map(list, zip(*pairs))
+    proba = [part / sum(parts) for part in parts]
+    levels = np.arange(len(counts))
+    table = [0] if len(counts) == 1 else [counts]  # one column is one of labels
+    for score, expected in exact_scores(counts, proba).items():
+        ours = score(table, [proba], levels=levels)
+        assert ours == pytest.approx(expected, rel=1e-9, abs=1e-13)
+    p = [Fraction(i, 100) for i in range(1, 100)]
+    quantiles = [
+        [next(k for k, b in enumerate(accumulate(w)) if b >= x * sum(w)) for x in p]
+        for w in (counts, parts)
+    ]
+    errors = {}
+    for true, predicted in zip(*quantiles):
+        errors.setdefault(true, []).append(abs(true - predicted))
+    expected = np.mean([np.mean(each) for each in errors.values()])
+    assert macro_mae_per_trial(table, [proba], levels=levels) == pytest.approx(expected)
+    heights = pit_histogram(table, [proba], levels=levels)
+    assert (heights >= 0).all() and heights.mean() == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    "proba", [[TINY, 0, 1], [0, TINY, 1], [1, TINY, 0], [1, 0, TINY]]
+)
+def test_scores_of_subnormal_probabilities(proba):
+    counts = [1.0 if x else 0.0 for x in proba]
+    expected = exact_scores(counts, proba)
+    assert log_score([counts], [proba]) == pytest.approx(-np.log(TINY) / 2)
+    for score in (ranked_probability_score, earth_movers_distance):
+        assert score([counts], [proba]) == pytest.approx(expected[score])
+    heights = pit_histogram([counts], [proba], n_bins=4)
+    assert heights.sum() == pytest.approx(4) and (heights >= 0).all()
+
+
+def test_scores_of_hundreds_of_levels():
+    rng = np.random.default_rng(0)
+    counts, parts = rng.integers(0, 10**12, 400), rng.integers(0, 2**30, 400)
+    proba = parts / parts.sum()
+    for score, expected in exact_scores(counts.tolist(), proba.tolist()).items():
+        assert score([counts], [proba]) == pytest.approx(expected, rel=1e-11)
+    np.testing.assert_allclose(pit_histogram([parts], [proba]), 1, rtol=1e-10)
+
+
+def test_log_score_is_never_negative():
+    """Though probabilities may sum to a little more than one."""
+    assert log_score([[3, 0]], [[1 + 9e-7, 0]]) == 0
+    single = np.array([[1 / 3, 1 / 3, 1 / 3]], dtype=np.float32)
+    assert log_score([[1, 1, 1]], single) == pytest.approx(np.log(3), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    "score", [macro_mae_per_trial, ranked_probability_score, log_score, dispersion]
+)
+def test_weights_of_trials_in_scores(score):
+    counts, proba = [[3, 1], [1, 3]], [[0.6, 0.4], [0.9, 0.1]]
+    first = score(counts[:1], proba[:1])
+    assert score(counts, proba, sample_weight=[1e12, 0]) == first
+    assert score(counts, proba, sample_weight=[1e12, 1e-12]) == pytest.approx(first)
+    with pytest.raises(ValueError, match="at least one non-zero"):
+        score(counts, proba, sample_weight=[0, 0])
+
+
+# Ratings
+
+
+@pytest.mark.parametrize("n_levels", [2, 100, 500])
+@pytest.mark.parametrize("unit", [1, 10**9, Fraction(1, 3)])
+def test_ties_at_every_position(n_levels, unit):
+    """A step of the distribution at each position that is asked for."""
+    counts = np.full((1, n_levels), float(unit))
+    p = np.arange(n_levels + 1) / n_levels
+    expected = np.maximum(np.arange(n_levels + 1), 1)
+    np.testing.assert_array_equal(inverse_cdf(counts, p)[0], expected)
+    between = (np.arange(n_levels) + 1e-9) / n_levels
+    np.testing.assert_array_equal(inverse_cdf(counts, between)[0], expected[1:])
+
+
+@examples(100)
+@given(
+    counts=st.lists(st.integers(0, 2 * 10**11), min_size=2, max_size=5).filter(any),
+    i=st.integers(0, 100),
+)
+def test_inverse_cdf_of_a_million_million_raters(counts, i):
+    """Exact at hundredths: the tolerance is less than a hundredth of a rater."""
+    below = [*accumulate(counts)]
+    rank = Fraction(i, 100) * below[-1]
+    exact = next(k for k, b in enumerate(below) if b >= rank and counts[k])
+    assert _level_index(np.array([counts]), np.array([i / 100]))[0, 0] == exact
+
+
+@pytest.mark.parametrize("unit", [TINY, 1e-300, 1e300])
+def test_inverse_cdf_of_the_smallest_and_largest_weights(unit):
+    weights = unit * np.array([[0.0, 1, 2, 1]])
+    p = [0, TINY, 0.25, 0.26, 0.75, 0.76, 1 - EPS / 2, 1]
+    assert inverse_cdf(weights, p).tolist() == [[2, 2, 2, 3, 3, 4, 4, 4]]
+
+
+@examples(60)
+@given(
+    st.lists(st.sampled_from([0, 1, 2, 10**12]), min_size=2, max_size=300).filter(
+        lambda counts: sum(counts) > 1
+    )
+)
+def test_agreement_equals_exact_arithmetic(counts):
+    n, n_levels = sum(counts), len(counts)
+    mean = Fraction(sum(k * c for k, c in enumerate(counts)), n)
+    variance = sum(c * (k - mean) ** 2 for k, c in enumerate(counts)) / (n - 1)
+    exact = 1 - variance / Fraction(n_levels**2 - 1, 12)
+    assert interrater_agreement([counts])[0] == pytest.approx(float(exact), abs=1e-12)
+
+
+def test_correlation_of_the_largest_numbers():
+    ratings = [[1e308, TINY], [-1e308, 2 * TINY], [0, 0]]
+    np.testing.assert_allclose(adjective_correlation(ratings).rho[0, 1], -0.5)
+    with pytest.raises(ValueError, match="All ratings of 'x1' are equal"):
+        adjective_correlation([[1e308, 1e308], [-1e308, 1e308], [0, 1e308]])
