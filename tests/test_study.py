@@ -15,10 +15,17 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.spatial.distance import pdist
+from sklearn.base import clone
+from sklearn.frozen import FrozenEstimator
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils import Bunch
 
-from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, metrics
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    SensorFusionNNPOM,
+    metrics,
+)
 from sklearn_haptic._study_store import (
     describe,
     open_study,
@@ -422,6 +429,47 @@ def test_network_of_a_sensor(folder, early_stopping):
             results[-rps] = {"n_hidden": n_hidden, "alpha": alpha}
     best = max(results)
     assert record["choices"][1] == {"network": "tdc", **results[best], "score": best}
+
+
+def test_models_of_a_fold(folder):
+    """Networks of the sensors, combined and without a sensor, fitted here by hand."""
+    network = NNPOM(early_stopping=True, max_iter=30)
+    study = study_of(folder, regressor=DistributionalOrdinalRegressor(network))
+    table, record = compute_models(study, "fast_slide", "cold", 0)
+    corpus = CORPUS(procedure="fast_slide", sensors=["tdc"])
+    y = corpus.ratings["cold"]
+    train, validation, test = study.split_objects(corpus.objects, "cold")[0]
+    chosen = {choice["network"]: choice for choice in record["choices"]}
+
+    def sized(name):
+        params = {key: chosen[name][key] for key in ("n_hidden", "alpha")}
+        return clone(network).set_params(**params), params.values()
+
+    def fitted(estimator, X, *seed):
+        seed = study.seed("fast_slide", "cold", 0, *seed)
+        return DistributionalOrdinalRegressor(estimator, random_state=seed).fit(
+            X[train], y[train], X_val=X[validation], y_val=y[validation]
+        )
+
+    parts, frozen = {}, {}
+    for sensor in SENSORS:
+        arrays, _ = read_unit(folder, ("features", "fast_slide", sensor))
+        parts[sensor] = rotate_features(arrays["features"], train)
+        of_sensor, seed = sized(sensor)
+        model = fitted(of_sensor, parts[sensor], sensor, *seed)
+        frozen[sensor] = FrozenEstimator(model.estimator_)
+    n_pdc = parts["pdc"].shape[1]
+    columns = {"pdc": slice(n_pdc), "tdc": slice(n_pdc, None)}
+    X, (final, seed) = np.hstack(list(parts.values())), sized("combined")
+    fusion = SensorFusionNNPOM(columns, frozen, final)
+    searched = fitted(fusion, X, "combined", *seed)
+    assert searched.score(X[validation], y[validation]) == chosen["combined"]["score"]
+    for held_out in (None, *SENSORS):
+        fusion = SensorFusionNNPOM(columns, frozen, final, held_out=held_out)
+        proba = fitted(fusion, X, "start", 0).predict_proba(X[test])
+        rows = table[table["held_out"] == (held_out or "none")]
+        np.testing.assert_array_equal(rows.filter(like="proba_"), proba)
+        np.testing.assert_array_equal(rows["object"], corpus.objects[test])
 
 
 def test_first_of_equal_candidates():
