@@ -400,9 +400,9 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
             params = monitor.best_params
         elif not converged:
             warnings.warn(
-                f"NNPOM did not converge in max_iter={self.max_iter} iterations; "
-                "increase max_iter or alpha, or use "
-                "early_stopping=True.",
+                f"NNPOM did not converge ({self.n_iter_} iterations, "
+                f"max_iter={self.max_iter}); increase max_iter or alpha, unless alpha "
+                "is huge, or use early_stopping=True.",
                 ConvergenceWarning,
                 stacklevel=3,
             )

@@ -6,6 +6,8 @@ from scipy import optimize
 # Igel & Hüsken's iRprop+ as used by Gutiérrez et al. (2016).
 _GROW, _SHRINK, _FIRST_STEP, _LARGEST_STEP = 1.2, 0.5, 0.0123, 50.0
 _VALIDATION_INTERVAL = 10  # iterations between two looks at the validation error
+_ROUNDING = 1e-6  # of the gradient of a cost near 1, which is flat to its last digits
+_STOPPED = 99  # status of scipy's minimisers that a callback ended
 
 
 def irprop_plus(fun, x0, *, max_iter, tol, callback):
@@ -55,7 +57,11 @@ def irprop_plus(fun, x0, *, max_iter, tol, callback):
 
 
 def lbfgs(fun, x0, *, bounds, max_iter, tol, callback):
-    """Minimise by scipy's L-BFGS-B; arguments as for `irprop_plus`."""
+    """Minimise by scipy's L-BFGS-B; arguments as for `irprop_plus`.
+
+    A search that ends because the cost no longer falls has converged only if little
+    is left of the gradient, which under an extreme penalty is not so.
+    """
 
     def stop(intermediate_result):
         if callback(intermediate_result.x, intermediate_result.fun):
@@ -77,7 +83,10 @@ def lbfgs(fun, x0, *, bounds, max_iter, tol, callback):
             "ftol": np.finfo(float).eps,
         },
     )
-    return result.x, result.nit, result.status != 1
+    lower, upper = (-np.inf, np.inf) if bounds is None else bounds.T
+    downhill = np.clip(result.x - result.jac, lower, upper) - result.x
+    flat = np.max(np.abs(downhill)) <= max(tol, _ROUNDING)
+    return result.x, result.nit, flat or result.status == _STOPPED
 
 
 class Monitor:

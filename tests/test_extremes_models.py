@@ -338,6 +338,18 @@ def test_start_values_a_hundred_times_as_large(solver, monkeypatch):
     assert model.loss_ < model.loss_curve_[0]
 
 
+def test_a_penalty_that_leaves_the_cost_without_digits():
+    """It either reaches the frequencies of the levels or says that it did not."""
+    X, counts = touches()
+    frequencies = counts.sum(axis=0) / counts.sum()
+    for n_hidden, alpha in [(0, 1e8), (0, 1e300), (3, 1e8)]:
+        proba = NNPOM(n_hidden, alpha, random_state=0).fit(X, counts).predict_proba(X)
+        np.testing.assert_allclose(proba, np.tile(frequencies, (30, 1)), atol=1e-3)
+    for alpha in (1e30, 1e300):
+        with pytest.warns(ConvergenceWarning, match="did not converge"):
+            NNPOM(3, alpha, random_state=0).fit(X, counts)
+
+
 @pytest.mark.parametrize("size", [1e-250, 1.0, 1e250])
 def test_irprop_minds_the_sign_of_the_gradient_alone(size):
     def fun(x):
