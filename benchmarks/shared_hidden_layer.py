@@ -151,11 +151,14 @@ class SharedNetwork:
 
     def fit(self, X, ratings):
         rng = np.random.RandomState(0)
-        # An adjective's levels that no training rating has get probability 0.
+        # An adjective's levels that no training rating has get probability 0; with a
+        # single level left there is nothing to learn.
         self.present_ = [counts.sum(axis=0) > 0 for counts in ratings]
-        self.n_levels_ = [present.sum() for present in self.present_]
+        self.n_levels_ = [p.sum() for p in self.present_ if p.sum() > 1]
         observations = []
         for counts, present in zip(ratings, self.present_):
+            if present.sum() == 1:
+                continue
             positions, level, weight = training_observations(
                 counts, 15, "level", None, rng
             )
@@ -192,12 +195,15 @@ class SharedNetwork:
         positions, weight = population_quadrature(20)
         output = np.stack([head[: self.n_hidden] for head in heads], axis=1)
         latent, _ = forward(X, logit(positions)[None], coef, bias, output)
+        learnt = zip(np.moveaxis(latent, -1, 0), heads)
         proba = []
-        for f, head, present in zip(np.moveaxis(latent, -1, 0), heads, self.present_):
-            first, gap_logits = head[self.n_hidden], head[self.n_hidden + 1 :]
-            at_position = level_probabilities(f, thresholds_from(first, gap_logits))
-            proba.append(np.zeros((len(X), len(present))))
-            proba[-1][:, present] = np.einsum("tpk,p->tk", at_position, weight)
+        for present in self.present_:
+            proba.append(np.tile(present.astype(float), (len(X), 1)))
+            if present.sum() > 1:
+                f, head = next(learnt)
+                first, gap_logits = head[self.n_hidden], head[self.n_hidden + 1 :]
+                at_position = level_probabilities(f, thresholds_from(first, gap_logits))
+                proba[-1][:, present] = np.einsum("tpk,p->tk", at_position, weight)
         return proba
 
 
