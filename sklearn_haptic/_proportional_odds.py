@@ -82,7 +82,12 @@ def ordinal_loss(latent, level, weight, first, gap_logits):
 
 
 def level_probabilities(latent, thresholds):
-    """Return P(level) as products of positive factors, on a new last axis."""
+    """Return P(level) as products of positive factors, on a new last axis.
+
+    Against arithmetic of 60 digits each is off by less than a rounding error (2.2e-16)
+    times the largest of 1, the latent response and the thresholds in size; they sum to
+    1 within 4 rounding errors. Those below 1e-300 may come out as 0.
+    """
     # Levels come first until the end, so that every operation is contiguous.
     shape = (-1,) + (1,) * np.ndim(latent)
     odds = np.exp(np.minimum(latent - thresholds.reshape(shape), _LARGEST_EXPONENT))
@@ -186,6 +191,10 @@ class NetworkLoss:
     With W the sum of the weights, the cost is ``(NLL + alpha / 2 * |weights|²) /
     W``; hidden biases and thresholds are not penalised. A weight of 2 therefore
     equals the same row given twice. Observations of weight zero cost nothing.
+
+    Against arithmetic of hundreds of digits, for parameters up to 250 in size, which
+    saturate most units, the cost was off by less than 1e-15 of its size, the gradient
+    by less than 1e-14 of its largest component, or of 1 if that is smaller.
 
     Parameters
     ----------
@@ -333,7 +342,9 @@ class EvenedFeatures:
     The axes are orthonormal, near the principal directions of the features, as
     many as the trials span, each then scaled by the curvature that data and penalty
     give it. With more features than trials nothing is lost, since the penalty
-    drives weights outside that span to zero.
+    drives weights outside that span to zero. Directions along which the features
+    reach less than max(n_trials, n_features) rounding errors (2.2e-16) of what they
+    reach along the longest are not told from rounding, and get no weight.
 
     Parameters
     ----------

@@ -119,8 +119,9 @@ def inverse_cdf(counts, p, *, levels=None):
     .. math:: F^{-1}(p) = \min\{k : n_k > 0,\; n_1 + \dots + n_k \ge p N\}.
 
     Cumulative counts are compared with :math:`pN`, never cumulative proportions
-    with :math:`p`, and :math:`pN` is lowered by a few rounding errors, so that a
-    double ``p = i / 100`` gives what the exact fraction would. A level that nobody
+    with :math:`p`, and :math:`pN` is lowered by :math:`4 A` rounding errors
+    (2.2e-16, for A levels), so that a double ``p = i / 100`` gives what the exact
+    fraction would for up to 1e13 / A people. A level that nobody
     chose is never returned: ``p = 0`` gives the lowest level used, ``p = 1`` the
     highest.
 
