@@ -244,8 +244,8 @@ def test_fit_of_any_table_of_whole_numbers(
 
     np.testing.assert_array_equal(scaled.components_, atoms)
     np.testing.assert_array_equal(scaled_codes, np.ldexp(codes, exponent))
-    assert scaled.reconstruction_error_ == np.ldexp(
-        model.reconstruction_error_, exponent
+    assert scaled.reconstruction_error_ == pytest.approx(
+        np.ldexp(error, exponent), rel=1e-6, abs=np.ldexp(1e2 * eps, exponent)
     )
 
 
