@@ -10,7 +10,7 @@ from itertools import accumulate, pairwise
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.special import logit
 from sklearn.base import clone
@@ -148,6 +148,7 @@ def test_cost_and_gradient_where_units_saturate(
     first=st.floats(-1e3, 1e3),
     gap_logits=st.lists(st.floats(-700, 1e3), max_size=18),
 )
+@example(latent=0.5, first=0.0, gap_logits=[-30.0])
 def test_probabilities_of_two_to_twenty_levels(latent, first, gap_logits):
     thresholds = thresholds_from(first, np.array(gap_logits))
     proba = level_probabilities(np.array([latent]), thresholds)
