@@ -37,8 +37,8 @@ from ._positions import (
     share_below,
     training_observations,
 )
-from ._validation import check_ratings
-from .metrics import ranked_probability_score
+from ._validation import check_attributes, validate_rated_trials
+from .metrics import neg_rps_scorer
 from .ratings import _level_index
 
 # With 20 nodes the distribution function is off by less than 1e-4 for weights of the
@@ -133,6 +133,12 @@ class DistributionalOrdinalRegressor(
     "mixture" their average distribution. The macro-averaged error of the paper
     rewards the first, proper scores reward the second.
 
+    Several attributes, such as the adjectives of a corpus, may be learnt together by
+    an `NNPOM` with hidden units: the attributes share these, and each has output
+    weights and thresholds of its own. It is one fit, and what one attribute tells of
+    a touch can help with another, as the paper suggests [1]_ (section 4.2). The
+    penalty works against the observations of all attributes, so it can be larger.
+
     An estimator may offer three methods, documented with `NNPOM`:
     ``fit_with_positions`` and ``predict_proba_with_positions`` take the features of a
     trial once for all its positions, and ``predict_latent_with_positions``, with
@@ -221,7 +227,9 @@ class DistributionalOrdinalRegressor(
         X : array-like of shape (n_trials, n_features)
             Features of each trial.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
-            How many people gave the trial's object each rating, or one rating.
+            How many people gave the trial's object each rating, or one rating. Such
+            counts of several attributes, as an array of shape (n_trials,
+            n_attributes, n_levels), are learnt together; see the Notes.
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial.
         groups : array-like of shape (n_trials,), default=None
@@ -239,8 +247,7 @@ class DistributionalOrdinalRegressor(
         self : DistributionalOrdinalRegressor
             The fitted regressor.
         """
-        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True)
-        counts, self.levels_ = check_ratings(y, self.levels)
+        X, counts, self.levels_ = validate_rated_trials(self, X, y, self.levels)
         self.classes_ = self.levels_
         check_consistent_length(X, groups)
         sample_weight = _check_sample_weight(
@@ -252,10 +259,17 @@ class DistributionalOrdinalRegressor(
         rng = check_random_state(self.random_state)
         self.estimator_ = self._make_estimator(rng)
         validation = self._check_validation(X_val, y_val)
-        positions, level, weight = training_observations(
-            counts, self.n_duplicates, self.sampling, self.balance, rng
+        positions, level, weight = (
+            each.reshape(*counts.shape[:-1], -1)
+            for each in training_observations(
+                counts.reshape(-1, counts.shape[-1]),
+                self.n_duplicates,
+                self.sampling,
+                self.balance,
+                rng,
+            )
         )
-        weight = weight * sample_weight[used, None]
+        weight = (weight.T * sample_weight[used]).T
         inputs = self._transform(positions)
         context = self._init_callback_context(max_subtasks=1)
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
@@ -287,7 +301,7 @@ class DistributionalOrdinalRegressor(
                 "early_stopping=True, or leave X_val and y_val out."
             )
         X_val = validate_data(self, X_val, dtype=np.float64, reset=False)
-        counts, _ = check_ratings(y_val, self.levels_, name="y_val")
+        counts, _ = check_attributes(y_val, self.levels_, name="y_val")
         check_consistent_length(X_val, counts)
         return X_val, counts
 
@@ -334,7 +348,9 @@ class DistributionalOrdinalRegressor(
     def _validation_set(self, X, counts):
         """Trials at the positions of the grid, with their true ratings there."""
         grid = quantile_grid(self.n_quantiles)
-        level = _level_index(counts, np.broadcast_to(grid, (len(X), len(grid))))
+        rows = counts.reshape(-1, counts.shape[-1])
+        level = _level_index(rows, np.broadcast_to(grid, (len(rows), len(grid))))
+        level = level.reshape(*counts.shape[:-1], -1)
         inputs = np.broadcast_to(self._transform(grid), level.shape)
         return X, inputs, level, np.ones(level.shape)
 
@@ -344,6 +360,11 @@ class DistributionalOrdinalRegressor(
             raise ValueError(
                 f"monotone=True requires an NNPOM, but estimator is a {name}; set "
                 "monotone=False, predicted distributions are sorted in any case."
+            )
+        if weight.ndim == 3:
+            raise ValueError(
+                f"y has the ratings of several attributes, which {name} cannot share; "
+                "use an NNPOM, or fit a model to each attribute."
             )
         used = weight > 0
         rows = np.column_stack((X, np.zeros(len(X))))[np.nonzero(used)[0]]
@@ -374,20 +395,22 @@ class DistributionalOrdinalRegressor(
         Returns
         -------
         proba : ndarray of shape (n_trials, n_levels)
-            Share of the population at each level; rows sum to 1.
+            Share of the population at each level; rows sum to 1. Here and in all
+            that is predicted, if several attributes were learnt, they are a further
+            axis behind that of the trials.
         """
         check_is_fitted(self)
         X = validate_data(self, X, dtype=np.float64, reset=False)
         # Few trials at a time, so that what is predicted for them stays in the cache.
         batches = gen_batches(len(X), _BATCH_SIZE)
         proba = np.concatenate([self._decode(X[batch]) for batch in batches])
-        return proba / proba.sum(axis=1, keepdims=True)
+        return proba / proba.sum(axis=-1, keepdims=True)
 
     def _decode(self, X):
         if self.decode == "mixture":
             positions, weight = population_quadrature(_MIXTURE_NODES)
             at_position = self._predict_at(X, self._transform(positions))
-            return np.einsum("tpk,p->tk", at_position, weight)
+            return np.einsum("tp...,p->t...", at_position, weight)
         if self.rule == "median" and hasattr(
             self.estimator_, "predict_latent_with_positions"
         ):
@@ -402,8 +425,16 @@ class DistributionalOrdinalRegressor(
         to_position = expit if self.p_transform == "logit" else np.positive
         inputs = self._transform(crossing_positions(_CROSSING_NODES))
         latent = self.estimator_.predict_latent_with_positions(X, inputs)
-        cdf = share_below(latent, self.estimator_.thresholds_, inputs, to_position)
-        return np.maximum(np.diff(cdf, axis=1, prepend=0, append=1), 0)
+        thresholds = self.estimator_.thresholds_
+        if latent.ndim == 2:
+            cdf = share_below(latent, thresholds, inputs, to_position)
+        else:
+            each = [
+                share_below(f, between, inputs, to_position)
+                for f, between in zip(np.moveaxis(latent, -1, 0), thresholds)
+            ]
+            cdf = np.stack(each, axis=1)
+        return np.maximum(np.diff(cdf, axis=-1, prepend=0, append=1), 0)
 
     def _predict_at(self, X, inputs):
         """Probabilities of shape (n_trials, n_positions, n_levels)."""
@@ -468,7 +499,7 @@ class DistributionalOrdinalRegressor(
         rating : ndarray of shape (n_trials,)
         """
         proba = self.predict_proba(X)
-        return self.levels_[proba.argmax(axis=1)]
+        return self.levels_[proba.argmax(axis=-1)]
 
     def sample(self, X, n_samples=1, *, random_state=None):
         """Draw ratings of random people from the predicted distributions.
@@ -487,8 +518,10 @@ class DistributionalOrdinalRegressor(
         rating : ndarray of shape (n_trials, n_samples)
         """
         proba = self.predict_proba(X)
-        p = check_random_state(random_state).uniform(size=(len(proba), n_samples))
-        return self.levels_[_level_index(proba, p)]
+        rows = proba.reshape(-1, proba.shape[-1])
+        p = check_random_state(random_state).uniform(size=(len(rows), n_samples))
+        rating = self.levels_[_level_index(rows, p)]
+        return rating.reshape(*proba.shape[:-1], n_samples)
 
     def score(self, X, y, sample_weight=None):
         """Return the negative mean ranked probability score; higher is better.
@@ -498,7 +531,8 @@ class DistributionalOrdinalRegressor(
         X : array-like of shape (n_trials, n_features)
             Features of each trial.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
-            Counts of each rating, or one rating a trial.
+            Counts of each rating, or one rating a trial; as in `fit` for several
+            attributes, whose scores are averaged.
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial.
 
@@ -506,14 +540,12 @@ class DistributionalOrdinalRegressor(
         -------
         score : float
         """
-        return -ranked_probability_score(
-            y, self.predict_proba(X), levels=self.levels_, sample_weight=sample_weight
-        )
+        return neg_rps_scorer(self, X, y, sample_weight)
 
 
 def _cdf(proba):
-    cdf = np.cumsum(proba, axis=1)
-    cdf[:, -1] = 1.0
+    cdf = np.cumsum(proba, axis=-1)
+    cdf[..., -1] = 1.0
     return np.minimum(cdf, 1.0)
 
 
@@ -524,8 +556,9 @@ def _quantile(proba, p, levels):
             "p must be a number or a list of numbers from 0 to 1; got "
             f"{p.tolist() if p.size < 10 else p.shape}."
         )
-    index = _level_index(proba, np.broadcast_to(p, (len(proba), p.size)))
-    return levels[index[:, 0] if p.ndim == 0 else index]
+    rows = proba.reshape(-1, proba.shape[-1])
+    index = _level_index(rows, np.broadcast_to(p, (len(rows), p.size)))
+    return levels[index].reshape(*proba.shape[:-1], *p.shape)
 
 
 PAPER_2020 = {

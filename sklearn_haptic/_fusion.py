@@ -305,6 +305,11 @@ class SensorFusionNNPOM(
                 "SensorFusionNNPOM; set monotone=False, predicted distributions are "
                 "sorted in any case."
             )
+        if weight.ndim == 3:
+            raise ValueError(
+                "y has the ratings of several attributes, which a SensorFusionNNPOM "
+                "cannot share; use an NNPOM, or fit a model to each attribute."
+            )
         self.n_features_in_ = X.shape[1] + 1
         if feature_names is not None:
             self.feature_names_in_ = np.append(feature_names, "position")

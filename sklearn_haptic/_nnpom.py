@@ -21,18 +21,20 @@ from sklearn.utils.validation import (
 from ._proportional_odds import (
     EvenedFeatures,
     NetworkLoss,
+    SharedLoss,
     change_weights,
     feature_means,
     forward,
     initial_params,
     level_probabilities,
     monotone_bounds,
+    split_heads,
     thresholds_from,
     total_spread,
     unpack,
 )
 from ._solvers import Monitor, irprop_plus, lbfgs
-from ._validation import check_ratings
+from ._validation import validate_rated_trials
 from .metrics import _macro_mae
 
 # Differences between latent responses and thresholds stay finite.
@@ -44,6 +46,16 @@ def validation_split(n_trials, groups, fraction, random_state):
     groups = np.arange(n_trials) if groups is None else groups
     splitter = GroupShuffleSplit(1, test_size=fraction, random_state=random_state)
     return next(splitter.split(np.empty(n_trials), groups=groups))
+
+
+def attributes_of(positions, level, weight):
+    """Return positions, level and weight of each attribute."""
+    if weight.ndim == 2:
+        return [(positions, level, weight)]
+    return [
+        (None if positions is None else positions[:, i], level[:, i], weight[:, i])
+        for i in range(weight.shape[1])
+    ]
 
 
 class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
@@ -106,11 +118,11 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         The ordered levels.
     coefs_ : list of ndarray
         Weights of shape (n_features, n_hidden) into the hidden units and of
-        shape (n_hidden,) out of them; one array of shape (n_features,) if
-        there are none.
+        shape (n_hidden,) out of them, (n_hidden, n_attributes) if several were learnt;
+        one array of shape (n_features,) if there are no units.
     intercepts_ : ndarray of shape (n_hidden,)
         Biases of the hidden units.
-    thresholds_ : ndarray of shape (n_levels - 1,)
+    thresholds_ : ndarray of shape (n_levels - 1,), or (n_attributes, n_levels - 1)
         Thresholds between the levels; infinite or equal around levels that no
         training rating has.
     loss_ : float
@@ -208,7 +220,9 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         X : array-like of shape (n_trials, n_features)
             Features of each trial.
         y : array-like of shape (n_trials,) or (n_trials, n_levels)
-            One rating a trial, or how many people gave each rating.
+            One rating a trial, or how many people gave each rating. Such counts of
+            several attributes, as an array of shape (n_trials, n_attributes,
+            n_levels), are learnt together: the attributes share the hidden units.
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial; 2 equals the trial given twice.
         groups : array-like of shape (n_trials,), default=None
@@ -219,19 +233,18 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         self : NNPOM
             The fitted network.
         """
-        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True)
-        counts, self.levels_ = check_ratings(y, self.levels)
+        X, counts, self.levels_ = validate_rated_trials(self, X, y, self.levels)
         check_consistent_length(X, groups)
         sample_weight = _check_sample_weight(
             sample_weight, X, dtype=np.float64, ensure_non_negative=True
         )
         used = sample_weight > 0
-        X, weight = X[used], counts[used] * sample_weight[used, None]
+        X, weight = X[used], (counts[used].T * sample_weight[used]).T
+        level = np.arange(len(self.levels_))
         if np.ndim(y) == 1:  # a single observation a trial
             level = weight.argmax(axis=1)[:, None]
             weight = np.take_along_axis(weight, level, axis=1)
-        else:
-            level = np.arange(len(self.levels_))[None, :]
+        level = np.broadcast_to(level, weight.shape)
         rng = check_random_state(self.random_state)
         if not self.early_stopping:
             return self._fit(X, None, level, weight, None, rng)
@@ -239,7 +252,6 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         train, held_out = validation_split(
             len(X), groups, self.validation_fraction, rng
         )
-        level = np.broadcast_to(level, weight.shape)
         validation = X[held_out], None, level[held_out], weight[held_out]
         return self._fit(X[train], None, level[train], weight[train], validation, rng)
 
@@ -269,7 +281,9 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
             Features of each trial; of shape (n_trials, n_observations, n_features)
             if its observations do not share them.
         positions : ndarray of shape (n_trials, n_observations), or None
-            The last feature of each observation, if there is one.
+            The last feature of each observation, if there is one. Of several
+            attributes, this and the next two have the shape (n_trials, n_attributes,
+            n_observations).
         level : ndarray of int of shape (n_trials, n_observations)
             Index into ``levels`` of each observation's rating.
         weight : ndarray of shape (n_trials, n_observations)
@@ -321,24 +335,36 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
                 "set one of the two."
             )
         self.classes_ = self.levels_
-        level_weight = np.bincount(
-            np.broadcast_to(level, weight.shape).ravel(),
-            weight.ravel(),
-            minlength=len(self.levels_),
-        )
-        self._present = np.flatnonzero(level_weight)
-        if len(self._present) == 1:
+        n_hidden, n_inputs = self.n_hidden, self.n_features_in_
+        self._several = weight.ndim == 3
+        if self._several and n_hidden == 0:
+            raise ValueError(
+                "n_hidden=0 leaves nothing that several attributes could share; set it "
+                "to at least 1, or fit a model to each attribute."
+            )
+        observations, level_weights = [], []
+        self._present = []  # the levels of each attribute that ratings have
+        for observed in attributes_of(positions, level, weight):
+            positions_of, level_of, weight_of = observed
+            level_weight = np.bincount(
+                level_of.ravel(), weight_of.ravel(), minlength=len(self.levels_)
+            )
+            present = np.flatnonzero(level_weight)
+            self._present.append(present)
+            if len(present) > 1:
+                rank = np.searchsorted(present, level_of)
+                rank = np.minimum(rank, len(present) - 1)  # where the weight is zero
+                observations.append((positions_of, rank, weight_of))
+                level_weights.append(level_weight[present])
+        if not observations:
             self._store_constant()
             return
-        rank = np.zeros(len(self.levels_), dtype=np.intp)
-        rank[self._present] = np.arange(len(self._present))
-
-        n_hidden, n_inputs = self.n_hidden, self.n_features_in_
-        params = initial_params(n_inputs, n_hidden, level_weight[self._present], rng)
+        n_levels = [len(each) for each in level_weights]
+        params = initial_params(n_inputs, n_hidden, level_weights, rng)
+        trial_weight = weight.reshape(len(weight), -1).sum(axis=1)
         X = np.ascontiguousarray(X)  # the same sums in any layout
         centre, spread = np.zeros(X.shape[1]), 1.0
         if self.scale_features:
-            trial_weight = weight.sum(axis=1)
             centre = feature_means(X, trial_weight)
             X = X - centre
             spread = total_spread(X, trial_weight) or 1.0
@@ -353,7 +379,10 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
             n_inputs = X.shape[1] + (positions is not None)
             n_others = n_inputs + 1 - X.shape[1]  # the position and the output
             alpha = np.append(evened.alpha, np.full(n_others, self.alpha))
-        fun = NetworkLoss(X, positions, rank[level], weight, n_hidden, alpha)
+        if len(observations) == 1:
+            fun = NetworkLoss(X, *observations[0], n_hidden, alpha)
+        else:
+            fun = SharedLoss(X, observations, n_hidden, alpha)
 
         def to_features(weights):
             weights = weights if evened is None else evened.to_features(weights)
@@ -370,14 +399,15 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
             return params
 
         def validation_error(params):
-            X_val, positions_val, level_val, weight_val = validation
-            *weights, first, gap_logits = unpack(
-                of_features(params), self.n_features_in_, n_hidden
-            )
-            latent, _ = forward(X_val, positions_val, *weights)
-            proba = level_probabilities(latent, thresholds_from(first[0], gap_logits))
-            predicted = self._present[proba.argmax(axis=-1)]
-            return _macro_mae(predicted, level_val, weight_val > 0).mean()
+            self._store(of_features(params), n_levels)
+            X_val, *observed = validation
+            errors = []
+            for i, (at, true, counted) in enumerate(attributes_of(*observed)):
+                latent = forward(X_val, at, *self._weights)[0]
+                latent = latent[..., i] if self._several else latent
+                predicted = self._proba_of(latent, i).argmax(axis=-1)
+                errors.append(_macro_mae(predicted, true, counted > 0).mean())
+            return np.mean(errors)
 
         def end_iteration():
             task = context.subcontext(task_name=f"iteration {len(monitor.costs)}")
@@ -393,7 +423,7 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         if self.solver == "lbfgs":
             bounds = None
             if monotone:
-                bounds = monotone_bounds(len(params), n_inputs, n_hidden)
+                bounds = monotone_bounds(len(params), n_inputs, n_hidden, n_levels)
                 params = np.clip(params, *bounds.T)
             result = lbfgs(fun, params, bounds=bounds, **options)
         else:
@@ -411,30 +441,38 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
             )
         self.loss_ = float(fun(params)[0])
         self.loss_curve_ = monitor.costs
-        self._store(of_features(params))
+        self._store(of_features(params), n_levels)
 
-    def _store(self, params):
-        coef, bias, output, first, gap_logits = unpack(
-            params, self.n_features_in_, self.n_hidden
+    def _store(self, params, n_levels):
+        coef, bias, heads = split_heads(
+            params, self.n_features_in_, self.n_hidden, n_levels
         )
-        self.coefs_ = [coef, output] if self.n_hidden else [coef]
+        heads = iter(heads)
+        outputs, thresholds, self._present_thresholds = [], [], []
+        for present in self._present:
+            output, between = np.zeros(self.n_hidden), np.empty(0)
+            if len(present) > 1:
+                output, first, gap_logits = next(heads)
+                between = thresholds_from(first[0], gap_logits)
+            # Infinite or equal around levels that no rating has.
+            edges = np.concatenate(([-np.inf], between, [np.inf]))
+            upper = np.arange(len(self.levels_) - 1)
+            thresholds.append(edges[np.searchsorted(present, upper, side="right")])
+            self._present_thresholds.append(between)
+            outputs.append(output)
         self.intercepts_ = bias
-        present_thresholds = thresholds_from(first[0], gap_logits)
-        edges = np.concatenate(([-np.inf], present_thresholds, [np.inf]))
-        n_below = np.searchsorted(
-            self._present, np.arange(len(self.levels_) - 1), side="right"
-        )
-        self.thresholds_ = edges[n_below]
-        self._present_thresholds = present_thresholds
+        self.coefs_ = [coef]
+        self.thresholds_ = np.stack(thresholds)
+        if self.n_hidden:
+            self.coefs_.append(np.stack(outputs, axis=1))
+        if not self._several:
+            self.coefs_[1:] = [output[:, 0] for output in self.coefs_[1:]]
+            self.thresholds_ = self.thresholds_[0]
 
     def _store_constant(self):
         """Fit the model that always predicts the only level there is."""
-        n_params = self.n_features_in_ * max(self.n_hidden, 1) + 2 * self.n_hidden + 1
-        self._store(np.zeros(n_params))
-        self.thresholds_ = np.where(
-            np.arange(len(self.levels_) - 1) < self._present[0], -np.inf, np.inf
-        )
-        self._present_thresholds = np.empty(0)
+        n_hidden = self.n_hidden
+        self._store(np.zeros(self.n_features_in_ * max(n_hidden, 1) + n_hidden), [])
         self.loss_, self.loss_curve_, self.n_iter_ = 0.0, [], 0
 
     def predict_proba(self, X):
@@ -448,7 +486,9 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         Returns
         -------
         proba : ndarray of shape (n_trials, n_levels)
-            Rows sum to 1; columns as in ``levels_``.
+            Rows sum to 1; columns as in ``levels_``. Here and in all that is predicted,
+            if several attributes were learnt, they are a further axis behind that of
+            the trials.
         """
         return np.ascontiguousarray(self._proba(self.predict_latent(X)))
 
@@ -518,7 +558,7 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         rating : ndarray of shape (n_trials,)
         """
         proba = self.predict_proba(X)
-        return self.levels_[proba.argmax(axis=1)]
+        return self.levels_[proba.argmax(axis=-1)]
 
     def predict_latent(self, X):
         """Predict the latent response f, which the thresholds cut into levels.
@@ -555,13 +595,15 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         X = validate_data(self, X, dtype=np.float64, reset=False)
         return self._apply(X, None)
 
-    def _apply(self, X, positions):
+    @property
+    def _weights(self):
         output = self.coefs_[1] if self.n_hidden else self.intercepts_
+        return self.coefs_[0], self.intercepts_, output
+
+    def _apply(self, X, positions):
         with np.errstate(over="ignore", invalid="ignore"):
-            latent, hidden = forward(
-                X, positions, self.coefs_[0], self.intercepts_, output
-            )
-        unknown = np.isnan(latent).any(axis=1)
+            latent, hidden = forward(X, positions, *self._weights)
+        unknown = np.isnan(latent).reshape(len(latent), -1).any(axis=1)
         if unknown.any():
             raise ValueError(
                 f"The features of trial {np.argmax(unknown)} of X are too large for "
@@ -570,9 +612,16 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         return np.clip(latent, -_LARGEST_LATENT, _LARGEST_LATENT), hidden
 
     def _proba(self, latent):
-        present = level_probabilities(latent, self._present_thresholds)
-        if len(self._present) == len(self.levels_):
+        if not self._several:
+            return self._proba_of(latent, 0)
+        each = [self._proba_of(f, i) for i, f in enumerate(np.moveaxis(latent, -1, 0))]
+        return np.stack(each, axis=-2)
+
+    def _proba_of(self, latent, attribute):
+        levels = self._present[attribute]
+        present = level_probabilities(latent, self._present_thresholds[attribute])
+        if len(levels) == len(self.levels_):
             return present
         proba = np.zeros((*latent.shape, len(self.levels_)))
-        proba[..., self._present] = present
+        proba[..., levels] = present
         return proba

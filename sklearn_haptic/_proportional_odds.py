@@ -16,6 +16,8 @@ of the rater in the population: all arrays below have a row a trial and a column
 an observation, and the features are multiplied with the weights once a trial.
 """
 
+from itertools import pairwise
+
 import numpy as np
 from scipy import linalg, sparse
 from scipy.special import expit, log_expit
@@ -132,6 +134,34 @@ def unpack(params, n_inputs, n_hidden):
     )
 
 
+def split_heads(params, n_inputs, n_hidden, n_levels):
+    """View the parts of the parameters of a network that attributes share.
+
+    Parameters
+    ----------
+    params : ndarray
+        Weights and biases of the hidden units, then the output weights and thresholds
+        of each attribute; with one attribute, what `unpack` takes.
+    n_inputs, n_hidden : int
+    n_levels : sequence of int
+        Number of levels of each attribute.
+
+    Returns
+    -------
+    coef, bias : ndarray
+        As `unpack` returns them.
+    heads : list of (output, first, gap_logits)
+        Of each attribute, as `unpack` returns them.
+    """
+    coef, bias, *_ = unpack(params, n_inputs, n_hidden)
+    heads, start = [], coef.size + bias.size
+    for n in n_levels:
+        edges = np.cumsum((start, n_hidden, 1, n - 2))
+        heads.append(tuple(params[i:j] for i, j in pairwise(edges)))
+        start = edges[-1]
+    return coef, bias, heads
+
+
 def forward(X, positions, coef, bias, output):
     """Latent response and hidden activations of every trial at every position.
 
@@ -143,11 +173,12 @@ def forward(X, positions, coef, bias, output):
     positions : ndarray broadcastable to (n_trials, n_positions), or None
         The extra input that the observations of a trial do not share.
     coef, bias, output : ndarray
-        As `unpack` returns them.
+        As `unpack` returns them; `output` of shape (n_hidden, n_attributes) of a
+        network that attributes share.
 
     Returns
     -------
-    latent : ndarray of shape (n_trials, n_positions)
+    latent : ndarray of shape (n_trials, n_positions), or with n_attributes behind
     hidden : ndarray of shape (n_trials, n_positions, n_hidden), or None
     """
     shared = X @ coef[: X.shape[-1]]
@@ -230,7 +261,7 @@ class NetworkLoss:
             self.distinct, self.which = np.unique(self.positions, return_inverse=True)
             self.moved = np.empty((len(self.distinct), n_hidden))
         # A hidden layer for each observation, or for each trial if they share it.
-        n_rows = len(X) if positions is None else len(each)
+        n_rows = X.shape[0] if positions is None else len(each)
         self.buffers = np.empty((2, n_rows, n_hidden))
 
     def __call__(self, params):
@@ -293,17 +324,74 @@ class NetworkLoss:
         return sigmoid_of_sums(shared, self.moved, of_trials, of_positions, out=layer)
 
 
-def initial_params(n_inputs, n_hidden, level_weight, random_state):
+class SharedLoss:
+    """The cost of a network that several attributes share, and its gradient.
+
+    The attributes share the hidden layer; each has output weights and thresholds of
+    its own, and observations of its own of the same trials. With one attribute this is
+    `NetworkLoss`. Behind the product of features and weights each attribute has a
+    network whose inputs are the trials, one by one.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_trials, n_features)
+    observations : list of (positions, level, weight)
+        Of each attribute, as `NetworkLoss` takes them.
+    n_hidden : int
+        At least 1.
+    alpha : float or ndarray of shape (n_inputs + 1,)
+        As `NetworkLoss` takes it.
+    """
+
+    def __init__(self, X, observations, n_hidden, alpha):
+        self.X, self.n_hidden = X, n_hidden
+        self.n_levels = [level.max() + 1 for _, level, _ in observations]
+        n_trials, n_features = X.shape
+        n_positions = int(observations[0][0] is not None)
+        alpha = np.broadcast_to(alpha, n_features + n_positions + 1)
+        self.input_alpha = alpha[:-1]
+        each_trial = sparse.eye_array(n_trials, format="csr")
+        own_alpha = np.append(np.zeros(n_trials + n_positions), alpha[-1])
+        self.networks = [
+            NetworkLoss(each_trial, *observed, n_hidden, own_alpha)
+            for observed in observations
+        ]
+        self.total = sum(network.total for network in self.networks)
+
+    def __call__(self, params):
+        """Return the cost and its gradient at `params`, as `split_heads` has them."""
+        n_trials, n_features = self.X.shape
+        coef, bias, heads = split_heads(
+            params, len(self.input_alpha), self.n_hidden, self.n_levels
+        )
+        common = np.vstack((self.X @ coef[:n_features], coef[n_features:], bias))
+        g_coef = (self.input_alpha * coef.T).T
+        loss = 0.5 * np.vdot(g_coef, coef)
+        g_common, g_heads = np.zeros_like(common), []
+        for network, head in zip(self.networks, heads):
+            mean, grad = network(np.concatenate((common.ravel(), *head)))
+            loss += network.total * mean
+            grad *= network.total
+            g_common += grad[: common.size].reshape(common.shape)
+            g_heads.append(grad[common.size :])
+        g_coef[:n_features] += self.X.T @ g_common[:n_trials]
+        g_coef[n_features:] += g_common[n_trials:-1]
+        grad = np.concatenate((g_coef.ravel(), g_common[-1], *g_heads))
+        return loss / self.total, grad / self.total
+
+
+def initial_params(n_inputs, n_hidden, level_weights, random_state):
     """Start values: uniform in (-0.5, 0.5), as Gutiérrez et al. (2016) do.
 
     The linear model has one minimum, so it starts from zero weights and the
-    thresholds of the ratings without features.
+    thresholds of the ratings without features. `level_weights` has for each attribute
+    the weight of each of its levels, all positive.
     """
-    n_gaps = len(level_weight) - 2
     if n_hidden:
-        n_params = n_inputs * n_hidden + 2 * n_hidden + 1 + n_gaps
-        return random_state.uniform(-0.5, 0.5, n_params)
-    share = np.maximum(level_weight / np.sum(level_weight), np.finfo(np.float64).tiny)
+        n_own = sum(n_hidden + len(weight) - 1 for weight in level_weights)
+        return random_state.uniform(-0.5, 0.5, (n_inputs + 1) * n_hidden + n_own)
+    (weight,) = level_weights
+    share = np.maximum(weight / np.sum(weight), np.finfo(np.float64).tiny)
     below = np.log(np.cumsum(share))  # of this level and all before
     above = np.log(np.cumsum(share[::-1])[::-1])
     first = below[:1] - above[1:2]
@@ -403,10 +491,11 @@ def change_weights(params, change, n_features, n_hidden, n_inputs):
     return np.concatenate((changed.ravel(), params[coef.size :]))
 
 
-def monotone_bounds(n_params, n_inputs, n_hidden):
+def monotone_bounds(n_params, n_inputs, n_hidden, n_levels):
     """Bounds that keep the position's and the output weights non-negative."""
     lower = np.full(n_params, -np.inf)
-    coef, _, output, _, _ = unpack(lower, n_inputs, n_hidden)
+    coef, _, heads = split_heads(lower, n_inputs, n_hidden, n_levels)
     coef[-1:] = 0.0
-    output[:] = 0.0
+    for output, _, _ in heads:
+        output[:] = 0.0
     return np.stack((lower, np.full(n_params, np.inf)), axis=1)

@@ -12,7 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 from sklearn.utils.multiclass import check_classification_targets
-from sklearn.utils.validation import check_array, column_or_1d
+from sklearn.utils.validation import (
+    check_array,
+    check_consistent_length,
+    column_or_1d,
+    validate_data,
+)
 
 
 class Sequences(Sequence):
@@ -237,6 +242,62 @@ def check_ratings(y, levels=None, *, name="y"):
             "nobody rated."
         )
     return counts, levels
+
+
+def validate_rated_trials(estimator, X, y, levels=None):
+    """Validate what is given to ``fit``: features and ratings of trials.
+
+    Parameters
+    ----------
+    estimator : estimator object
+        Gets ``n_features_in_`` and, of a DataFrame, ``feature_names_in_``.
+    X : array-like of shape (n_trials, n_features)
+    y : array-like of shape (n_trials,), (n_trials, n_levels) or \
+            (n_trials, n_attributes, n_levels)
+        As `check_ratings` takes it, or such counts of each of several attributes.
+    levels : array-like of shape (n_levels,), default=None
+        As in `check_ratings`.
+
+    Returns
+    -------
+    X : ndarray of shape (n_trials, n_features)
+        Features as float64.
+    counts : ndarray of shape (n_trials, n_levels) or (n_trials, n_attributes, n_levels)
+        Counts as float64.
+    levels : ndarray of shape (n_levels,)
+        The ordered levels.
+
+    Raises
+    ------
+    ValueError
+        As scikit-learn's validation and `check_ratings` do.
+    """
+    if getattr(y, "ndim", None) == 3:
+        X = validate_data(estimator, X, dtype=np.float64)
+    else:
+        X, y = validate_data(estimator, X, y, dtype=np.float64, multi_output=True)
+    counts, levels = check_attributes(y, levels)
+    check_consistent_length(X, counts)
+    return X, counts, levels
+
+
+def check_attributes(y, levels=None, *, name="y"):
+    """Validate ratings as `check_ratings` does, or those of each of several attributes.
+
+    Counts of several attributes are an array of shape (n_trials, n_attributes,
+    n_levels), and so are the counts returned.
+    """
+    if getattr(y, "ndim", None) != 3:
+        return check_ratings(y, levels, name=name)
+    if y.shape[1] == 0:
+        raise ValueError(
+            f"{name} has shape {y.shape}, no attribute; give at least one."
+        )
+    each = [
+        check_ratings(y[:, i], levels, name=f"{name}[:, {i}]")
+        for i in range(y.shape[1])
+    ]
+    return np.stack([counts for counts, _ in each], axis=1), each[0][1]
 
 
 def _check_levels(levels):

@@ -412,7 +412,8 @@ def neg_rps_scorer(estimator, X, y, sample_weight=None):
     X : array-like
         The trials that ``estimator`` takes.
     y : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial.
+        How many people chose each level, or one rating a trial; of shape (n_trials,
+        n_attributes, n_levels) where ``estimator`` predicts several attributes.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
 
@@ -434,12 +435,7 @@ def neg_rps_scorer(estimator, X, y, sample_weight=None):
     >>> neg_rps_scorer(DummyClassifier(strategy="prior").fit(X, y), X, y)
     -0.25
     """
-    return -ranked_probability_score(
-        y,
-        estimator.predict_proba(X),
-        sample_weight=sample_weight,
-        levels=estimator.classes_,
-    )
+    return -_score_estimator(ranked_probability_score, estimator, X, y, sample_weight)
 
 
 def neg_macro_mae_scorer(estimator, X, y, sample_weight=None):
@@ -452,7 +448,8 @@ def neg_macro_mae_scorer(estimator, X, y, sample_weight=None):
     X : array-like
         The trials that ``estimator`` takes.
     y : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial.
+        How many people chose each level, or one rating a trial; of shape (n_trials,
+        n_attributes, n_levels) where ``estimator`` predicts several attributes.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
 
@@ -475,12 +472,22 @@ def neg_macro_mae_scorer(estimator, X, y, sample_weight=None):
     >>> round(neg_macro_mae_scorer(model, X, y), 4)
     -0.3333
     """
-    return -macro_mae_per_trial(
-        y,
-        estimator.predict_proba(X),
-        sample_weight=sample_weight,
-        levels=estimator.classes_,
-    )
+    return -_score_estimator(macro_mae_per_trial, estimator, X, y, sample_weight)
+
+
+def _score_estimator(score, estimator, X, y, sample_weight):
+    """Mean score of what an estimator predicts, over attributes if it does several."""
+    proba = estimator.predict_proba(X)
+    if proba.ndim == 3:
+        if np.shape(y) != proba.shape:
+            raise ValueError(
+                f"y has shape {np.shape(y)}, but {proba.shape} is predicted; give "
+                "counts of the same trials, attributes and levels."
+            )
+        if sample_weight is not None:
+            sample_weight = np.repeat(sample_weight, proba.shape[1])
+        y, proba = (each.reshape(-1, proba.shape[2]) for each in (np.asarray(y), proba))
+    return score(y, proba, sample_weight=sample_weight, levels=estimator.classes_)
 
 
 def _check_distributions(y_true, y_proba, levels):

@@ -188,7 +188,7 @@ def test_softplus_and_sigmoids_at_the_ends_of_the_numbers():
 )
 def test_linear_start_has_the_frequencies_of_the_levels(weight):
     """To full precision, where one rating stands among 1e200."""
-    params = initial_params(1, 0, np.array(weight), None)
+    params = initial_params(1, 0, [np.array(weight)], None)
     with mpmath.workdps(300):
         cuts = [mpmath.mpf(params[1])]
         for gap in params[2:]:

@@ -250,9 +250,11 @@ def test_fit_with_positions_equals_repeated_rows():
     rows = np.column_stack((np.repeat(X, 6, axis=0), positions.ravel()))
     for n_hidden in (0, 4):
         params = initial_params(
-            41, n_hidden, np.ones(4), np.random.RandomState(0)
+            41, n_hidden, [np.ones(4)], np.random.RandomState(0)
         ) + 0.1 * np.random.RandomState(1).normal(
-            size=len(initial_params(41, n_hidden, np.ones(4), np.random.RandomState(0)))
+            size=len(
+                initial_params(41, n_hidden, [np.ones(4)], np.random.RandomState(0))
+            )
         )
         shared = NetworkLoss(X, positions, level, weight, n_hidden, 0.7)(params)
         repeated = NetworkLoss(
@@ -279,7 +281,7 @@ def test_shared_features_at_the_size_of_a_study(n_duplicates):
     rng = np.random.default_rng(5)
     X = rng.normal(size=(60, 300))
     counts = rng.integers(0, 4, size=(6, 5)).repeat(10, axis=0) + 1.0
-    params = initial_params(301, 30, np.ones(5), np.random.RandomState(0))
+    params = initial_params(301, 30, [np.ones(5)], np.random.RandomState(0))
     for sampling in ("level", "lattice"):
         positions, level, weight = training_observations(
             counts, n_duplicates, sampling, None, None

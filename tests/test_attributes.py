@@ -1,0 +1,314 @@
+"""Several attributes that share a hidden layer: against sums written out by hand."""
+
+import pickle
+
+import numpy as np
+import pytest
+from mpmath import mp, mpf
+from scipy.optimize import approx_fprime
+from scipy.special import expit
+from sklearn.base import clone
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import GridSearchCV, GroupKFold
+
+from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNNPOM
+from sklearn_haptic._proportional_odds import SharedLoss, softplus, split_heads
+from sklearn_haptic.metrics import (
+    macro_mae_per_trial,
+    neg_macro_mae_scorer,
+    neg_rps_scorer,
+    ranked_probability_score,
+)
+
+
+def touches(n_objects=12, n_trials=2, n_attributes=3, seed=0):
+    """Trials whose attributes are driven by the same two properties of an object."""
+    rng = np.random.default_rng(seed)
+    objects = np.repeat(np.arange(n_objects), n_trials)
+    properties = rng.normal(size=(n_objects, 2))
+    X = np.hstack((properties, properties**2, rng.normal(size=(n_objects, 3))))
+    X = X[objects] + 0.4 * rng.normal(size=(len(objects), 7))
+    driver = 3 * np.tanh(2 * properties @ rng.normal(size=(2, n_attributes)))
+    raters = driver[..., None] + rng.logistic(size=(*driver.shape, 8))
+    level = np.digitize(raters, [-2, -0.7, 0.7, 2])
+    counts = np.stack([(level == k).sum(axis=-1) for k in range(5)], axis=-1)
+    return X, counts[objects].astype(float), objects
+
+
+def by_hand(X, observations, n_hidden, alpha, params, n_levels, number=float):
+    """Cost of the joint network, observation by observation."""
+    sigmoid = expit if number is float else lambda x: 1 / (1 + mp.exp(-x))
+    log, plus = (np.log, softplus) if number is float else (mp.log, _mp_softplus)
+    n_inputs = X.shape[1] + 1
+    coef, bias, heads = split_heads(params, n_inputs, n_hidden, n_levels)
+    penalty = sum(number(w) ** 2 for w in coef.ravel())
+    loss, total = number(0), number(0)
+    for (positions, level, weight), (output, first, gaps) in zip(observations, heads):
+        penalty += sum(number(w) ** 2 for w in output)
+        thresholds = [number(first[0])]
+        for gap in gaps:
+            thresholds.append(thresholds[-1] + plus(number(gap)))
+        for t, j in np.ndindex(weight.shape):
+            row = [*map(number, X[t]), number(positions[t, j])]
+            f = number(0)
+            for h in range(n_hidden):
+                drive = number(bias[h])
+                for x, w in zip(row, coef[:, h]):
+                    drive += x * number(w)
+                f += number(output[h]) * sigmoid(drive)
+            below = [number(0), *(sigmoid(b - f) for b in thresholds), number(1)]
+            k = level[t, j]
+            loss -= number(weight[t, j]) * log(below[k + 1] - below[k])
+            total += number(weight[t, j])
+    return (loss + number(alpha) / 2 * penalty) / total
+
+
+def _mp_softplus(x):
+    return mp.log(1 + mp.exp(x))
+
+
+def random_problem(seed, n_trials=5, n_features=3, n_hidden=2):
+    rng = np.random.default_rng(seed)
+    n_levels = [5, 2, 3]
+    observations = [
+        (
+            rng.normal(size=(n_trials, 4)),
+            np.append(rng.integers(k, size=(n_trials, 3)), [[k - 1]] * n_trials, 1),
+            rng.uniform(0.1, 2, size=(n_trials, 4)),
+        )
+        for k in n_levels
+    ]
+    X = rng.normal(size=(n_trials, n_features))
+    n_params = (n_features + 2) * n_hidden + sum(n_hidden + k - 1 for k in n_levels)
+    return X, observations, n_hidden, n_levels, rng.normal(size=n_params)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_cost_and_gradient(seed):
+    X, observations, n_hidden, n_levels, params = random_problem(seed)
+    loss = SharedLoss(X, observations, n_hidden, 0.7)
+    cost, gradient = loss(params)
+    with mp.workdps(60):
+        exact = by_hand(X, observations, n_hidden, 0.7, params, n_levels, mpf)
+        assert abs(cost / exact - 1) < 1e-14
+    numeric = approx_fprime(params, lambda x: loss(x)[0], 1e-7)
+    np.testing.assert_allclose(gradient, numeric, atol=1e-6)
+
+
+def test_the_fit_is_a_minimum_of_the_cost_written_out():
+    """No step in any parameter, the features' weights included, lowers the cost."""
+    X, counts, _ = touches(4, 2)
+    X = X[:, :3]
+    model = NNPOM(
+        2, 0.5, scale_features=False, tol=1e-9, max_iter=5000, random_state=0
+    ).fit(X, counts)
+    # Positions of zero weight: the by-hand cost has them, the model has none.
+    level = np.broadcast_to(np.arange(5), counts[:, 0].shape)
+    observations = [
+        (np.zeros(level.shape), level, each) for each in counts.swapaxes(0, 1)
+    ]
+
+    def cost(params):
+        parts = np.split(params, [6, 8, 14])
+        coef, bias = np.vstack((parts[0].reshape(3, 2), [0, 0])), parts[1]
+        outputs, heads = parts[2].reshape(2, 3), parts[3].reshape(3, 4)
+        own = [
+            np.concatenate((outputs[:, a], heads[a, :1], np.log(np.expm1(np.diff(h)))))
+            for a, h in enumerate(heads)
+        ]
+        flat = np.concatenate((coef.ravel(), bias, *own))
+        return by_hand(X, observations, 2, 0.5, flat, [5] * 3)
+
+    fitted = np.concatenate(
+        [
+            model.coefs_[0].ravel(),
+            model.intercepts_,
+            model.coefs_[1].ravel(),
+            model.thresholds_.ravel(),
+        ]
+    )
+    assert model.loss_ == pytest.approx(cost(fitted), rel=1e-12)
+    np.testing.assert_allclose(approx_fprime(fitted, cost, 1e-6), 0, atol=1e-5)
+
+
+@pytest.mark.parametrize("sampling", ["level", "lattice", "random"])
+@pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
+@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
+def test_one_attribute_is_no_special_case(sampling, solver):
+    X, counts, _ = touches()
+    network = NNPOM(3, 3.0, solver=solver, max_iter=50)
+    model = DistributionalOrdinalRegressor(network, sampling=sampling, random_state=0)
+    one = clone(model).fit(X, counts[:, 0]).predict_proba(X)
+    among = clone(model).fit(X, counts[:, :1]).predict_proba(X)
+    np.testing.assert_array_equal(among[:, 0], one)
+
+
+@pytest.mark.parametrize("decode", ["mixture", "quantile"])
+def test_what_is_predicted_has_an_axis_of_attributes(decode):
+    X, counts, _ = touches()
+    model = DistributionalOrdinalRegressor(
+        NNPOM(3, 3.0, random_state=0), decode=decode
+    ).fit(X, counts)
+    proba, cdf = model.predict_proba(X), model.predict_cdf(X)
+    assert proba.shape == counts.shape
+    np.testing.assert_allclose(proba.sum(axis=-1), 1, rtol=1e-14)
+    np.testing.assert_allclose(cdf, np.cumsum(proba, axis=-1), atol=1e-14)
+    p = np.array([0.2, 0.5, 0.9])
+    quantiles = model.predict_quantile(X, p)
+    for t, a, i in np.ndindex(quantiles.shape):
+        assert quantiles[t, a, i] == 1 + np.searchsorted(cdf[t, a], p[i])
+    np.testing.assert_array_equal(model.predict_quantile(X, 0.5), quantiles[..., 1])
+    np.testing.assert_array_equal(model.predict(X), proba.argmax(axis=-1) + 1)
+    sample = model.sample(X[:2], 4000, random_state=0)
+    share = np.mean(sample[..., None] == np.arange(1, 6), axis=2)
+    np.testing.assert_allclose(share, proba[:2], atol=0.04)
+    each = [ranked_probability_score(counts[:, a], proba[:, a]) for a in range(3)]
+    assert model.score(X, counts) == pytest.approx(-np.mean(each), rel=1e-14)
+
+
+def test_quantile_decoding_equals_a_fine_grid():
+    X, counts, _ = touches()
+    network = NNPOM(3, 3.0, random_state=0)
+    model = DistributionalOrdinalRegressor(network, decode="quantile").fit(X, counts)
+    p = (np.arange(20_000) + 0.5) / 20_000
+    latent = model.estimator_.predict_latent_with_positions(X, np.log(p / (1 - p)))
+    for a, thresholds in enumerate(model.estimator_.thresholds_):
+        below = [(latent[..., a] <= b).mean(axis=1) for b in thresholds]
+        cdf = np.stack(below, axis=1)
+        found = np.cumsum(model.predict_proba(X)[:, a], axis=1)[:, :-1]
+        np.testing.assert_allclose(found, cdf, atol=0.01)
+
+
+def test_levels_that_an_attribute_never_has():
+    X, counts, _ = touches()
+    counts[:, 0, [1, 4]] = 0
+    counts[:, 0, 2] += 1
+    counts[:, 1] = [0, 0, 0, 8, 0]
+    model = DistributionalOrdinalRegressor(NNPOM(3, random_state=0)).fit(X, counts)
+    proba = model.predict_proba(X)
+    assert not proba[:, 0, [1, 4]].any() and proba[:, 0, [0, 2, 3]].all()
+    np.testing.assert_array_equal(proba[:, 1], [[0, 0, 0, 1, 0]] * len(X))
+    assert proba[:, 2].all()
+    all_agree = np.zeros_like(counts)
+    all_agree[..., 2] = 8
+    proba = model.fit(X, all_agree).predict_proba(X)
+    np.testing.assert_array_equal(proba, all_agree / 8)
+
+
+def test_weights_equal_repeated_trials():
+    X, counts, _ = touches()
+    weight = np.random.default_rng(0).integers(0, 3, len(X))
+    network = NNPOM(2, 3.0, tol=1e-10, max_iter=5000, random_state=0)
+    model = DistributionalOrdinalRegressor(network)
+    weighted = clone(model).fit(X, counts, sample_weight=weight)
+    repeated = clone(model).fit(X.repeat(weight, 0), counts.repeat(weight, 0))
+    np.testing.assert_allclose(
+        weighted.predict_proba(X), repeated.predict_proba(X), atol=1e-5
+    )
+    expected = np.repeat(
+        ranked_probability_score(
+            counts.reshape(-1, 5),
+            weighted.predict_proba(X).reshape(-1, 5),
+            average=False,
+        )
+        .reshape(-1, 3)
+        .mean(axis=1),
+        weight,
+    ).mean()
+    assert weighted.score(X, counts, weight) == pytest.approx(-expected)
+
+
+def test_search_and_scorers():
+    X, counts, objects = touches()
+    search = GridSearchCV(
+        DistributionalOrdinalRegressor(NNPOM(3, random_state=0)),
+        {"estimator__alpha": [1, 30]},
+        scoring={"rps": neg_rps_scorer, "mae": neg_macro_mae_scorer},
+        refit="rps",
+        cv=GroupKFold(3),
+    ).fit(X, counts, groups=objects)
+    proba = search.predict_proba(X)
+    each = [macro_mae_per_trial(counts[:, a], proba[:, a]) for a in range(3)]
+    assert neg_macro_mae_scorer(search, X, counts) == pytest.approx(-np.mean(each))
+    assert np.isfinite(search.cv_results_["mean_test_rps"]).all()
+
+
+def test_early_stopping_averages_the_error_of_all_attributes():
+    X, counts, objects = touches(30)
+    train, held_out = objects < 24, objects >= 24
+    network = NNPOM(8, 1e-3, tol=0, random_state=0, early_stopping=True)
+    model = DistributionalOrdinalRegressor(network, decode="quantile", rule="argmax")
+    errors = []
+    for n_iter in (10, 20, 40, 80):
+        model.set_params(estimator__max_iter=n_iter)
+        model.fit(X[train], counts[train], X_val=X[held_out], y_val=counts[held_out])
+        errors.append(-neg_macro_mae_scorer(model, X[held_out], counts[held_out]))
+    assert (np.diff(errors) <= 1e-12).all()
+    drawn = clone(model).set_params(random_state=0).fit(X, counts, groups=objects)
+    loaded = pickle.loads(pickle.dumps(drawn))
+    np.testing.assert_array_equal(loaded.predict_proba(X), drawn.predict_proba(X))
+
+
+def test_monotone():
+    X, counts, _ = touches()
+    model = DistributionalOrdinalRegressor(NNPOM(4, 0.1, random_state=0), monotone=True)
+    network = model.fit(X, counts).estimator_
+    latent = network.predict_latent_with_positions(X, np.linspace(-5, 5, 50))
+    assert (np.diff(latent, axis=1) >= 0).all()
+    assert (network.coefs_[1] >= 0).all() and (network.coefs_[0][-1] >= 0).all()
+
+
+def test_without_positions():
+    X, counts, _ = touches()
+    network = NNPOM(3, random_state=0).fit(X, counts)
+    assert network.predict_proba(X).shape == counts.shape
+    assert network.predict_latent(X).shape == (len(X), 3)
+    assert network.hidden_activations(X).shape == (len(X), 3)
+    hidden = expit(X @ network.coefs_[0] + network.intercepts_)
+    np.testing.assert_allclose(
+        network.predict_latent(X), hidden @ network.coefs_[1], rtol=1e-12
+    )
+    np.testing.assert_array_equal(
+        network.predict(X), network.predict_proba(X).argmax(axis=-1) + 1
+    )
+
+
+@pytest.mark.parametrize(
+    ("estimator", "message"),
+    [
+        (None, "n_hidden=0 leaves nothing that several attributes could share"),
+        (LogisticRegression(), "several attributes, which LogisticRegression cannot"),
+        (SensorFusionNNPOM({"pac": [0]}), "several attributes, which a SensorFusion"),
+    ],
+)
+def test_estimators_that_cannot(estimator, message):
+    X, counts, _ = touches()
+    with pytest.raises(ValueError, match=message):
+        DistributionalOrdinalRegressor(estimator).fit(X, counts)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda y: y[:-1], "inconsistent numbers of samples"),
+        (lambda y: y[:, :0], "y has shape .24, 0, 5., no attribute"),
+        (lambda y: y - 10 * (np.arange(3) == 1)[:, None], r"y\[:, 1\] has a negative"),
+        (lambda y: y * (np.arange(3) != 2)[:, None], r"y\[:, 2\] has no ratings in"),
+        (lambda y: np.where(np.arange(5) == 4, np.nan, y), r"Input y\[:, 0\] contains"),
+        (lambda y: y[..., None], "dim 4"),
+    ],
+)
+def test_bad_ratings(change, message):
+    X, counts, _ = touches()
+    model = DistributionalOrdinalRegressor(NNPOM(2, random_state=0))
+    with pytest.raises(ValueError, match=message):
+        model.fit(X, change(counts))
+    with pytest.raises(ValueError, match=message):
+        NNPOM(2).fit(X, change(counts))
+
+
+def test_scores_need_the_same_attributes():
+    X, counts, _ = touches()
+    model = DistributionalOrdinalRegressor(NNPOM(2, random_state=0)).fit(X, counts)
+    with pytest.raises(ValueError, match=r"y has shape \(24, 2, 5\), but \(24, 3, 5\)"):
+        model.score(X, counts[:, :2])
