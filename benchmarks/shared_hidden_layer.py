@@ -24,36 +24,19 @@ import os
 import time
 import warnings
 from collections import defaultdict
-from itertools import accumulate
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from real_ratings import phac2
-from scipy import sparse
-from scipy.optimize import approx_fprime
-from scipy.special import logit
 from sklearn.base import clone
 from sklearn.decomposition import PCA
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import scale
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, make_haptic_pipeline
-from sklearn_haptic._positions import population_quadrature, training_observations
-from sklearn_haptic._proportional_odds import (
-    EvenedFeatures,
-    NetworkLoss,
-    change_weights,
-    forward,
-    level_probabilities,
-    thresholds_from,
-    total_spread,
-    unpack,
-)
-from sklearn_haptic._solvers import lbfgs
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import (
     earth_movers_distance,
@@ -77,134 +60,21 @@ SCORES = {
 # The joint network
 
 
-def split_heads(params, n_inputs, n_hidden, n_levels):
-    """Weights of the inputs, hidden biases, and each adjective's own parameters."""
-    coef, bias, *_ = unpack(params, n_inputs, n_hidden)
-    sizes = [n_hidden + k - 1 for k in n_levels]  # output weights and thresholds
-    starts = list(accumulate(sizes, initial=coef.size + bias.size))
-    return coef, bias, np.split(params, starts)[1:-1]
-
-
-class SharedLoss:
-    """Penalised mean negative log-likelihood of the joint network, and its gradient.
-
-    The parameters are the weights of the inputs, those of the position last, the
-    hidden biases, then the output weights and thresholds of each adjective. What
-    follows the product of features and weights is for each adjective a network of
-    its own, whose inputs are the trials one by one.
-
-    Parameters
-    ----------
-    X : ndarray of shape (n_trials, n_features)
-    observations : list of (positions, level, weight)
-        For each adjective as in `NetworkLoss`.
-    n_hidden : int
-    alpha : ndarray of shape (n_features + 2,)
-        Penalty of the weights of each input, of the position's and the output's.
-    """
-
-    def __init__(self, X, observations, n_hidden, alpha):
-        self.X, self.n_hidden, self.input_alpha = X, n_hidden, alpha[:-1]
-        self.n_levels = [level.max() + 1 for _, level, _ in observations]
-        trials = sparse.eye_array(len(X), format="csr")
-        head_alpha = np.append(np.zeros(len(X) + 1), alpha[-1])
-        self.networks = [
-            NetworkLoss(trials, *observed, n_hidden, head_alpha)
-            for observed in observations
-        ]
-        self.total = sum(network.total for network in self.networks)
-
-    def __call__(self, params):
-        coef, bias, heads = split_heads(
-            params, len(self.input_alpha), self.n_hidden, self.n_levels
-        )
-        common = np.concatenate(((self.X @ coef[:-1]).ravel(), coef[-1], bias))
-        g_coef = (self.input_alpha * coef.T).T
-        loss = 0.5 * np.vdot(g_coef, coef)
-        g_common, g_heads = np.zeros_like(common), []
-        for network, head in zip(self.networks, heads):
-            mean, grad = network(np.concatenate((common, head)))
-            loss += network.total * mean
-            grad *= network.total
-            g_common += grad[: len(common)]
-            g_heads.append(grad[len(common) :])
-        g_shared, g_position, g_bias = np.split(
-            g_common.reshape(-1, self.n_hidden), [len(self.X), len(self.X) + 1]
-        )
-        g_coef[:-1] += self.X.T @ g_shared
-        g_coef[-1:] += g_position
-        grad = np.concatenate((g_coef.ravel(), g_bias.ravel(), *g_heads))
-        return loss / self.total, grad / self.total
-
-
-class SharedNetwork:
-    """The joint network, with everything else as in `DistributionalOrdinalRegressor`.
-
-    Features are centred, as all here are. Fitted to a list of rating counts, an array
-    of shape (n_trials, n_levels) for each adjective, it predicts a list of
-    probabilities.
-    """
+class Joint:
+    """One network fitted to a list of counts, an array for each adjective."""
 
     def __init__(self, n_hidden, alpha):
         self.n_hidden = n_hidden
         self.alpha = alpha
 
     def fit(self, X, ratings):
-        rng = np.random.RandomState(0)
-        # An adjective's levels that no training rating has get probability 0; with a
-        # single level left there is nothing to learn.
-        self.present_ = [counts.sum(axis=0) > 0 for counts in ratings]
-        self.n_levels_ = [p.sum() for p in self.present_ if p.sum() > 1]
-        observations = []
-        for counts, present in zip(ratings, self.present_):
-            if present.sum() == 1:
-                continue
-            positions, level, weight = training_observations(
-                counts, 15, "level", None, rng
-            )
-            level = (np.cumsum(present) - 1)[level]
-            observations.append((logit(positions), level, weight))
-
-        n_features, n_hidden = X.shape[1], self.n_hidden
-        trial_weight = sum(weight.sum(axis=1) for _, _, weight in observations)
-        spread = total_spread(X, trial_weight)
-        evened = EvenedFeatures(X / spread, self.alpha, trial_weight.mean())
-        alpha = np.append(evened.alpha, (self.alpha, self.alpha))
-        loss = SharedLoss(evened.inputs, observations, n_hidden, alpha)
-
-        n_head = sum(n_hidden + k - 1 for k in self.n_levels_)
-        params = rng.uniform(-0.5, 0.5, (n_features + 2) * n_hidden + n_head)
-        params = change_weights(
-            params, evened.to_inputs, n_features, n_hidden, n_features + 1
-        )
-        params, *_ = lbfgs(
-            loss, params, bounds=None, **OPTIONS, callback=lambda *_: False
-        )
-
-        def to_features(weights):
-            return evened.to_features(weights) / spread
-
-        rank = evened.inputs.shape[1]
-        self.params_ = change_weights(params, to_features, rank, n_hidden, rank + 1)
+        network = NNPOM(self.n_hidden, self.alpha, **OPTIONS, random_state=0)
+        self.model_ = DistributionalOrdinalRegressor(network)
+        self.model_.fit(X, np.stack(ratings, axis=1))
         return self
 
     def predict_proba(self, X):
-        coef, bias, heads = split_heads(
-            self.params_, X.shape[1] + 1, self.n_hidden, self.n_levels_
-        )
-        positions, weight = population_quadrature(20)
-        output = np.stack([head[: self.n_hidden] for head in heads], axis=1)
-        latent, _ = forward(X, logit(positions)[None], coef, bias, output)
-        learnt = zip(np.moveaxis(latent, -1, 0), heads)
-        proba = []
-        for present in self.present_:
-            proba.append(np.tile(present.astype(float), (len(X), 1)))
-            if present.sum() > 1:
-                f, head = next(learnt)
-                first, gap_logits = head[self.n_hidden], head[self.n_hidden + 1 :]
-                at_position = level_probabilities(f, thresholds_from(first, gap_logits))
-                proba[-1][:, present] = np.einsum("tpk,p->tk", at_position, weight)
-        return proba
+        return list(self.model_.predict_proba(X).swapaxes(0, 1))
 
 
 # ----------------------------------------------------------------------------------
@@ -233,34 +103,13 @@ class Separate:
         return [model.predict_proba(X) for model in self.models_]
 
 
-def check():
-    """The gradient is exact, and of one adjective the network is `NNPOM`."""
-    rng = np.random.RandomState(0)
-    X, n_hidden = scale(rng.normal(size=(8, 3))), 4
-    ratings = [rng.randint(1, 5, (8, n_levels)).astype(float) for n_levels in (5, 2, 3)]
-    observations = []
-    for counts in ratings:
-        positions, *others = training_observations(counts, 6, "level", None, rng)
-        observations.append((logit(positions), *others))
-    loss = SharedLoss(X, observations, n_hidden, rng.uniform(size=5))
-    params = rng.normal(size=5 * n_hidden + 3 * n_hidden + 4 + 1 + 2)
-    numeric = approx_fprime(params, lambda params: loss(params)[0], 1e-7)
-    np.testing.assert_allclose(loss(params)[1], numeric, atol=1e-6)
-
-    shared, single = (
-        model(n_hidden, 1.0).fit(X, ratings[:1]).predict_proba(X)[0]
-        for model in (SharedNetwork, Separate)
-    )
-    np.testing.assert_allclose(shared, single, atol=1e-8)
-
-
 LINEAR = [(0, alpha) for alpha in (1.0, *ALPHAS)]
 NETWORKS = [(n_hidden, alpha) for n_hidden in HIDDEN for alpha in ALPHAS]
 JOINT = "joint network"
 RIVALS = [  # class, settings, whether each adjective chooses its own
     (Separate, LINEAR, {"linear": True, "linear, one alpha": False}),
     (Separate, NETWORKS, {"networks": True, "networks, one setting": False}),
-    (SharedNetwork, NETWORKS, {JOINT: False}),
+    (Joint, NETWORKS, {JOINT: False}),
 ]
 
 
@@ -415,7 +264,6 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--quick", action="store_true")
     arguments = parser.parse_args()
-    check()
     warnings.simplefilter("ignore", ConvergenceWarning)
     rivals = [RIVALS[0], RIVALS[-1]] if arguments.quick else RIVALS
     data = [synthetic(arguments.seed)]
