@@ -240,11 +240,7 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         )
         used = sample_weight > 0
         X, weight = X[used], (counts[used].T * sample_weight[used]).T
-        level = np.arange(len(self.levels_))
-        if np.ndim(y) == 1:  # a single observation a trial
-            level = weight.argmax(axis=1)[:, None]
-            weight = np.take_along_axis(weight, level, axis=1)
-        level = np.broadcast_to(level, weight.shape)
+        level = np.broadcast_to(np.arange(len(self.levels_)), weight.shape)
         rng = check_random_state(self.random_state)
         if not self.early_stopping:
             return self._fit(X, None, level, weight, None, rng)
