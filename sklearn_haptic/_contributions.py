@@ -20,7 +20,7 @@ from sklearn.utils.parallel import Parallel, delayed
 
 from ._distributional import DistributionalOrdinalRegressor
 from ._fusion import SensorFusionNNPOM
-from ._validation import check_ratings
+from ._validation import check_ratings, import_pandas
 from .metrics import (
     earth_movers_distance,
     log_score,
@@ -257,7 +257,7 @@ def sensor_contributions(
     >>> (summary["difference"] > 0.05).to_dict()
     {'pac': True, 'tdc': False}
     """
-    pd = _import_pandas("sensor_contributions")
+    pd = import_pandas("sensor_contributions")
     features, regressor = _split_model(model)
     X, y, groups = indexable(X, y, groups)
     counts, _ = check_ratings(y, regressor.levels)
@@ -436,7 +436,7 @@ def contribution_summary(scores, *, metric="macro_mae", by=None):
       held_out  full  holdout  difference  p_objects
     0      pac  0.45     0.75         0.3        0.5
     """
-    pd = _import_pandas("contribution_summary")
+    pd = import_pandas("contribution_summary")
     by = [] if by is None else [by] if isinstance(by, str) else list(by)
     if "threshold" in by:
         scores, metric = _melt_thresholds(scores, by), "rps"
@@ -557,14 +557,3 @@ def _test_starts(full, holdout):
 def _test_objects(difference):
     """Wilcoxon's signed-rank test, of the objects that have a difference."""
     return wilcoxon(difference).pvalue if difference.any() else 1.0
-
-
-def _import_pandas(function):
-    try:
-        import pandas as pd
-    except ImportError as error:
-        raise ImportError(
-            f"{function} requires pandas; install it with "
-            "`pip install sklearn_haptic[plot]`."
-        ) from error
-    return pd

@@ -27,6 +27,7 @@ from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_is_fitted
 
 from ._contributions import contribution_summary, sensor_contributions
+from ._validation import import_pandas
 
 __all__ = [
     "cheapest_within_one_se",
@@ -209,13 +210,7 @@ def speed_accuracy_frontier(search, *, metric=None):
     0               0      1.0  -0.50      0.25
     1              10      3.0  -0.25      0.00
     """
-    try:
-        import pandas as pd
-    except ImportError as error:
-        raise ImportError(
-            "speed_accuracy_frontier requires pandas; install it with "
-            "`pip install sklearn_haptic[plot]`."
-        ) from error
+    pd = import_pandas("speed_accuracy_frontier")
     candidates = read_candidates(search, metric)
     params = getattr(search, "cv_results_", search)["params"]
     on_frontier = np.flatnonzero(is_non_dominated(candidates.seconds, candidates.score))

@@ -19,7 +19,6 @@ from sklearn.utils import Bunch
 from sklearn.utils._param_validation import Interval, StrOptions, validate_params
 from sklearn.utils.parallel import Parallel, _threadpool_controller_decorator, delayed
 
-from ._contributions import _import_pandas
 from ._distributional import DistributionalOrdinalRegressor
 from ._nnpom import NNPOM
 from ._study_store import (
@@ -31,6 +30,7 @@ from ._study_store import (
     write_unit,
 )
 from ._study_units import COMPUTE, Study, adjectives_of
+from ._validation import import_pandas
 from .datasets._phac2 import PROCEDURE_STATES, SENSORS, choose
 
 __all__ = ["read_study", "run_study"]
@@ -275,7 +275,7 @@ def run_study(
     >>> study.scores.groupby("held_out").size().to_dict()
     {'none': 4, 'pdc': 4, 'tdc': 4}
     """
-    _import_pandas("run_study")
+    import_pandas("run_study")
     if regressor is None:
         network = NNPOM(early_stopping=True, max_iter=200, n_iter_no_change=30)
         regressor = DistributionalOrdinalRegressor(network)
@@ -359,7 +359,7 @@ def read_study(folder):
     >>> study = read_study("study")  # doctest: +SKIP
     >>> study.scores.groupby("adjective")["rps"].mean()  # doctest: +SKIP
     """
-    pd = _import_pandas("read_study")
+    pd = import_pandas("read_study")
     folder = Path(folder)
     read_settings(folder)
     units = read_finished(folder, "models")

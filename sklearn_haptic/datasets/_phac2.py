@@ -12,6 +12,7 @@ import numpy as np
 from sklearn.utils import Bunch
 from sklearn.utils._param_validation import StrOptions, validate_params
 
+from sklearn_haptic._validation import import_pandas
 from sklearn_haptic.datasets._hdf5 import (
     check_stored,
     get_node,
@@ -173,13 +174,7 @@ def load_phac2(
     ... # doctest: +SKIP
     (500, 38)
     """
-    try:
-        import pandas as pd
-    except ImportError as error:
-        raise ImportError(
-            "load_phac2 requires pandas; install it with "
-            "`pip install sklearn_haptic[phac2]`."
-        ) from error
+    pd = import_pandas("load_phac2", extra="phac2")
     sensors = choose(sensors, list(SENSORS), "sensor", "the corpus")
     with open_hdf5(path) as file:
         parsed = _parse_trial_names(file)

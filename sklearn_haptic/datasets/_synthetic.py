@@ -11,6 +11,7 @@ import numpy as np
 from sklearn.utils import Bunch, check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions, validate_params
 
+from sklearn_haptic._validation import import_pandas
 from sklearn_haptic.datasets._crowd import (
     ADJECTIVES,
     LEVELS,
@@ -173,13 +174,7 @@ def make_haptic_corpus(
     >>> corpus.ratings["hard"].shape
     (40, 5)
     """
-    try:
-        import pandas as pd
-    except ImportError as error:
-        raise ImportError(
-            "make_haptic_corpus requires pandas; install it with "
-            "`pip install sklearn_haptic[plot]`."
-        ) from error
+    pd = import_pandas("make_haptic_corpus")
     sensors = choose(sensors, list(SENSORS), "sensor", "the corpus")
     seed = int(check_random_state(random_state).randint(np.iinfo(np.int32).max))
 
