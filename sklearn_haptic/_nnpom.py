@@ -10,7 +10,6 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.model_selection import GroupShuffleSplit
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.parallel import _threadpool_controller_decorator
 from sklearn.utils.validation import (
     _check_sample_weight,
     check_consistent_length,
@@ -34,6 +33,7 @@ from ._proportional_odds import (
     unpack,
 )
 from ._solvers import Monitor, irprop_plus, lbfgs
+from ._threads import one_blas_thread
 from ._validation import validate_rated_trials
 from .metrics import _macro_mae
 
@@ -321,7 +321,7 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         return self
 
     # The products are small: several threads would mostly wait for each other.
-    @_threadpool_controller_decorator(limits=1, user_api="blas")
+    @one_blas_thread
     def _minimise(
         self, X, positions, level, weight, validation, rng, monotone, context
     ):
