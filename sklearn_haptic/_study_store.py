@@ -141,12 +141,15 @@ def read_settings(folder):
     """
     path = folder / _SETTINGS
     try:
-        return json.loads(path.read_bytes())
+        settings = json.loads(path.read_bytes())
+        if not isinstance(settings, dict):
+            raise ValueError("it holds no settings")
+        return settings
     except FileNotFoundError as error:
         raise ValueError(
             f"{folder} holds no study: {_SETTINGS} is missing; run_study makes one."
         ) from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(
             f"{path} is damaged ({error}); restore it, or run the study in another "
             "folder."
@@ -229,7 +232,12 @@ def read_finished(folder, kind):
 def _path(folder, unit):
     """Return the path of a unit's files without suffix."""
     kind, *rest = unit
-    return folder / kind / "_".join(map(str, rest))
+    name = "_".join(map(str, rest))
+    if Path(name).name != name:
+        raise ValueError(
+            f"The unit {unit} cannot name a file; give names without slashes."
+        )
+    return folder / kind / name
 
 
 def _read(path):
@@ -240,11 +248,19 @@ def _read(path):
             "procedure and adjective does it again."
         )
     record, data = intact
-    return _from_bytes(Path(record["file"]).suffix, data), record
+    try:
+        return _from_bytes(Path(record["file"]).suffix, data), record
+    except Exception as error:  # NumPy, zipfile and pandas raise a dozen types
+        raise ValueError(
+            f"{path.with_suffix('')}.* holds neither a table nor arrays of "
+            f"numbers ({error}); delete it, and run_study does the unit again."
+        ) from error
 
 
 def _read_intact(path):
     """Return a unit's record and the bytes of its content, None if it has to be done.
+
+    Whatever the record says, only the unit's own file is read.
 
     Parameters
     ----------
@@ -253,11 +269,12 @@ def _read_intact(path):
     """
     try:
         record = json.loads(path.read_bytes())
-        data = path.with_name(record["file"]).read_bytes()
-        intact = sha256(data).hexdigest() == record["sha256"]
-    except (FileNotFoundError, ValueError, TypeError, KeyError):
+        own = _path(path.parents[1], record["unit"])
+        data = path.with_suffix(Path(record["file"]).suffix).read_bytes()
+        same = sha256(data).hexdigest() == record["sha256"]
+    except (FileNotFoundError, ValueError, TypeError, KeyError, RecursionError):
         return None
-    return (record, data) if intact else None
+    return (record, data) if same and own == path.with_suffix("") else None
 
 
 def _to_json(value):
