@@ -1,0 +1,131 @@
+"""A small model of every public estimator, and of what is built of them, fitted."""
+
+from functools import cache
+
+import numpy as np
+import pandas as pd
+from mord import LogisticAT
+from sklearn.base import clone
+from sklearn.ensemble import HistGradientBoostingRegressor
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import GridSearchCV
+
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    DummyDistribution,
+    KSVDTransformer,
+    SensorFusionNNPOM,
+    STHMPTransformer,
+    TemporalMaxPool,
+    make_haptic_pipeline,
+)
+from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
+
+_rng = np.random.default_rng(0)
+TABLE = _rng.normal(size=(40, 6))
+NAMED = pd.DataFrame(TABLE, columns=[f"{s}__{i}" for s in "ab" for i in range(3)])
+LABELS = np.array(["dull", "even", "keen"])[_rng.permutation(np.arange(40) % 3)]
+COUNTS = _rng.multinomial(9, [0.1, 0.2, 0.4, 0.2, 0.1], size=40)
+SEVERAL = np.stack([COUNTS, COUNTS[::-1]], axis=1)
+TRIALS = [_rng.normal(size=(n, 3)) for n in (40, 50, 44)]
+FRAMES = [_rng.normal(size=(n, 38)).astype(np.float32) for n in (5, 7, 6)]
+CORPUS = make_haptic_corpus(
+    4, 2, "fast_slide", sensors=["pdc", "electrodes"], random_state=0
+)
+
+_DICTIONARY = {"n_atoms": 4, "n_nonzero_coefs": 2, "max_iter": 2}
+_NETWORK = NNPOM(2, tol=1e-2, random_state=0)
+_FUSION = SensorFusionNNPOM(None, _NETWORK, NNPOM(1, tol=1e-2), random_state=0)
+
+# Name: unfitted model, X and y.
+MODELS = {
+    "ksvd of rows": (KSVDTransformer(**_DICTIONARY, random_state=0), TABLE, None),
+    "ksvd of trials": (
+        KSVDTransformer(
+            **_DICTIONARY, window=10, random_state=np.random.RandomState(0)
+        ),
+        TRIALS,
+        None,
+    ),
+    "sthmp": (STHMPTransformer(**_DICTIONARY, random_state=0), FRAMES, None),
+    "pooling": (TemporalMaxPool((2, 1)), TRIALS, None),
+    "network": (NNPOM(3, tol=1e-2, random_state=0), TABLE, COUNTS),
+    "network of labels": (NNPOM(0, tol=1e-2), NAMED, LABELS),
+    "network stopped early": (
+        NNPOM(3, solver="irprop+", early_stopping=True, random_state=0),
+        TABLE,
+        COUNTS,
+    ),
+    "regressor": (DistributionalOrdinalRegressor(), NAMED, COUNTS),
+    "regressor of labels": (
+        DistributionalOrdinalRegressor(sampling="random", random_state=0),
+        TABLE,
+        LABELS,
+    ),
+    "monotone regressor": (
+        DistributionalOrdinalRegressor(_NETWORK, monotone=True, random_state=0),
+        TABLE,
+        COUNTS,
+    ),
+    "regressor of a classifier": (
+        DistributionalOrdinalRegressor(LogisticRegression(), decode="quantile"),
+        TABLE,
+        COUNTS,
+    ),
+    "regressor of mord": (
+        DistributionalOrdinalRegressor(LogisticAT(), sampling="lattice", balance=None),
+        TABLE,
+        COUNTS,
+    ),
+    "regressor of trees": (
+        DistributionalOrdinalRegressor(
+            HistGradientBoostingRegressor(max_iter=3, max_leaf_nodes=3), random_state=0
+        ),
+        TABLE,
+        COUNTS,
+    ),
+    "several attributes": (
+        DistributionalOrdinalRegressor(_NETWORK, random_state=0),
+        TABLE,
+        SEVERAL,
+    ),
+    "fusion": (_FUSION, NAMED, COUNTS),
+    "fusion with a sensor held out": (
+        SensorFusionNNPOM(
+            {"a": [0, 1], "b": slice(2, None)}, _NETWORK, held_out="a", random_state=0
+        ),
+        TABLE,
+        COUNTS,
+    ),
+    "regressor of a fusion": (
+        DistributionalOrdinalRegressor(_FUSION, random_state=0),
+        NAMED,
+        COUNTS,
+    ),
+    "dummy": (DummyDistribution("barycentre"), TABLE, COUNTS),
+    "pipeline": (
+        make_haptic_pipeline(["pdc", "electrodes"], random_state=0),
+        CORPUS.trials,
+        CORPUS.ratings["hard"],
+    ),
+    "search": (
+        GridSearchCV(
+            DistributionalOrdinalRegressor(_NETWORK, random_state=0),
+            {"estimator__alpha": [1.0, 10.0]},
+            scoring={"rps": neg_rps_scorer, "mae": neg_macro_mae_scorer},
+            refit="rps",
+            cv=2,
+        ),
+        TABLE,
+        COUNTS,
+    ),
+}
+
+
+@cache
+def fitted(name):
+    """The model of a name; not to be changed."""
+    model, X, y = MODELS[name]
+    return clone(model).fit(X, y)

@@ -1,0 +1,356 @@
+"""Saved models predict the same, files run nothing, and no call leaves a trace."""
+
+import io
+import json
+import os
+import pickle
+import re
+import subprocess
+import sys
+from functools import partial
+from hashlib import sha256
+from pathlib import Path
+
+import h5py
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+import skops.io
+from fitted_models import MODELS, fitted
+from load_and_predict import (
+    LOADERS,
+    digests,
+    outputs,
+    refuse_the_outside,
+    refuse_training,
+)
+from sklearn.base import clone
+from sklearn.exceptions import InconsistentVersionWarning
+from test_phac2 import write_trial
+from test_ratings_file import save_v7, save_v73
+
+import sklearn_haptic
+from sklearn_haptic._study_store import open_study, write_unit
+from sklearn_haptic.datasets import load_phac2
+from sklearn_haptic.study import read_study
+
+pytestmark = [
+    pytest.mark.usefixtures("one_thread"),
+    # mord 0.7 passes an option that SciPy 1.17 deprecates.
+    pytest.mark.filterwarnings("ignore:scipy.optimize. The `disp`"),
+]
+
+TESTS = Path(__file__).parent
+GUIDE = (TESTS.parent / "docs" / "trust.md").read_text("utf-8")
+
+
+# Saved models ---------------------------------------------------------------
+
+DUMPERS = {
+    "pickle": lambda model, path: path.write_bytes(pickle.dumps(model)),
+    "joblib": joblib.dump,
+    "compressed": partial(joblib.dump, compress=3),
+    "mapped": joblib.dump,
+    "skops": skops.io.dump,
+}
+
+
+def types_in(model):
+    return set(skops.io.get_untrusted_types(data=skops.io.dumps(model)))
+
+
+def types_in_the_guide():
+    listed = re.search(r"^TRUSTED = \[(.*?)^\]", GUIDE, re.M | re.S)
+    return set(re.findall(r'"(.*)"', listed[1]))
+
+
+def test_models_of_every_public_estimator():
+    estimators = {
+        name
+        for name in sklearn_haptic.__all__
+        if isinstance(getattr(sklearn_haptic, name), type)
+    }
+    assert estimators <= {type(model).__name__ for model, _, _ in MODELS.values()}
+
+
+@pytest.mark.parametrize("kind", DUMPERS)
+@pytest.mark.parametrize("name", MODELS)
+def test_loaded_model_predicts_the_same_in_every_bit(tmp_path, name, kind):
+    model, X = fitted(name), MODELS[name][1]
+    DUMPERS[kind](model, tmp_path / "model")
+    loaded = LOADERS[kind](tmp_path / "model", sorted(types_in(model)))
+    assert outputs(loaded, X) == outputs(model, X)
+
+
+def test_another_process_only_loads_and_predicts(tmp_path):
+    inputs, expected, trusted = {}, {}, set()
+    for i, name in enumerate(MODELS):
+        model, X = fitted(name), MODELS[name][1]
+        trusted |= types_in(model)
+        for kind, dump in DUMPERS.items():
+            dump(model, tmp_path / f"{i}.{kind}")
+            inputs[f"{i}.{kind}"], expected[f"{i}.{kind}"] = X, digests(model, X)
+    joblib.dump(inputs, tmp_path / "inputs")
+    script = TESTS / "load_and_predict.py"
+    process = subprocess.run(
+        [sys.executable, "-I", "-B", script, "inputs", json.dumps(sorted(trusted))],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert not process.stderr
+    assert json.loads(process.stdout) == expected
+    assert len(list(tmp_path.iterdir())) == len(expected) + 1
+
+
+def test_types_that_skops_has_to_trust():
+    types = set().union(*(types_in(fitted(name)) for name in MODELS))
+    assert {each for each in types if each.startswith("sklearn_haptic.")} == (
+        types_in_the_guide()
+    )
+
+
+def test_example_of_the_guide(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    namespace = {}
+    for block in re.findall(r"^```python\n(.*?)^```", GUIDE, re.M | re.S):
+        exec(block, namespace)
+    assert outputs(namespace["model"], namespace["corpus"].trials)
+
+
+@pytest.mark.parametrize(
+    ("name", "of_sklearn"),
+    [
+        ("pipeline", {"Pipeline", "ColumnTransformer", "StandardScaler"}),
+        ("regressor of a classifier", {"LogisticRegression"}),
+    ],
+)
+def test_another_version_of_sklearn_warns_as_ever(monkeypatch, name, of_sklearn):
+    with monkeypatch.context() as patch:
+        patch.setattr("sklearn.base.__version__", "1.0")
+        saved = pickle.dumps(fitted(name))
+    with pytest.warns(InconsistentVersionWarning) as caught:
+        pickle.loads(saved)
+    assert {each.message.estimator_name for each in caught} == of_sklearn
+
+
+def test_what_the_other_process_refuses():
+    (unfitted, X, y), model = MODELS["network"], fitted("network")
+    sys.setprofile(refuse_training)
+    try:
+        model.predict(X)
+        with pytest.raises(AssertionError, match="fit was called"):
+            clone(unfitted).fit(X, y)
+    finally:
+        sys.setprofile(None)
+    with pytest.raises(AssertionError, match="open"):
+        refuse_the_outside("open", ("model", "w", os.O_WRONLY))
+
+
+# Files that would run code --------------------------------------------------
+
+
+class Payload:
+    """Makes a folder when it is unpickled."""
+
+    def __init__(self, trace):
+        self.trace = trace
+
+    def __reduce__(self):
+        return os.mkdir, (str(self.trace),)
+
+
+@pytest.fixture
+def payload(tmp_path):
+    """A payload; what it would leave behind must not be there after the test."""
+    trace = tmp_path / "trace"
+    pickle.loads(pickle.dumps(Payload(trace)))
+    trace.rmdir()
+    yield Payload(trace)
+    assert not trace.exists()
+
+
+def write_corpus(path):
+    with h5py.File(path, "w") as file:
+        for seed, name in enumerate(["sponge_114_02", "cup_602_01"]):
+            write_trial(file, name, seed=seed)
+
+
+def test_pickles_in_attributes_stay_unread(tmp_path, payload):
+    """PyTables, which wrote the published file, unpickles attributes."""
+    path = tmp_path / "corpus.h5"
+    write_corpus(path)
+    before = load_phac2(path).trials
+    code = np.bytes_(pickle.dumps(payload, protocol=0))
+    with h5py.File(path, "r+") as file:
+        nodes = [file]
+        file.visititems(lambda _, node: nodes.append(node))
+        for node in nodes:
+            for name in ("CLASS", "TITLE", "FILTERS", "PSEUDOATOM", "MATLAB_class"):
+                node.attrs[name] = code
+    after = load_phac2(path).trials
+    for sensor in before:
+        assert [each.tobytes() for each in before[sensor]] == [
+            each.tobytes() for each in after[sensor]
+        ]
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("biotacs/finger_0/pac", "has dtype .*; it must hold numbers"),
+        ("state/controller_detail_state", "has dtype .*; it must hold byte strings"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["opaque", "variable bytes"])
+def test_pickles_in_datasets_are_refused(tmp_path, payload, name, message, kind):
+    path = tmp_path / "corpus.h5"
+    write_corpus(path)
+    code = pickle.dumps(payload, protocol=0)
+    with h5py.File(path, "r+") as file:
+        group = file["sponge_114_02"]
+        del group[name]
+        if kind == "opaque":
+            group[name] = np.array([code] * 13, dtype=f"V{len(code)}")
+        else:
+            values = np.array([np.frombuffer(code, "u1")] * 13, dtype=object)
+            dtype = h5py.vlen_dtype(np.uint8)
+            group.create_dataset(name, (13,), dtype)[:] = list(values)
+        group[name].attrs["PSEUDOATOM"] = "object"
+    with pytest.raises(ValueError, match=message):
+        load_phac2(path)
+
+
+@pytest.mark.parametrize("save", [save_v7, save_v73])
+def test_pickles_in_ratings_stay_data(tmp_path, payload, save):
+    path, ratings_path = tmp_path / "corpus.h5", tmp_path / "ratings.mat"
+    write_corpus(path)
+    code = pickle.dumps(payload, protocol=0).decode()
+    variables = {
+        "counts": np.tile([0, 1, 3, 2, 0], (2, 10, 1)),
+        "ids": np.array([114, 602]),
+        "adjectives": np.array([code, *"bcdefghij"], dtype=object),
+        "bytes": np.frombuffer(pickle.dumps(payload), dtype=np.uint8),
+    }
+    save(ratings_path, variables)
+    corpus = load_phac2(path, ratings_path=ratings_path)
+    assert list(corpus.ratings) == [code.lower().strip(), *"bcdefghij"]
+
+
+def test_pickles_are_no_corpus(tmp_path, payload):
+    path, ratings_path = tmp_path / "corpus.h5", tmp_path / "ratings.mat"
+    write_corpus(path)
+    ratings_path.write_bytes(pickle.dumps(payload))
+    with pytest.raises(OSError, match="is not a MATLAB file"):
+        load_phac2(path, ratings_path=ratings_path)
+    with pytest.raises(OSError, match="is not an HDF5 file"):
+        load_phac2(ratings_path)
+
+
+SCORES = pd.DataFrame({"trial": ["cup_602_01"], "rps": [0.1]})
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A study of one unit, beside a file that is not part of it."""
+    (tmp_path / "secret.csv").write_text("trial,rps\nsecret,1\n")
+    folder = tmp_path / "study"
+    open_study(folder, {})
+    write_unit(folder, ("models", "hold", "hard", 0), SCORES, choices=[])
+    return folder
+
+
+def forge(folder, data=None, **changes):
+    """Change a unit's file and its record, checksum and all."""
+    path = folder / "models" / "hold_hard_0.json"
+    record = json.loads(path.read_bytes()) | changes
+    if data is not None:
+        record |= {"file": "hold_hard_0.npz", "sha256": sha256(data).hexdigest()}
+        (path.parent / record["file"]).write_bytes(data)
+    path.write_text(json.dumps(record))
+
+
+def test_folder_as_it_was(folder):
+    forge(folder)
+    pd.testing.assert_frame_equal(read_study(folder).scores, SCORES)
+
+
+def zipped(array):
+    """An .npz file with an array of objects, which NumPy pickles."""
+    buffer = io.BytesIO()
+    np.savez(buffer, features=array)
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        lambda payload: zipped(np.array([payload], dtype=object)),
+        lambda payload: zipped(
+            np.array([(payload, 1.0)], dtype=[("a", "O"), ("b", "f8")])
+        ),
+        pickle.dumps,
+        lambda _: zipped(np.arange(9))[:-30],
+        lambda _: b"",
+    ],
+    ids=["objects", "fields", "pickle", "cut short", "empty"],
+)
+def test_arrays_of_a_study_are_plain(folder, payload, content):
+    forge(folder, content(payload))
+    with pytest.raises(ValueError, match="holds neither a table nor arrays of numbers"):
+        read_study(folder)
+
+
+def test_text_of_a_study_stays_text(folder, payload):
+    code = f"__import__('os').mkdir({str(payload.trace)!r})"
+    table = pd.DataFrame({"trial": [code, "=1+1"], code: [code, "{{1}}"]})
+    write_unit(folder, ("models", "hold", "hard", 0), table, choices=[{"!": code}])
+    study = read_study(folder)
+    pd.testing.assert_frame_equal(study.scores, table)
+    assert study.choices["!"].tolist() == [code]
+
+
+@pytest.mark.parametrize(
+    "file", ["../../secret.csv", "../../../etc/passwd", "/etc/passwd", "..", ".", "\0"]
+)
+def test_records_name_no_file_but_their_own(folder, file):
+    secret = (folder.parent / "secret.csv").read_bytes()
+    forge(folder, file=file, sha256=sha256(secret).hexdigest())
+    with pytest.raises(ValueError, match=r"hold_hard_0\.json is missing or damaged"):
+        read_study(folder)
+
+
+@pytest.mark.parametrize(
+    "unit", [None, {}, 3, "models", [], ["models"], ["models", "hold", "hard", 1]]
+)
+def test_records_name_their_own_unit(folder, unit):
+    forge(folder, unit=unit)
+    with pytest.raises(ValueError, match=r"hold_hard_0\.json is missing or damaged"):
+        read_study(folder)
+
+
+@pytest.mark.parametrize("name", ["study.json", "models/hold_hard_0.json"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        "[]",
+        '"study"',
+        "1" * 10_000,
+        '{"py/object": "os.mkdir"',
+        "\ud800",
+    ],
+    ids=lambda text: text[:9],
+)
+def test_json_of_a_study(folder, name, text):
+    (folder / name).write_text(text, errors="surrogatepass")
+    with pytest.raises(ValueError, match=rf"{name}.* is (missing or )?damaged"):
+        read_study(folder)
+
+
+def test_units_are_written_nowhere_else(folder):
+    (folder / "models" / "hold_..").mkdir()
+    with pytest.raises(ValueError, match=r"cannot name a file; give names without"):
+        write_unit(folder, ("models", "hold", "../../secret", 0), SCORES)
+    assert len(list(folder.parent.rglob("*"))) == 7
