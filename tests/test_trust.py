@@ -4,12 +4,18 @@ import io
 import json
 import os
 import pickle
+import random
 import re
 import subprocess
 import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from hashlib import sha256
+from multiprocessing import get_context
 from pathlib import Path
+from signal import SIGKILL
 
 import h5py
 import joblib
@@ -17,7 +23,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import skops.io
-from fitted_models import MODELS, fitted
+from fitted_models import COUNTS, MODELS, TABLE, fitted
 from load_and_predict import (
     LOADERS,
     digests,
@@ -27,13 +33,17 @@ from load_and_predict import (
 )
 from sklearn.base import clone
 from sklearn.exceptions import InconsistentVersionWarning
+from sklearn.utils import _safe_indexing
 from test_phac2 import write_trial
 from test_ratings_file import save_v7, save_v73
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import sklearn_haptic
+from sklearn_haptic import NNPOM, TemporalMaxPool
+from sklearn_haptic._positions import population_quadrature
 from sklearn_haptic._study_store import open_study, write_unit
-from sklearn_haptic.datasets import load_phac2
-from sklearn_haptic.study import read_study
+from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
+from sklearn_haptic.study import read_study, run_study
 
 pytestmark = [
     pytest.mark.usefixtures("one_thread"),
@@ -354,3 +364,143 @@ def test_units_are_written_nowhere_else(folder):
     with pytest.raises(ValueError, match=r"cannot name a file; give names without"):
         write_unit(folder, ("models", "hold", "../../secret", 0), SCORES)
     assert len(list(folder.parent.rglob("*"))) == 7
+
+
+# A study that is killed ------------------------------------------------------
+
+STUDY = {
+    "corpus": partial(make_haptic_corpus, 8, 2, random_state=0),
+    "procedures": ["fast_slide"],
+    "adjectives": ["hard", "soft", "cold", "warm"],
+    "sensors": ["pdc", "tdc"],
+    "n_splits": 2,
+    "n_repeats": 4,
+    "n_hidden": [1],
+    "alpha": [1.0],
+    "n_starts": 1,
+    "verbose": False,
+}
+N_KILLS = 20
+
+
+def finished(folder):
+    """Inode and time of writing of each file of the units that are finished."""
+    files = [
+        file
+        for record in folder.glob("*/*.json")
+        for suffix in (".json", ".csv", ".npz")
+        if (file := record.with_suffix(suffix)).exists()
+    ]
+    return {file: (file.stat().st_ino, file.stat().st_mtime_ns) for file in files}
+
+
+def test_study_survives_being_killed_again_and_again(tmp_path):
+    """At random moments: before, within or after a unit, or while it is written."""
+    whole, folder = tmp_path / "whole", tmp_path / "killed"
+    started = time.perf_counter()
+    expected = run_study(folder=whole, **STUDY)
+    n_units = len(list(whole.glob("*/*.json")))
+    seconds = (time.perf_counter() - started) / n_units
+    context, rng = get_context("forkserver"), random.Random(0)
+    context.set_forkserver_preload(["sklearn_haptic.study", "pandas"])
+    before = {}
+    for i in range(N_KILLS + 1):
+        process = context.Process(target=run_study, kwargs=STUDY | {"folder": folder})
+        process.start()
+        if i < N_KILLS:
+            n_records = len(list(folder.glob("*/*.json"))) + rng.randrange(2)
+            while process.is_alive() and len(list(folder.glob("*/*.json"))) < n_records:
+                time.sleep(0.001)
+            time.sleep(rng.uniform(0, 2 * seconds))
+            process.kill()
+        process.join()
+        assert process.exitcode == (-SIGKILL if i < N_KILLS else 0)
+        process.close()
+        after = finished(folder)
+        assert after.items() >= before.items()
+        before = after
+    result = read_study(folder)
+    for name in ("scores", "choices"):
+        pd.testing.assert_frame_equal(result[name], expected[name], check_exact=True)
+    assert {path.relative_to(folder) for path in before} == {
+        path.relative_to(whole) for path in finished(whole)
+    }
+    for path in before:
+        if path.suffix != ".json":  # those hold seconds too
+            assert path.read_bytes() == (whole / path.relative_to(folder)).read_bytes()
+
+
+# Threads --------------------------------------------------------------------
+
+N_THREADS = 8
+
+
+@pytest.fixture
+def hasty_threads():
+    """Threads that take turns as often as they can."""
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    yield
+    sys.setswitchinterval(interval)
+
+
+def in_threads(call):
+    """What a call of 0 to 7 returns, all begun together in threads of their own."""
+    barrier = threading.Barrier(N_THREADS)
+
+    def begin_together(i):
+        barrier.wait()
+        return call(i)
+
+    with ThreadPoolExecutor(N_THREADS) as pool:
+        return list(pool.map(begin_together, range(N_THREADS)))
+
+
+@pytest.mark.usefixtures("hasty_threads")
+@pytest.mark.parametrize("name", MODELS)
+def test_threads_share_a_model(name):
+    model, X = fitted(name), MODELS[name][1]
+    n = len(X)
+    inputs = [_safe_indexing(X, np.roll(range(n), i)) for i in range(N_THREADS)]
+    expected = [outputs(model, each) for each in inputs]
+    population_quadrature.cache_clear()
+    for _ in range(3):
+        assert in_threads(lambda i: outputs(model, inputs[i])) == expected
+
+
+@pytest.mark.usefixtures("hasty_threads")
+@pytest.mark.parametrize("name", ["ksvd of trials", "sthmp"])
+def test_threads_share_codes_and_a_cache(name, tmp_path):
+    codes = fitted(name).transform(MODELS[name][1])
+    expected = [each.tobytes() for each in codes]
+
+    def take(i):
+        order = np.roll(range(len(codes)), i)
+        taken = {j: codes[j].tobytes() for j in order}
+        return [taken[j] for j in range(len(codes))]
+
+    assert in_threads(take) == [expected] * N_THREADS
+    pool = TemporalMaxPool((2, 1)).fit(codes)
+    pooled = pool.transform(codes).tobytes()
+    pool.set_params(memory=str(tmp_path))
+    assert in_threads(lambda _: pool.transform(codes).tobytes()) == [pooled] * N_THREADS
+
+
+def blas_threads():
+    return {
+        each["filepath"]: each["num_threads"]
+        for each in threadpool_info()
+        if each["user_api"] == "blas"
+    }
+
+
+def test_fits_that_overlap_leave_the_threads_of_blas_as_they_were():
+    """Each fit limits them; those that began during another end after it."""
+
+    def fit(i):
+        NNPOM(1 + i, alpha=1.0 + i, tol=1e-2, random_state=i).fit(TABLE, COUNTS)
+
+    with threadpool_limits(2, user_api="blas"):
+        before = blas_threads()
+        in_threads(fit)
+        assert blas_threads() == before
