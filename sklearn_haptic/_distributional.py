@@ -22,11 +22,9 @@ from sklearn.callback import CallbackSupportMixin
 from sklearn.utils import check_random_state, gen_batches
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import (
-    _check_sample_weight,
     check_consistent_length,
     check_is_fitted,
     has_fit_parameter,
-    validate_data,
 )
 
 from ._nnpom import NNPOM, validation_split
@@ -37,7 +35,14 @@ from ._positions import (
     share_below,
     training_observations,
 )
-from ._validation import check_attributes, validate_rated_trials
+from ._validation import (
+    check_attributes,
+    check_numbers,
+    check_table,
+    check_weights,
+    validate_rated_trials,
+    weighted,
+)
 from .metrics import neg_rps_scorer
 from .ratings import _level_index
 
@@ -250,9 +255,7 @@ class DistributionalOrdinalRegressor(
         X, counts, self.levels_ = validate_rated_trials(self, X, y, self.levels)
         self.classes_ = self.levels_
         check_consistent_length(X, groups)
-        sample_weight = _check_sample_weight(
-            sample_weight, X, dtype=np.float64, ensure_non_negative=True
-        )
+        sample_weight = check_weights(sample_weight, X)
         used = sample_weight > 0
         X, counts = X[used], counts[used]
         groups = None if groups is None else np.asarray(groups)[used]
@@ -269,7 +272,7 @@ class DistributionalOrdinalRegressor(
                 rng,
             )
         )
-        weight = (weight.T * sample_weight[used]).T
+        weight = weighted(weight, sample_weight[used])
         inputs = self._transform(positions)
         context = self._init_callback_context(max_subtasks=1)
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
@@ -300,7 +303,7 @@ class DistributionalOrdinalRegressor(
                 "X_val requires an estimator that stops early; use an NNPOM with "
                 "early_stopping=True, or leave X_val and y_val out."
             )
-        X_val = validate_data(self, X_val, dtype=np.float64, reset=False)
+        X_val = check_table(self, X_val, dtype=np.float64, reset=False)
         counts, _ = check_attributes(y_val, self.levels_, name="y_val")
         check_consistent_length(X_val, counts)
         return X_val, counts
@@ -400,7 +403,7 @@ class DistributionalOrdinalRegressor(
             axis behind that of the trials.
         """
         check_is_fitted(self)
-        X = validate_data(self, X, dtype=np.float64, reset=False)
+        X = check_table(self, X, dtype=np.float64, reset=False)
         # Few trials at a time, so that what is predicted for them stays in the cache.
         batches = gen_batches(len(X), _BATCH_SIZE)
         proba = np.concatenate([self._decode(X[batch]) for batch in batches])
@@ -517,6 +520,8 @@ class DistributionalOrdinalRegressor(
         -------
         rating : ndarray of shape (n_trials, n_samples)
         """
+        if not isinstance(n_samples, Integral) or n_samples < 1:
+            raise ValueError(f"n_samples={n_samples!r} must be a positive integer.")
         proba = self.predict_proba(X)
         rows = proba.reshape(-1, proba.shape[-1])
         p = check_random_state(random_state).uniform(size=(len(rows), n_samples))
@@ -550,6 +555,7 @@ def _cdf(proba):
 
 
 def _quantile(proba, p, levels):
+    check_numbers(p, "p")
     p = np.asarray(p, dtype=np.float64)
     if p.ndim > 1 or not np.all((p >= 0) & (p <= 1)):
         raise ValueError(

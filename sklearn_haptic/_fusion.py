@@ -20,9 +20,10 @@ from sklearn.callback import CallbackSupportMixin, with_callbacks
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import HasMethods
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted
 
 from ._nnpom import NNPOM
+from ._validation import check_regular, check_table
 
 _NETWORK = HasMethods(["fit_with_positions", "hidden_activations_with_positions"])
 
@@ -240,7 +241,8 @@ class SensorFusionNNPOM(
         self : SensorFusionNNPOM
             The fitted networks.
         """
-        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True)
+        check_regular(y, "y")
+        X, y = check_table(self, X, y=y, dtype=np.float64, multi_output=True)
         names = getattr(self, "feature_names_in_", None)
         self.sensors_ = resolve_sensors(self.sensors, names, X.shape[1])
         self._has_position = False
@@ -472,7 +474,7 @@ class SensorFusionNNPOM(
             Values in (0, 1), sensor by sensor; 0 for the sensor held out.
         """
         check_is_fitted(self)
-        X = validate_data(self, X, dtype=np.float64, reset=False)
+        X = check_table(self, X, dtype=np.float64, reset=False)
         if not self._has_position:
             return self._activations(X)
         return self._activations(X[:, :-1], X[:, -1:])[:, 0]

@@ -14,12 +14,19 @@ from sklearn.utils.validation import (
     _check_feature_names_in,
     check_is_fitted,
     check_memory,
-    validate_data,
 )
 
 from ._dictionary_learning import initial_atoms, ksvd
 from ._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows
-from ._validation import Sequences, check_sparsity, check_trials, is_table, row_index
+from ._validation import (
+    Sequences,
+    check_numbers,
+    check_sparsity,
+    check_table,
+    check_trials,
+    is_table,
+    row_index,
+)
 
 
 def encode(observations, atoms, n_nonzero_coefs, *, remove_mean=True, sign="split"):
@@ -314,7 +321,7 @@ class _DictionaryCoder(CallbackSupportMixin, TransformerMixin, BaseEstimator):
         if self._codes_trials:
             observations = self._draw_from_trials(X, rng)
         else:
-            rows = validate_data(self, X, dtype=[np.float64, np.float32])
+            rows = check_table(self, X, dtype=[np.float64, np.float32])
             observations = draw_observations(
                 [rows], [len(rows)], self.max_train_windows, np.ndarray.__getitem__, rng
             )
@@ -366,7 +373,7 @@ class _DictionaryCoder(CallbackSupportMixin, TransformerMixin, BaseEstimator):
 
     def transform(self, X):
         """Code the rows of a table; see :class:`_UnwrappedSequences`."""
-        X = validate_data(self, X, dtype=[np.float64, np.float32], reset=False)
+        X = check_table(self, X, dtype=[np.float64, np.float32], reset=False)
         return encode(
             X,
             self.components_,
@@ -395,6 +402,7 @@ class _DictionaryCoder(CallbackSupportMixin, TransformerMixin, BaseEstimator):
     def _check_dict_init(self, observations):
         if self.dict_init is None:
             return None
+        check_numbers(self.dict_init, "dict_init")
         atoms = check_array(
             self.dict_init,
             dtype=observations.dtype,
@@ -613,6 +621,7 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
 
     def _check_windowed(self, X, n_channels=None):
         if is_table(X):
+            check_numbers(X, "X")
             X = check_array(X, dtype=[np.float64, np.float32])
         return check_trials(X, n_channels=n_channels, min_times=self.window)
 

@@ -11,10 +11,8 @@ from sklearn.model_selection import GroupShuffleSplit
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import (
-    _check_sample_weight,
     check_consistent_length,
     check_is_fitted,
-    validate_data,
 )
 
 from ._proportional_odds import (
@@ -34,7 +32,7 @@ from ._proportional_odds import (
 )
 from ._solvers import Monitor, irprop_plus, lbfgs
 from ._threads import one_blas_thread
-from ._validation import validate_rated_trials
+from ._validation import check_table, check_weights, validate_rated_trials, weighted
 from .metrics import _macro_mae
 
 # Differences between latent responses and thresholds stay finite.
@@ -235,11 +233,9 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         """
         X, counts, self.levels_ = validate_rated_trials(self, X, y, self.levels)
         check_consistent_length(X, groups)
-        sample_weight = _check_sample_weight(
-            sample_weight, X, dtype=np.float64, ensure_non_negative=True
-        )
+        sample_weight = check_weights(sample_weight, X)
         used = sample_weight > 0
-        X, weight = X[used], (counts[used].T * sample_weight[used]).T
+        X, weight = X[used], weighted(counts[used], sample_weight[used])
         level = np.broadcast_to(np.arange(len(self.levels_)), weight.shape)
         rng = check_random_state(self.random_state)
         if not self.early_stopping:
@@ -588,7 +584,7 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
 
     def _forward(self, X):
         check_is_fitted(self)
-        X = validate_data(self, X, dtype=np.float64, reset=False)
+        X = check_table(self, X, dtype=np.float64, reset=False)
         return self._apply(X, None)
 
     @property

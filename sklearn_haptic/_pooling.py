@@ -9,12 +9,12 @@ from sklearn.utils.validation import (
     _check_feature_names_in,
     check_is_fitted,
     check_memory,
-    validate_data,
 )
 
 from ._validation import (
     Sequences,
     check_sequences,
+    check_table,
     check_trials,
     is_table,
     row_index,
@@ -283,7 +283,7 @@ class TemporalMaxPool(CallbackSupportMixin, TransformerMixin, BaseEstimator):
                     "X is a collection of trials, but fit was given a table; give "
                     "both in the same form."
                 )
-            X = validate_data(self, X, dtype=[np.float64, np.float32], reset=reset)
+            X = check_table(self, X, dtype=[np.float64, np.float32], reset=reset)
             return list(X[:, :, np.newaxis])
         n_columns = None if reset else self.n_features_in_
         min_times = 1 if reset else max(self.cells_)

@@ -10,7 +10,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ._ksvd import _DictionaryCoder, _UnwrappedSequences, draw_observations, encode
 from ._pooling import cell_starts, check_cells
-from ._validation import check_trials, is_table, row_index
+from ._validation import check_numbers, check_trials, is_table, row_index
 
 # Electrodes whose mean is each pixel: rows from the tip of the finger to its base,
 # columns left, middle, right.
@@ -503,6 +503,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
             return None
         if isinstance(self.layout, str):
             return biotac_layout()
+        check_numbers(self.layout, "layout")
         layout = check_array(
             self.layout, allow_nd=True, dtype=np.float64, input_name="layout"
         )

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import sparse
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import (
+    _check_sample_weight,
     check_array,
     check_consistent_length,
     column_or_1d,
@@ -87,8 +88,11 @@ def is_table(X):
     if sparse.issparse(X) or isinstance(X, (str, bytes)) or not hasattr(X, "__len__"):
         return True
     if hasattr(X, "to_numpy"):  # DataFrame or Series, of pandas or polars
-        cells = _column_cells(X)
-        return cells is None or not any(np.ndim(cell) >= 1 for cell in cells)
+        columns = getattr(X, "columns", None)
+        if columns is not None and len(columns) == 0:
+            return True
+        cells = X if columns is None else X[columns[0]]
+        return not any(_ndim(cell) >= 1 for cell in cells)
     if isinstance(X, np.ndarray) and X.dtype != object:
         return X.ndim <= 2
     if isinstance(X, np.ndarray) and X.ndim != 1:
@@ -173,6 +177,87 @@ def check_sequences(sequences, *, n_columns=None, min_times=1):
         _check_samples(0, (len(sequences.feature_names),), (n_columns,), "fit")
 
 
+def check_numbers(values, name):
+    """Refuse what NumPy would quietly turn into numbers: text, dates, masked values.
+
+    Parameters
+    ----------
+    values : array-like
+        Numbers in any container; what scikit-learn refuses is left to it.
+    name : str
+        What error messages call ``values``.
+
+    Raises
+    ------
+    ValueError
+        If a value is text, a date or masked, or rows differ in length.
+    """
+    array = check_regular(values, name)
+    if array.dtype.kind in "SUMm" or (
+        array.dtype.kind == "O"
+        and any(isinstance(value, (str, bytes)) for value in array.flat)
+    ):
+        raise ValueError(
+            f"{name} is not an array of numbers (it holds text or dates); convert it."
+        )
+
+
+def check_regular(values, name):
+    """Refuse masked values, which NumPy takes for data, and rows of unequal length."""
+    if np.ma.is_masked(values):
+        raise ValueError(
+            f"{name} has masked values, which are no data; fill or remove them."
+        )
+    try:
+        return np.asarray(values)
+    except ValueError as error:
+        raise ValueError(
+            f"{name} is not an array ({error}); give rows of equal length."
+        ) from error
+
+
+def check_table(estimator, X, **options):
+    """Validate a table of features: `validate_data` after `check_numbers`."""
+    check_numbers(X, "X")
+    with np.errstate(over="ignore", invalid="ignore"):  # of the sum it looks at first
+        return validate_data(estimator, X, **options)
+
+
+def check_weights(sample_weight, X):
+    """Validate the weights of trials; return them as float64, 1 each by default.
+
+    Raises
+    ------
+    ValueError
+        If they are not one finite number of 0 or more a trial, their sum overflows,
+        or all are 0.
+    """
+    if sample_weight is not None:
+        check_numbers(sample_weight, "sample_weight")
+    weight = _check_sample_weight(
+        sample_weight, X, dtype=np.float64, ensure_non_negative=True
+    )
+    with np.errstate(over="ignore"):
+        total = weight.sum()
+    if not np.isfinite(total):
+        raise ValueError(
+            "The sum of sample_weight overflows; divide sample_weight by a constant."
+        )
+    return weight
+
+
+def weighted(counts, sample_weight):
+    """Multiply each trial's counts by its weight; refuse a total that overflows."""
+    with np.errstate(over="ignore"):
+        weight = (counts.T * sample_weight).T
+        total = weight.sum()
+    if not np.isfinite(total):
+        raise ValueError(
+            "The total of y, times sample_weight, overflows; divide both by a constant."
+        )
+    return weight
+
+
 def check_sparsity(n_nonzero_coefs, n_atoms):
     """Clip the number of atoms a code may use to the number there are."""
     if n_nonzero_coefs > n_atoms:
@@ -213,14 +298,20 @@ def check_ratings(y, levels=None, *, name="y"):
         the number of columns is not that of the levels, or a trial has no
         ratings at all; the message names the trial.
     """
+    if check_regular(y, name).ndim == 0:
+        raise ValueError(
+            f"{name} is no array; give one rating or one row of counts a trial."
+        )
     y = check_array(y, ensure_2d=False, dtype=None, input_name=name)
     if y.ndim == 2 and y.shape[1] == 1:
         y = column_or_1d(y, warn=True)
     if levels is not None:
         levels = _check_levels(levels)
     if y.ndim == 1:
-        check_classification_targets(y)
+        if levels is None:  # else it is known whether a rating is one
+            check_classification_targets(y)
         return _count_labels(y, levels, name)
+    check_numbers(y, name)
     counts = check_array(y, dtype=np.float64, input_name=name)
     if levels is None:
         levels = np.arange(1, counts.shape[1] + 1)
@@ -240,6 +331,13 @@ def check_ratings(y, levels=None, *, name="y"):
         raise ValueError(
             f"{name} has no ratings in trial {trial}; remove trials whose object "
             "nobody rated."
+        )
+    with np.errstate(over="ignore"):
+        finite = np.isfinite(counts.sum(axis=1))
+    if not finite.all():
+        raise ValueError(
+            f"{name} has counts in trial {np.argmin(finite)} whose sum overflows; "
+            f"divide {name} by a constant."
         )
     return counts, levels
 
@@ -272,10 +370,11 @@ def validate_rated_trials(estimator, X, y, levels=None):
     ValueError
         As scikit-learn's validation and `check_ratings` do.
     """
+    check_regular(y, "y")
     if getattr(y, "ndim", None) == 3:
-        X = validate_data(estimator, X, dtype=np.float64)
+        X = check_table(estimator, X, dtype=np.float64)
     else:
-        X, y = validate_data(estimator, X, y, dtype=np.float64, multi_output=True)
+        X, y = check_table(estimator, X, y=y, dtype=np.float64, multi_output=True)
     counts, levels = check_attributes(y, levels)
     check_consistent_length(X, counts)
     return X, counts, levels
@@ -301,7 +400,11 @@ def check_attributes(y, levels=None, *, name="y"):
 
 
 def _check_levels(levels):
-    levels = column_or_1d(np.asarray(levels))
+    levels = check_regular(levels, "levels")
+    if levels.ndim != 1:
+        raise ValueError(
+            f"levels has shape {levels.shape}; list each level once, lowest first."
+        )
     if len(levels) == 0 or len(np.unique(levels)) != len(levels):
         raise ValueError(
             f"levels={levels.tolist()} must be distinct and at least one; list each "
@@ -334,7 +437,10 @@ def _column_cells(X):
 
 
 def _ndim(trial):
-    return trial.ndim if hasattr(trial, "ndim") else np.ndim(trial)
+    try:
+        return trial.ndim if hasattr(trial, "ndim") else np.ndim(trial)
+    except ValueError:  # rows of unequal length
+        return 2
 
 
 def _samples(shape):
@@ -344,6 +450,7 @@ def _samples(shape):
 
 
 def _check_trial(trial, i, ndims, min_times):
+    check_numbers(trial, f"Trial {i} of X")
     try:
         trial = np.asarray(trial)
         if np.iscomplexobj(trial):
@@ -387,7 +494,8 @@ def _check_length(i, length, min_times):
     if length < min_times:
         raise ValueError(
             f"Trial {i} of X has {length} time samples, but at least {min_times} "
-            "are required; remove it or use shorter windows or fewer cells."
+            f"{'is' if min_times == 1 else 'are'} required; remove it or use shorter "
+            "windows or fewer cells."
         )
 
 

@@ -11,9 +11,9 @@ from numbers import Integral
 import numpy as np
 from scipy.special import xlogy
 from sklearn.utils._param_validation import Interval, validate_params
-from sklearn.utils.validation import _check_sample_weight, check_array
+from sklearn.utils.validation import check_array
 
-from ._validation import check_ratings
+from ._validation import check_numbers, check_ratings, check_weights
 from .ratings import _level_index
 
 _SCORE_CONSTRAINTS = {
@@ -492,6 +492,7 @@ def _score_estimator(score, estimator, X, y, sample_weight):
 
 def _check_distributions(y_true, y_proba, levels):
     """Validate ratings and predictions; return counts and what sums to 1."""
+    check_numbers(y_proba, "y_proba")
     proba = check_array(y_proba, dtype=np.float64, input_name="y_proba")
     bad = (proba < 0).any(axis=1) | (np.abs(proba.sum(axis=1) - 1) > 1e-6)
     if bad.any():
@@ -556,8 +557,6 @@ def _summarise(scores, sample_weight, average):
 
 def _mean(values, sample_weight):
     """Return the weighted mean over trials, leaving out those of weight 0."""
-    weight = _check_sample_weight(
-        sample_weight, values, dtype=np.float64, ensure_non_negative=True
-    )
+    weight = check_weights(sample_weight, values)
     used = weight > 0
     return np.average(values[used], axis=0, weights=weight[used])

@@ -9,7 +9,7 @@ from scipy.stats import spearmanr
 from sklearn.utils import Bunch
 from sklearn.utils.validation import check_array, check_consistent_length, column_or_1d
 
-from ._validation import _check_levels, check_ratings
+from ._validation import _check_levels, check_numbers, check_ratings, check_regular
 
 
 def rating_counts(ratings, objects, *, levels=None):
@@ -138,6 +138,7 @@ def inverse_cdf(counts, p, *, levels=None):
     array([[2, 2, 3, 3, 4]])
     """
     counts, levels = _check_counts(counts, levels)
+    check_numbers(p, "p")
     positions = column_or_1d(np.atleast_1d(p), dtype=np.float64, input_name="p")
     if not ((positions >= 0) & (positions <= 1)).all():
         raise ValueError("p must lie within [0, 1]; give positions in the population.")
@@ -246,6 +247,7 @@ def adjective_correlation(ratings):
            [-1.,  1.]])
     """
     names = getattr(ratings, "columns", None)
+    check_numbers(ratings, "ratings")
     ratings = check_array(
         ratings,
         dtype=np.float64,
@@ -300,6 +302,7 @@ def _level_index(counts, p):
 
 def _check_counts(counts, levels):
     """Validate a table of counts, which unlike ratings is always two-dimensional."""
+    check_numbers(counts, "counts")
     counts = check_array(
         counts, dtype=np.float64, ensure_min_features=2, input_name="counts"
     )
@@ -308,6 +311,7 @@ def _check_counts(counts, levels):
 
 def _drop_missing(values, name):
     """Return the values of a column that are there, and where they are."""
+    check_regular(values, name)
     if hasattr(values, "isna"):  # pandas, whose NA compares with nothing
         values = values.to_numpy(dtype=object, na_value=None)
     values = column_or_1d(np.asarray(values), dtype=None)
