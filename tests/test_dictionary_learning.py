@@ -111,6 +111,34 @@ def test_atoms_of_faint_signals_are_fitted(update, dtype, faint):
     np.testing.assert_allclose(cosines, 1, atol=1e-6)
 
 
+def test_stops_once_five_iterations_lower_the_error_too_little():
+    rng = np.random.default_rng(0)
+    signals = rng.normal(size=(300, 10))
+    start = signals[:6] / np.linalg.norm(signals[:6], axis=1, keepdims=True)
+    _, all_errors = ksvd(
+        signals, start, 2, max_iter=40, tol=0, rng=np.random.RandomState(0)
+    )
+    _, errors = ksvd(
+        signals, start, 2, max_iter=40, tol=1e-2, rng=np.random.RandomState(0)
+    )
+    gains = [
+        1 - all_errors[n - 5 : n].min() / all_errors[: n - 5].min()
+        for n in range(6, len(all_errors) + 1)
+    ]
+    assert len(errors) == 6 + np.argmax(np.array(gains) <= 1e-2) < len(all_errors)
+    np.testing.assert_array_equal(errors, all_errors[: len(errors)])
+
+
+@pytest.mark.parametrize("n_users, expected", [(3, [0, 2]), (4, [0, 1])])
+def test_an_atom_with_fewer_than_four_users_is_replaced(n_users, expected):
+    """By the only signal that no atom represents."""
+    axes = np.repeat(np.arange(3), [10, n_users, 1])
+    atoms, _ = ksvd(
+        np.eye(3)[axes], np.eye(3)[:2], 1, max_iter=1, rng=np.random.RandomState(0)
+    )
+    np.testing.assert_allclose(atoms, np.eye(3)[expected])
+
+
 def test_initial_atoms_are_distinct_training_signals():
     rng = np.random.RandomState(0)
     directions = rng.normal(size=(5, 8))

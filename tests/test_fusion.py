@@ -274,6 +274,8 @@ def test_every_network_that_stops_early_validates_on_the_same_trials():
     grouped = clone(model).fit(X, counts, groups=objects)
     assert grouped.estimator_.early_stopping
     assert grouped.estimator_.validation_fraction == 0.1
+    final = clone(stopping).set_params(validation_fraction=0.3)
+    assert SensorFusionNNPOM(SENSORS, stopping, final).validation_fraction == 0.3
 
 
 def test_holdouts_train_on_the_trials_of_the_full_model():

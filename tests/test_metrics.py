@@ -236,7 +236,7 @@ def test_pit_equals_exact_arithmetic(n_bins):
     rng = np.random.default_rng(5)
     counts = rng.multinomial(12, rng.dirichlet(np.ones(4), size=30))
     weights = rng.multinomial(64, rng.dirichlet(np.full(4, 0.3), size=30))
-    weights[:2] = [64, 0, 0, 0], [0, 0, 0, 64]
+    weights[:3] = [64, 0, 0, 0], [0, 0, 0, 64], [32, 0, 0, 32]
     expected = [
         exact_pit(c, [Fraction(w, 64) for w in row], n_bins)
         for c, row in zip(counts.tolist(), weights.tolist(), strict=True)

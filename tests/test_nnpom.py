@@ -25,7 +25,7 @@ from sklearn_haptic._proportional_odds import (
     thresholds_from,
     unpack,
 )
-from sklearn_haptic._solvers import irprop_plus
+from sklearn_haptic._solvers import Monitor, irprop_plus
 
 REFERENCE_CASES = [
     f"{data}_{case}"
@@ -344,6 +344,17 @@ def test_solvers_reach_the_same_linear_model():
     lbfgs = NNPOM(0, tol=1e-8).fit(X, y)
     irprop = NNPOM(0, solver="irprop+", tol=1e-8, max_iter=5000).fit(X, y)
     np.testing.assert_allclose(lbfgs.coefs_[0], irprop.coefs_[0], atol=1e-5)
+
+
+def test_every_tenth_iterate_is_validated_and_the_best_kept():
+    errors = {10: 3.0, 20: 2.0, 30: 1.0, 40: 2.0, 50: 1.0}
+    monitor = Monitor(lambda params: errors[params.item()], 20, None)
+    params, stopped = np.zeros(1), []
+    for i in range(1, 51):
+        params[:] = i
+        stopped.append(monitor(params, 0.0))
+    assert stopped.index(True) == 49  # the thirtieth was the best
+    assert monitor.best_params == [30] and monitor.best_error == 1
 
 
 def test_early_stopping_keeps_whole_objects_and_the_best_model():

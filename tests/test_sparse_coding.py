@@ -257,3 +257,23 @@ def test_dense_codes_by_hand():
 def test_row_norms_at_the_extremes():
     rows = np.array([[3e200, 4e200], [3e-200, 4e-200], [0, 0], [5e-324, 0]])
     np.testing.assert_allclose(row_norms(rows), [5e200, 5e-200, 0, 5e-324])
+
+
+def test_float32_codes_over_nearly_parallel_atoms_lose_nothing():
+    """To a rounding error of float32, though the Gram matrix is ill-conditioned."""
+    rng = np.random.default_rng(0)
+    atoms, signals = random_dictionary(5, 12, rng), rng.normal(size=(100, 12))
+    atoms[4] = atoms[0] + 0.01 * rng.normal(size=12)
+    atoms, signals = atoms.astype(np.float32), signals.astype(np.float32)
+    expected = np.linalg.lstsq(atoms.T.astype(np.float64), signals.T.astype(float))[0].T
+    error = np.abs(codes_of(signals, atoms, 5) - expected)
+    assert (error.max(axis=1) <= 1e-7 * np.abs(expected).max(axis=1)).all()
+
+
+@pytest.mark.parametrize("distance, n_taken", [(1e-7, 2), (3e-8, 1)])
+def test_atoms_within_the_root_of_rounding_count_as_one(distance, n_taken):
+    rng = np.random.default_rng(0)
+    atoms = np.eye(2, 6)
+    atoms[1] = atoms[0] + distance * atoms[1]
+    codes = codes_of(rng.normal(size=(50, 6)), atoms, 2)
+    assert ((codes != 0).sum(axis=1) == n_taken).all()

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 from functools import partial
-from itertools import chain
+from itertools import chain, product
 from pathlib import Path
 
 import joblib
@@ -38,6 +38,7 @@ from sklearn_haptic._study_units import (
     Parts,
     Study,
     compute_models,
+    derive_seed,
     fit_best,
     learn_features,
     rotate_features,
@@ -526,6 +527,11 @@ def test_paper_splits_each_adjective_and_kfold_all_alike(tmp_path):
     assert tested("paper", "hard") == tested("paper", "hard")
     assert tested("paper", "hard") != tested("paper", "cold")
     assert tested("group_kfold", "hard") == tested("group_kfold", "cold")
+
+
+def test_every_part_of_a_name_makes_another_seed():
+    names = list(product([0, 1], ["features", "split"], ["hold", "squeeze"]))
+    assert len({derive_seed(*name) for name in names}) == len(names)
 
 
 def test_dictionary_of_three_fifths_of_the_trials_of_each_object():
