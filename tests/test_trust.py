@@ -1,5 +1,6 @@
 """Saved models predict the same, files run nothing, and no call leaves a trace."""
 
+import inspect
 import io
 import json
 import os
@@ -10,7 +11,9 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import partial
 from hashlib import sha256
 from multiprocessing import get_context
@@ -19,11 +22,13 @@ from signal import SIGKILL
 
 import h5py
 import joblib
+import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
+import sklearn
 import skops.io
-from fitted_models import COUNTS, MODELS, TABLE, fitted
+from fitted_models import CORPUS, COUNTS, MODELS, NAMED, TABLE, fitted
 from load_and_predict import (
     LOADERS,
     digests,
@@ -31,19 +36,36 @@ from load_and_predict import (
     refuse_the_outside,
     refuse_training,
 )
+from matplotlib import pyplot
 from sklearn.base import clone
 from sklearn.exceptions import InconsistentVersionWarning
+from sklearn.model_selection import GroupKFold
 from sklearn.utils import _safe_indexing
 from test_phac2 import write_trial
 from test_ratings_file import save_v7, save_v73
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import sklearn_haptic
-from sklearn_haptic import NNPOM, TemporalMaxPool
+from sklearn_haptic import (
+    NNPOM,
+    SensorFusionNNPOM,
+    TemporalMaxPool,
+    datasets,
+    make_haptic_pipeline,
+    metrics,
+    model_selection,
+    plotting,
+    ratings,
+    study,
+)
 from sklearn_haptic._positions import population_quadrature
 from sklearn_haptic._study_store import open_study, write_unit
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
+from sklearn_haptic.datasets._ratings_file import ADJECTIVES
+from sklearn_haptic.model_selection import sensor_contributions, sensor_subsets
 from sklearn_haptic.study import read_study, run_study
+
+matplotlib.use("Agg")
 
 pytestmark = [
     pytest.mark.usefixtures("one_thread"),
@@ -316,9 +338,9 @@ def test_text_of_a_study_stays_text(folder, payload):
     code = f"__import__('os').mkdir({str(payload.trace)!r})"
     table = pd.DataFrame({"trial": [code, "=1+1"], code: [code, "{{1}}"]})
     write_unit(folder, ("models", "hold", "hard", 0), table, choices=[{"!": code}])
-    study = read_study(folder)
-    pd.testing.assert_frame_equal(study.scores, table)
-    assert study.choices["!"].tolist() == [code]
+    result = read_study(folder)
+    pd.testing.assert_frame_equal(result.scores, table)
+    assert result.choices["!"].tolist() == [code]
 
 
 @pytest.mark.parametrize(
@@ -504,3 +526,208 @@ def test_fits_that_overlap_leave_the_threads_of_blas_as_they_were():
         before = blas_threads()
         in_threads(fit)
         assert blas_threads() == before
+
+
+# Backends -------------------------------------------------------------------
+
+
+def contributions_of_sensors():
+    return sensor_contributions(
+        MODELS["regressor of a fusion"][0],
+        NAMED,
+        COUNTS,
+        cv=2,
+        n_repeats=2,
+        random_state=0,
+    )
+
+
+def scores_of_subsets():
+    model, X, y = MODELS["pipeline"]
+    results = sensor_subsets(model, X, y, groups=CORPUS.objects, cv=GroupKFold(2))
+    return pd.DataFrame({k: v for k, v in results.items() if "test_score" in k})
+
+
+@pytest.mark.parametrize("compute", [contributions_of_sensors, scores_of_subsets])
+def test_tables_are_the_same_for_each_backend(compute):
+    expected = compute()
+    for backend in ("loky", "threading"):
+        with joblib.parallel_config(backend, n_jobs=2):
+            pd.testing.assert_frame_equal(compute(), expected, check_exact=True)
+
+
+# Global state ---------------------------------------------------------------
+
+
+def global_state():
+    return {
+        "random": random.getstate(),
+        "numpy.random": repr(np.random.get_state()),  # noqa: NPY002
+        "errors of NumPy": (np.geterr(), np.geterrcall()),
+        "printing of NumPy": np.get_printoptions(),
+        "warnings": (list(warnings.filters), warnings.showwarning),
+        "sklearn": sklearn.get_config(),
+        "threads": threadpool_info(),
+        "environment": dict(os.environ),
+        "directory": os.getcwd(),
+        "matplotlib": matplotlib.rcParams.copy(),
+    }
+
+
+@contextmanager
+def nothing_changes(what):
+    before = global_state()
+    yield
+    after = global_state()
+    changed = [name for name in before if after[name] != before[name]]
+    assert not changed, f"{what} changes {changed}"
+
+
+@pytest.fixture
+def unusual_state():
+    """Settings that are not the defaults, so that a reset is seen too."""
+    with (
+        np.errstate(divide="ignore", over="ignore", invalid="ignore"),
+        np.printoptions(precision=5),
+        sklearn.config_context(working_memory=500),
+        matplotlib.rc_context({"lines.linewidth": 3}),
+        threadpool_limits(2),
+        warnings.catch_warnings(),
+    ):
+        warnings.filterwarnings("ignore", "nothing in particular")
+        yield
+    pyplot.close("all")
+
+
+def methods_of(model, X, y):
+    """Calls of every public method of a fitted model of this package."""
+    of_labels = isinstance(model, (NNPOM, SensorFusionNNPOM))  # their score is
+    calls = {
+        name: lambda name=name: list(getattr(model, name)(X))
+        for name in (
+            *("transform", "fit_transform", "predict", "predict_proba"),
+            *("predict_cdf", "predict_latent", "hidden_activations"),
+        )
+    }
+    calls |= {
+        "predict_quantile": lambda: model.predict_quantile(X, [0.1, 0.5]),
+        "sample": lambda: model.sample(X, 2, random_state=0),
+        "score": lambda: model.score(X, model.predict(X) if of_labels else y),
+        "get_params": lambda: model.get_params(),
+        "fit": lambda: clone(model).fit(X, y),
+    }
+    if hasattr(model, "transform"):
+        calls["get_feature_names_out"] = lambda: model.get_feature_names_out()
+    return {name: call for name, call in calls.items() if hasattr(model, name)}
+
+
+def test_every_public_method_is_called():
+    public = set()
+    for model, _, _ in MODELS.values():
+        for parent in type(model).__mro__:
+            if parent.__module__.startswith("sklearn_haptic."):
+                public |= {
+                    name
+                    for name, value in vars(parent).items()
+                    if callable(value) and not name.startswith("_")
+                }
+    called = set()
+    for name, (_, X, y) in MODELS.items():
+        called |= methods_of(fitted(name), X, y).keys()
+    # Those for other estimators take what has been validated.
+    assert {name for name in public if "_with_positions" not in name} <= called
+
+
+@pytest.mark.usefixtures("unusual_state")
+@pytest.mark.parametrize("name", MODELS)
+def test_methods_change_no_global_state(name):
+    unfitted, X, y = MODELS[name]
+    for method, call in methods_of(clone(unfitted).fit(X, y), X, y).items():
+        with nothing_changes(method):
+            call()
+    with nothing_changes("an error"), pytest.raises((TypeError, ValueError)):
+        clone(unfitted).fit(X[:0], y)
+
+
+SEARCH = {
+    "params": [{"size": 1}, {"size": 2}],
+    "mean_fit_time": np.array([1.0, 2.0]),
+    "mean_score_time": np.array([0.1, 0.1]),
+    "split0_test_score": np.array([1.0, 2.0]),
+    "split1_test_score": np.array([2.0, 2.5]),
+    "mean_test_score": np.array([1.5, 2.25]),
+}
+
+
+def public_functions():
+    """Every public function and display, by name."""
+    public = {name: getattr(sklearn_haptic, name) for name in sklearn_haptic.__all__}
+    for module in (datasets, metrics, model_selection, plotting, ratings, study):
+        own = [name for name, value in vars(module).items() if is_own(value, module)]
+        names = getattr(module, "__all__", own)
+        public |= {name: getattr(module, name) for name in names}
+    displays = {name for name in public if name.endswith("Display")}
+    return displays | {name for name in public if inspect.isfunction(public[name])}
+
+
+def is_own(value, module):
+    return getattr(
+        value, "__module__", None
+    ) == module.__name__ and not value.__name__.startswith("_")
+
+
+def calls_of_functions(folder):
+    write_corpus(folder / "corpus.h5")
+    rated = {"counts": np.tile([0, 1, 3, 2, 0], (2, 10, 1)), "ids": [114, 602]}
+    save_v7(folder / "ratings.mat", rated | {"names": np.array(ADJECTIVES, object)})
+    model, proba = fitted("regressor"), fitted("regressor").predict_proba(NAMED)
+    scores = contributions_of_sensors()
+    calls = {
+        getattr(metrics, name): (COUNTS, proba)
+        for name in (
+            *("macro_mae_per_trial", "ranked_probability_score", "log_score"),
+            *("earth_movers_distance", "pit_histogram", "dispersion"),
+        )
+    }
+    calls |= {
+        metrics.neg_rps_scorer: (model, NAMED, COUNTS),
+        metrics.neg_macro_mae_scorer: (model, NAMED, COUNTS),
+        ratings.rating_counts: ([1, 2, 2], ["a", "a", "b"]),
+        ratings.inverse_cdf: (COUNTS, [0.1, 0.5]),
+        ratings.interrater_agreement: (COUNTS,),
+        ratings.adjective_correlation: ([[1, 5], [2, 4], [4, 3], [5, 1]],),
+        make_haptic_pipeline: (["pdc"],),
+        make_haptic_corpus: (2, 1),
+        model_selection.speed_accuracy_frontier: (SEARCH,),
+        model_selection.cheapest_within_one_se: (SEARCH,),
+        model_selection.contribution_summary: (scores,),
+        plotting.InverseCDFDisplay.from_predictions: (COUNTS[[0]], proba[:3]),
+        plotting.InverseCDFDisplay.from_estimator: (model, NAMED[:3], COUNTS[[0] * 3]),
+        plotting.SpeedAccuracyDisplay.from_search: (SEARCH,),
+        plotting.SensorContributionsDisplay.from_scores: (scores,),
+    }
+    calls = {
+        function.__qualname__: partial(function, *arguments)
+        for function, arguments in calls.items()
+    }
+    seeded = ("make_haptic_pipeline", "make_haptic_corpus")
+    calls |= {name: partial(calls[name], random_state=0) for name in seeded}
+    tiny = STUDY | {"adjectives": ["hard"], "n_repeats": 1}
+    return calls | {
+        "load_phac2": lambda: load_phac2(
+            folder / "corpus.h5", ratings_path=folder / "ratings.mat"
+        ),
+        "sensor_contributions": contributions_of_sensors,
+        "sensor_subsets": scores_of_subsets,
+        "run_study": lambda: run_study(folder=folder / "study", **tiny),
+        "read_study": lambda: read_study(folder / "study"),
+    }
+
+
+@pytest.mark.usefixtures("unusual_state")
+def test_functions_change_no_global_state(tmp_path):
+    calls = calls_of_functions(tmp_path)
+    assert {name.partition(".")[0] for name in calls} == public_functions()
+    for name, call in calls.items():
+        with nothing_changes(name):
+            call()
