@@ -13,7 +13,6 @@ arithmetic of 60 digits; without it those rows are left out.
 import argparse
 import math
 import platform
-import signal
 import warnings
 from datetime import date
 from fractions import Fraction
@@ -22,6 +21,7 @@ from importlib.util import find_spec
 from itertools import accumulate
 from multiprocessing import get_context
 from pathlib import Path
+from signal import Signals
 
 import numpy as np
 from mord import LogisticAT
@@ -74,7 +74,7 @@ def outcome(function, seconds=60):
         process.kill()
         return f"not done after {seconds} s"
     if process.exitcode < 0:
-        return f"ends the process ({signal.Signals(-process.exitcode).name})"
+        return f"ends the process ({Signals(-process.exitcode).name})"
     return receiver.recv()
 
 
@@ -154,15 +154,15 @@ def code_by_least_squares(signals, atoms, n_coefs):
     norms[norms == 0] = 1
     atoms = atoms / norms[:, None]
     codes = np.zeros((len(signals), len(atoms)))
-    for signal_, code in zip(signals / unit, codes):
-        taken, residual = [], signal_
+    for signal, code in zip(signals / unit, codes):
+        taken, residual = [], signal
         for _ in range(min(n_coefs, *atoms.shape)):
             score = np.abs(atoms @ residual)
-            if score.max() < 1e-10 * np.linalg.norm(signal_):
+            if score.max() < 1e-10 * np.linalg.norm(signal):
                 break
             taken.append(score.argmax())
-            coefs = np.linalg.lstsq(atoms[taken].T, signal_)[0]
-            residual = signal_ - coefs @ atoms[taken]
+            coefs = np.linalg.lstsq(atoms[taken].T, signal)[0]
+            residual = signal - coefs @ atoms[taken]
         code[taken] = coefs if taken else 0
     return unit * codes / norms
 
