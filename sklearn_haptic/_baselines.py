@@ -1,7 +1,10 @@
 """Baselines that ignore the features: what a model must beat."""
 
+from typing import Literal, Self
+
 import numpy as np
-from sklearn.base import BaseEstimator, ClassifierMixin, _fit_context
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils._param_validation import StrOptions
 from sklearn.utils.validation import (
     _num_samples,
@@ -10,6 +13,7 @@ from sklearn.utils.validation import (
     validate_data,
 )
 
+from ._typing import Trials, _fit_context
 from ._validation import check_ratings
 from .metrics import ranked_probability_score
 
@@ -58,7 +62,12 @@ class DummyDistribution(ClassifierMixin, BaseEstimator):
         "levels": ["array-like", None],
     }
 
-    def __init__(self, strategy="marginal", *, levels=None):
+    def __init__(
+        self,
+        strategy: Literal["marginal", "barycentre"] = "marginal",
+        *,
+        levels: ArrayLike | None = None,
+    ) -> None:
         self.strategy = strategy
         self.levels = levels
 
@@ -70,7 +79,7 @@ class DummyDistribution(ClassifierMixin, BaseEstimator):
         return tags
 
     @_fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X, y):
+    def fit(self, X: Trials, y: ArrayLike) -> Self:
         """Find the distribution.
 
         Parameters
@@ -97,7 +106,7 @@ class DummyDistribution(ClassifierMixin, BaseEstimator):
             self.proba_ = np.diff(cdf, prepend=0) / cdf[-1]
         return self
 
-    def predict_proba(self, X):
+    def predict_proba(self, X: Trials) -> NDArray[np.float64]:
         """Return the distribution for each trial.
 
         Parameters
@@ -112,7 +121,7 @@ class DummyDistribution(ClassifierMixin, BaseEstimator):
         check_is_fitted(self)
         return np.tile(self.proba_, (_num_samples(X), 1))
 
-    def predict(self, X):
+    def predict(self, X: Trials) -> np.ndarray:
         """Return the most common rating for each trial.
 
         Parameters
@@ -127,7 +136,9 @@ class DummyDistribution(ClassifierMixin, BaseEstimator):
         proba = self.predict_proba(X)
         return self.levels_[proba.argmax(axis=1)]
 
-    def score(self, X, y, sample_weight=None):
+    def score(
+        self, X: Trials, y: ArrayLike, sample_weight: ArrayLike | None = None
+    ) -> float:
         """Return the negative mean ranked probability score; higher is better.
 
         Parameters

@@ -7,14 +7,15 @@ At prediction p sweeps the population.
 """
 
 from numbers import Integral
+from typing import Any, Literal, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import expit, logit
 from sklearn.base import (
     BaseEstimator,
     ClassifierMixin,
     MetaEstimatorMixin,
-    _fit_context,
     clone,
     is_regressor,
 )
@@ -35,6 +36,7 @@ from ._positions import (
     share_below,
     training_observations,
 )
+from ._typing import RandomState, _fit_context
 from ._validation import (
     check_attributes,
     check_numbers,
@@ -193,19 +195,19 @@ class DistributionalOrdinalRegressor(
 
     def __init__(
         self,
-        estimator=None,
+        estimator: BaseEstimator | None = None,
         *,
-        n_duplicates=15,
-        sampling="level",
-        p_transform="logit",
-        balance=None,
-        monotone=False,
-        decode="mixture",
-        rule="median",
-        n_quantiles=99,
-        levels=None,
-        random_state=None,
-    ):
+        n_duplicates: int = 15,
+        sampling: Literal["level", "lattice", "stratified", "random"] = "level",
+        p_transform: Literal["logit"] | None = "logit",
+        balance: Literal["macro"] | None = None,
+        monotone: bool = False,
+        decode: Literal["mixture", "quantile"] = "mixture",
+        rule: Literal["median", "argmax"] = "median",
+        n_quantiles: int = 99,
+        levels: ArrayLike | None = None,
+        random_state: RandomState = None,
+    ) -> None:
         self.estimator = estimator
         self.n_duplicates = n_duplicates
         self.sampling = sampling
@@ -224,7 +226,16 @@ class DistributionalOrdinalRegressor(
         return tags
 
     @_fit_context(prefer_skip_nested_validation=False)
-    def fit(self, X, y, sample_weight=None, *, groups=None, X_val=None, y_val=None):
+    def fit(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        *,
+        groups: ArrayLike | None = None,
+        X_val: ArrayLike | None = None,
+        y_val: ArrayLike | None = None,
+    ) -> Self:
         """Fit the estimator on each trial at several positions.
 
         Parameters
@@ -387,7 +398,7 @@ class DistributionalOrdinalRegressor(
             )
         self.estimator_.fit(rows, level, sample_weight=weight)
 
-    def predict_proba(self, X):
+    def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
         """Predict the distribution of ratings.
 
         Parameters
@@ -457,7 +468,7 @@ class DistributionalOrdinalRegressor(
             proba[np.arange(len(rows)), level] = 1
         return proba.reshape(len(X), len(inputs), n_levels)
 
-    def predict_cdf(self, X):
+    def predict_cdf(self, X: ArrayLike) -> NDArray[np.float64]:
         """Predict the share of the population at each level or below.
 
         Parameters
@@ -472,7 +483,7 @@ class DistributionalOrdinalRegressor(
         """
         return _cdf(self.predict_proba(X))
 
-    def predict_quantile(self, X, p):
+    def predict_quantile(self, X: ArrayLike, p: ArrayLike) -> np.ndarray:
         """Predict the rating of the people at given positions.
 
         Parameters
@@ -489,7 +500,7 @@ class DistributionalOrdinalRegressor(
         """
         return _quantile(self.predict_proba(X), p, self.levels_)
 
-    def predict(self, X):
+    def predict(self, X: ArrayLike) -> np.ndarray:
         """Predict the most common rating; ``predict_quantile(X, 0.5)`` is the median.
 
         Parameters
@@ -504,7 +515,9 @@ class DistributionalOrdinalRegressor(
         proba = self.predict_proba(X)
         return self.levels_[proba.argmax(axis=-1)]
 
-    def sample(self, X, n_samples=1, *, random_state=None):
+    def sample(
+        self, X: ArrayLike, n_samples: int = 1, *, random_state: RandomState = None
+    ) -> np.ndarray:
         """Draw ratings of random people from the predicted distributions.
 
         Parameters
@@ -528,7 +541,9 @@ class DistributionalOrdinalRegressor(
         rating = self.levels_[_level_index(rows, p)]
         return rating.reshape(*proba.shape[:-1], n_samples)
 
-    def score(self, X, y, sample_weight=None):
+    def score(
+        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+    ) -> float:
         """Return the negative mean ranked probability score; higher is better.
 
         Parameters
@@ -567,7 +582,7 @@ def _quantile(proba, p, levels):
     return levels[index].reshape(*proba.shape[:-1], *p.shape)
 
 
-PAPER_2020 = {
+PAPER_2020: dict[str, Any] = {
     "estimator": NNPOM(
         n_hidden=10,
         alpha=1.0,

@@ -7,24 +7,34 @@ shows what the sensor contributes.
 """
 
 import warnings
+from collections.abc import Mapping
+from typing import Self, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from sklearn.base import (
     BaseEstimator,
     ClassifierMixin,
     MetaEstimatorMixin,
-    _fit_context,
     clone,
 )
-from sklearn.callback import CallbackSupportMixin, with_callbacks
+from sklearn.callback import CallbackSupportMixin
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import HasMethods
 from sklearn.utils.validation import check_is_fitted
 
 from ._nnpom import NNPOM
+from ._typing import (
+    FloatArray,
+    Observations,
+    RandomState,
+    _fit_context,
+    with_callbacks,
+)
 from ._validation import check_regular, check_table
 
+_Network: TypeAlias = NNPOM | FrozenEstimator
 _NETWORK = HasMethods(["fit_with_positions", "hidden_activations_with_positions"])
 
 
@@ -203,13 +213,13 @@ class SensorFusionNNPOM(
 
     def __init__(
         self,
-        sensors=None,
-        estimator=None,
-        final_estimator=None,
-        held_out=None,
+        sensors: Mapping[str, ArrayLike | slice] | None = None,
+        estimator: _Network | Mapping[str, _Network] | None = None,
+        final_estimator: NNPOM | None = None,
+        held_out: str | None = None,
         *,
-        random_state=None,
-    ):
+        random_state: RandomState = None,
+    ) -> None:
         self.sensors = sensors
         self.estimator = estimator
         self.final_estimator = final_estimator
@@ -222,7 +232,14 @@ class SensorFusionNNPOM(
         return tags
 
     @_fit_context(prefer_skip_nested_validation=False)
-    def fit(self, X, y, sample_weight=None, *, groups=None):
+    def fit(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        *,
+        groups: ArrayLike | None = None,
+    ) -> Self:
         """Fit the networks of the sensors, then the combined one.
 
         Parameters
@@ -259,16 +276,16 @@ class SensorFusionNNPOM(
     @with_callbacks
     def fit_with_positions(
         self,
-        X,
-        positions,
-        level,
-        weight,
+        X: FloatArray,
+        positions: FloatArray,
+        level: NDArray[np.integer],
+        weight: FloatArray,
         *,
-        levels,
-        monotone=False,
-        validation=None,
-        feature_names=None,
-    ):
+        levels: np.ndarray,
+        monotone: bool = False,
+        validation: Observations | None = None,
+        feature_names: np.ndarray | None = None,
+    ) -> Self:
         """Fit to observations of each trial at several positions.
 
         Parameters
@@ -428,18 +445,18 @@ class SensorFusionNNPOM(
         ]
 
     @property
-    def early_stopping(self):
+    def early_stopping(self) -> bool:
         """Whether a network stops early, and so needs trials to validate on."""
         return bool(self._stopping_early())
 
     @property
-    def validation_fraction(self):
+    def validation_fraction(self) -> float:
         """Largest share of the trials that a network holds out for early stopping."""
         fractions = [network.validation_fraction for network in self._stopping_early()]
         return max(fractions, default=0.0)
 
     @property
-    def thresholds_(self):
+    def thresholds_(self) -> NDArray[np.float64]:
         """Thresholds between the levels, of the combined network."""
         return self.final_network_.thresholds_
 
@@ -460,7 +477,7 @@ class SensorFusionNNPOM(
                 )
         return np.concatenate(parts, axis=-1)
 
-    def hidden_activations(self, X):
+    def hidden_activations(self, X: ArrayLike) -> NDArray[np.float64]:
         """Activations of the hidden units of the sensors' networks.
 
         Parameters
@@ -479,7 +496,7 @@ class SensorFusionNNPOM(
             return self._activations(X)
         return self._activations(X[:, :-1], X[:, -1:])[:, 0]
 
-    def predict_latent(self, X):
+    def predict_latent(self, X: ArrayLike) -> NDArray[np.float64]:
         """Predict the latent response, which the thresholds cut into levels.
 
         Parameters
@@ -494,7 +511,7 @@ class SensorFusionNNPOM(
         hidden = self.hidden_activations(X)
         return self.final_network_.predict_latent(hidden)
 
-    def predict_proba(self, X):
+    def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
         """Predict the probability of each level.
 
         Parameters
@@ -510,7 +527,7 @@ class SensorFusionNNPOM(
         hidden = self.hidden_activations(X)
         return self.final_network_.predict_proba(hidden)
 
-    def predict(self, X):
+    def predict(self, X: ArrayLike) -> np.ndarray:
         """Predict the most probable level.
 
         Parameters
@@ -525,7 +542,9 @@ class SensorFusionNNPOM(
         hidden = self.hidden_activations(X)
         return self.final_network_.predict(hidden)
 
-    def predict_latent_with_positions(self, X, positions):
+    def predict_latent_with_positions(
+        self, X: FloatArray, positions: FloatArray
+    ) -> NDArray[np.float64]:
         """Predict the latent response of each trial at each position.
 
         Parameters
@@ -541,7 +560,9 @@ class SensorFusionNNPOM(
         """
         return self._predict_with_positions("predict_latent", X, positions)
 
-    def predict_proba_with_positions(self, X, positions):
+    def predict_proba_with_positions(
+        self, X: FloatArray, positions: FloatArray
+    ) -> NDArray[np.float64]:
         """Predict for each trial at each position.
 
         Parameters

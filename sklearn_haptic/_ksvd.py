@@ -2,10 +2,12 @@
 
 from functools import partial
 from numbers import Integral, Real
+from typing import Literal, Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from sklearn.base import BaseEstimator, TransformerMixin, _fit_context
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.callback import CallbackSupportMixin
 from sklearn.utils import check_array, check_random_state
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
@@ -18,6 +20,7 @@ from sklearn.utils.validation import (
 
 from ._dictionary_learning import initial_atoms, ksvd
 from ._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows
+from ._typing import FloatArray, Memory, Names, RandomState, Trials, _fit_context
 from ._validation import (
     Sequences,
     check_numbers,
@@ -245,7 +248,7 @@ class _UnwrappedSequences:
     go on to the next class's `transform`, which is wrapped.
     """
 
-    def fit_transform(self, X, y=None):
+    def fit_transform(self, X: Trials, y: None = None) -> FloatArray | Sequences:
         """Fit to `X`, then return its codes.
 
         Parameters
@@ -260,9 +263,9 @@ class _UnwrappedSequences:
         codes : ndarray of shape (n_samples, n_codes) or Sequences
             Codes, as :meth:`transform` returns them.
         """
-        return self.fit(X, y).transform(X)
+        return self.fit(X, y).transform(X)  # type: ignore[attr-defined]
 
-    def transform(self, X):
+    def transform(self, X: Trials) -> FloatArray | Sequences:
         """Code observations over the dictionary.
 
         Parameters
@@ -279,9 +282,9 @@ class _UnwrappedSequences:
             corpus need not fit in memory; `list` codes all and keeps the arrays.
         """
         check_is_fitted(self)
-        if self._codes_trials:
-            return self._transform_trials(X)
-        return super().transform(X)
+        if self._codes_trials:  # type: ignore[attr-defined]
+            return self._transform_trials(X)  # type: ignore[attr-defined]
+        return super().transform(X)  # type: ignore[misc]
 
 
 class _DictionaryCoder(CallbackSupportMixin, TransformerMixin, BaseEstimator):
@@ -382,7 +385,9 @@ class _DictionaryCoder(CallbackSupportMixin, TransformerMixin, BaseEstimator):
             sign=self.sign,
         )
 
-    def get_feature_names_out(self, input_features=None):
+    def get_feature_names_out(
+        self, input_features: Names | None = None
+    ) -> NDArray[np.object_]:
         """Return the names of the code columns.
 
         Parameters
@@ -540,21 +545,21 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
 
     def __init__(
         self,
-        n_atoms=25,
-        n_nonzero_coefs=4,
+        n_atoms: int = 25,
+        n_nonzero_coefs: int = 4,
         *,
-        window=None,
-        overlap=0.5,
-        remove_mean=True,
-        update="approximate",
-        max_iter=50,
-        tol=1e-3,
-        max_train_windows=20_000,
-        dict_init=None,
-        sign="split",
-        memory=None,
-        random_state=None,
-    ):
+        window: int | None = None,
+        overlap: float = 0.5,
+        remove_mean: bool = True,
+        update: Literal["approximate", "exact"] = "approximate",
+        max_iter: int = 50,
+        tol: float = 1e-3,
+        max_train_windows: int | None = 20_000,
+        dict_init: ArrayLike | None = None,
+        sign: Literal["split", "absolute", "none"] = "split",
+        memory: str | Memory | None = None,
+        random_state: RandomState = None,
+    ) -> None:
         self.n_atoms = n_atoms
         self.n_nonzero_coefs = n_nonzero_coefs
         self.window = window
@@ -570,7 +575,7 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
         self.random_state = random_state
 
     @_fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X, y=None):
+    def fit(self, X: Trials, y: None = None) -> Self:
         """Learn the dictionary.
 
         Parameters
@@ -592,7 +597,9 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
             )
         return self._learn(X, y)
 
-    def get_feature_names_out(self, input_features=None):
+    def get_feature_names_out(
+        self, input_features: Names | None = None
+    ) -> NDArray[np.object_]:
         """Return the names of the code columns.
 
         Parameters

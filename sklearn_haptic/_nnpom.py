@@ -2,10 +2,12 @@
 
 import warnings
 from numbers import Integral, Real
+from typing import Literal, Self
 
 import numpy as np
-from sklearn.base import BaseEstimator, ClassifierMixin, _fit_context
-from sklearn.callback import CallbackSupportMixin, with_callbacks
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.callback import CallbackSupportMixin
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.model_selection import GroupShuffleSplit
 from sklearn.utils import check_random_state
@@ -32,6 +34,13 @@ from ._proportional_odds import (
 )
 from ._solvers import Monitor, irprop_plus, lbfgs
 from ._threads import one_blas_thread
+from ._typing import (
+    FloatArray,
+    Observations,
+    RandomState,
+    _fit_context,
+    with_callbacks,
+)
 from ._validation import check_table, check_weights, validate_rated_trials, weighted
 from .metrics import _macro_mae
 
@@ -179,19 +188,19 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
 
     def __init__(
         self,
-        n_hidden=10,
-        alpha=1.0,
+        n_hidden: int = 10,
+        alpha: float = 1.0,
         *,
-        scale_features=True,
-        solver="lbfgs",
-        max_iter=500,
-        tol=1e-4,
-        early_stopping=False,
-        n_iter_no_change=150,
-        validation_fraction=0.1,
-        levels=None,
-        random_state=None,
-    ):
+        scale_features: bool = True,
+        solver: Literal["lbfgs", "irprop+"] = "lbfgs",
+        max_iter: int = 500,
+        tol: float = 1e-4,
+        early_stopping: bool = False,
+        n_iter_no_change: int = 150,
+        validation_fraction: float = 0.1,
+        levels: ArrayLike | None = None,
+        random_state: RandomState = None,
+    ) -> None:
         self.n_hidden = n_hidden
         self.alpha = alpha
         self.scale_features = scale_features
@@ -210,7 +219,14 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         return tags
 
     @_fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X, y, sample_weight=None, *, groups=None):
+    def fit(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        *,
+        groups: ArrayLike | None = None,
+    ) -> Self:
         """Fit the network to ratings.
 
         Parameters
@@ -250,16 +266,16 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
     @with_callbacks
     def fit_with_positions(
         self,
-        X,
-        positions,
-        level,
-        weight,
+        X: FloatArray,
+        positions: FloatArray | None,
+        level: NDArray[np.integer],
+        weight: FloatArray,
         *,
-        levels,
-        monotone=False,
-        validation=None,
-        feature_names=None,
-    ):
+        levels: np.ndarray,
+        monotone: bool = False,
+        validation: Observations | None = None,
+        feature_names: np.ndarray | None = None,
+    ) -> Self:
         """Fit as if each trial were repeated with one more feature, its position.
 
         The cost, its gradient and the fitted model are those of `fit` on the
@@ -467,7 +483,7 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         self._store(np.zeros(self.n_features_in_ * max(n_hidden, 1) + n_hidden), [])
         self.loss_, self.loss_curve_, self.n_iter_ = 0.0, [], 0
 
-    def predict_proba(self, X):
+    def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
         """Predict the probability of each level.
 
         Parameters
@@ -484,7 +500,9 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         """
         return np.ascontiguousarray(self._proba(self.predict_latent(X)))
 
-    def predict_proba_with_positions(self, X, positions):
+    def predict_proba_with_positions(
+        self, X: FloatArray, positions: FloatArray
+    ) -> NDArray[np.float64]:
         """Predict for each trial at each position, sharing the trial's features.
 
         Parameters
@@ -500,7 +518,9 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         """
         return self._proba(self.predict_latent_with_positions(X, positions))
 
-    def predict_latent_with_positions(self, X, positions):
+    def predict_latent_with_positions(
+        self, X: FloatArray, positions: FloatArray
+    ) -> NDArray[np.float64]:
         """Predict the latent response of each trial at each position.
 
         Parameters
@@ -517,7 +537,9 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         """
         return self._forward_with_positions(X, positions)[0]
 
-    def hidden_activations_with_positions(self, X, positions):
+    def hidden_activations_with_positions(
+        self, X: FloatArray, positions: FloatArray
+    ) -> NDArray[np.float64]:
         """Activations of the hidden units for each trial at each position.
 
         Parameters
@@ -537,7 +559,7 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
     def _forward_with_positions(self, X, positions):
         return self._apply(X, np.atleast_2d(positions))
 
-    def predict(self, X):
+    def predict(self, X: ArrayLike) -> np.ndarray:
         """Predict the most probable level.
 
         Parameters
@@ -552,7 +574,7 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         proba = self.predict_proba(X)
         return self.levels_[proba.argmax(axis=-1)]
 
-    def predict_latent(self, X):
+    def predict_latent(self, X: ArrayLike) -> NDArray[np.float64]:
         """Predict the latent response f, which the thresholds cut into levels.
 
         Parameters
@@ -566,7 +588,7 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         """
         return self._forward(X)[0][:, 0]
 
-    def hidden_activations(self, X):
+    def hidden_activations(self, X: ArrayLike) -> NDArray[np.float64]:
         """Activations of the hidden units, the network's own features.
 
         Parameters

@@ -1,7 +1,11 @@
 """Temporal pyramid: the maximum of every column within parts of the recording."""
 
+from collections.abc import Sequence
+from typing import Literal, Self
+
 import numpy as np
-from sklearn.base import BaseEstimator, TransformerMixin, _fit_context
+from numpy.typing import NDArray
+from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.callback import CallbackSupportMixin
 from sklearn.utils._param_validation import HasMethods, StrOptions
 from sklearn.utils._set_output import _get_output_config
@@ -11,6 +15,7 @@ from sklearn.utils.validation import (
     check_memory,
 )
 
+from ._typing import FloatArray, Memory, Names, Trials, _fit_context
 from ._validation import (
     Sequences,
     check_sequences,
@@ -165,13 +170,19 @@ class TemporalMaxPool(CallbackSupportMixin, TransformerMixin, BaseEstimator):
         "memory": [str, HasMethods("cache"), None],
     }
 
-    def __init__(self, cells=(16, 8, 4, 2, 1), *, split="balanced", memory=None):
+    def __init__(
+        self,
+        cells: Sequence[int] = (16, 8, 4, 2, 1),
+        *,
+        split: Literal["balanced", "floor"] = "balanced",
+        memory: str | Memory | None = None,
+    ) -> None:
         self.cells = cells
         self.split = split
         self.memory = memory
 
     @_fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X, y=None):
+    def fit(self, X: Trials, y: None = None) -> Self:
         """Record the columns, and which levels the shortest sequence allows.
 
         Parameters
@@ -210,7 +221,7 @@ class TemporalMaxPool(CallbackSupportMixin, TransformerMixin, BaseEstimator):
         )
         return self
 
-    def transform(self, X):
+    def transform(self, X: Trials) -> FloatArray:
         """Pool sequences.
 
         Parameters
@@ -242,7 +253,9 @@ class TemporalMaxPool(CallbackSupportMixin, TransformerMixin, BaseEstimator):
 
         return DataFrame(pooled, index=index)
 
-    def get_feature_names_out(self, input_features=None):
+    def get_feature_names_out(
+        self, input_features: Names | None = None
+    ) -> NDArray[np.object_]:
         """Return the names of the pooled features.
 
         Parameters

@@ -1,5 +1,8 @@
 """A whole model in one call, at a named point between fast and accurate."""
 
+from collections.abc import Sequence
+from typing import Any, Literal
+
 from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -9,11 +12,12 @@ from ._ksvd import KSVDTransformer
 from ._nnpom import NNPOM
 from ._pooling import TemporalMaxPool
 from ._sthmp import STHMPTransformer
+from ._typing import Memory, RandomState
 
 # Window in time samples and number of atoms, as in the 2020 paper.
 _WINDOWED = {"pac": (22, 40), "pdc": (50, 25), "tac": (50, 25), "tdc": (50, 10)}
 _SENSORS = (*_WINDOWED, "electrodes")
-_PRESETS = {
+_PRESETS: dict[str, dict[str, Any]] = {
     "fast": {
         "dictionary": {"n_nonzero_coefs": 2, "max_iter": 5, "max_train_windows": 5000},
         "cells": (4, 2, 1),
@@ -27,8 +31,12 @@ _PRESETS = {
 
 
 def make_haptic_pipeline(
-    sensors=_SENSORS, *, preset="fast", memory=None, random_state=None
-):
+    sensors: Sequence[str] = _SENSORS,
+    *,
+    preset: Literal["fast", "balanced", "accurate"] = "fast",
+    memory: str | Memory | None = None,
+    random_state: RandomState = None,
+) -> Pipeline:
     """Build a model of raw recordings of BioTac fingers.
 
     Every sensor gives sparse codes over a dictionary of its own, pooled over time;

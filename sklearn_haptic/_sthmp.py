@@ -1,15 +1,18 @@
 """ST-HMP: sparse codes of patches of tactile images, pooled over space."""
 
+from collections.abc import Sequence
 from numbers import Integral
+from typing import Literal, Self
 
 import numpy as np
-from sklearn.base import _fit_context
+from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import check_array
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from ._ksvd import _DictionaryCoder, _UnwrappedSequences, draw_observations, encode
 from ._pooling import cell_starts, check_cells
+from ._typing import Memory, Names, RandomState, Trials, _fit_context
 from ._validation import check_numbers, check_trials, is_table, row_index
 
 # Electrodes whose mean is each pixel: rows from the tip of the finger to its base,
@@ -355,23 +358,23 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
 
     def __init__(
         self,
-        n_atoms=10,
-        n_nonzero_coefs=4,
+        n_atoms: int = 10,
+        n_nonzero_coefs: int = 4,
         *,
-        layout="biotac",
-        patch_size=(3, 3),
-        step=1,
-        spatial_cells=(3, 2, 1),
-        remove_mean=True,
-        update="approximate",
-        max_iter=50,
-        tol=1e-3,
-        max_train_windows=20_000,
-        dict_init=None,
-        sign="split",
-        memory=None,
-        random_state=None,
-    ):
+        layout: Literal["biotac"] | ArrayLike | None = "biotac",
+        patch_size: tuple[int, int] = (3, 3),
+        step: int = 1,
+        spatial_cells: Sequence[int] = (3, 2, 1),
+        remove_mean: bool = True,
+        update: Literal["approximate", "exact"] = "approximate",
+        max_iter: int = 50,
+        tol: float = 1e-3,
+        max_train_windows: int | None = 20_000,
+        dict_init: ArrayLike | None = None,
+        sign: Literal["split", "absolute", "none"] = "split",
+        memory: str | Memory | None = None,
+        random_state: RandomState = None,
+    ) -> None:
         self.n_atoms = n_atoms
         self.n_nonzero_coefs = n_nonzero_coefs
         self.layout = layout
@@ -389,7 +392,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         self.random_state = random_state
 
     @_fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X, y=None):
+    def fit(self, X: Trials, y: None = None) -> Self:
         """Learn the dictionary.
 
         Parameters
@@ -414,7 +417,9 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         self._codes_trials = not is_table(X)
         return self._learn(X, y)
 
-    def get_feature_names_out(self, input_features=None):
+    def get_feature_names_out(
+        self, input_features: Names | None = None
+    ) -> NDArray[np.object_]:
         """Return the names of the code columns.
 
         Parameters

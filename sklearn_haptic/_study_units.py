@@ -261,12 +261,12 @@ class Study:
 
     corpus: object
     folder: Path
-    sensors: list
+    sensors: list[str]
     split: str
     n_splits: int
     n_repeats: int
-    n_hidden: list
-    alpha: list
+    n_hidden: list[int]
+    alpha: list[float]
     n_starts: int
     regressor: DistributionalOrdinalRegressor
     scoring: object

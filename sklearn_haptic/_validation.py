@@ -6,8 +6,11 @@ differ in length, so a collection of them is a sequence of arrays. A *table* is
 scikit-learn's ordinary two-dimensional input; every transformer takes both.
 """
 
+from __future__ import annotations
+
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from scipy import sparse
@@ -20,8 +23,13 @@ from sklearn.utils.validation import (
     validate_data,
 )
 
+from ._typing import FloatArray, Names
 
-class Sequences(Sequence):
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Sequences(Sequence[FloatArray]):
     """What a sequence step returns: arrays, one a trial, that know their columns.
 
     It indexes and iterates like a list. A trial is coded each time it is asked
@@ -43,18 +51,28 @@ class Sequences(Sequence):
     """
 
     def __init__(
-        self, trials, feature_names, row_index=None, *, encode=None, lengths=None
-    ):
+        self,
+        trials: Sequence[Any],
+        feature_names: Names,
+        row_index: pd.Index | None = None,
+        *,
+        encode: Callable[[Any], FloatArray] | None = None,
+        lengths: Sequence[int] | None = None,
+    ) -> None:
         self.feature_names = np.asarray(feature_names, dtype=object)
         self.row_index = row_index
         self.lengths = [len(trial) for trial in trials] if lengths is None else lengths
         self._trials = trials
         self._encode = encode
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self._trials)
 
-    def __getitem__(self, key):
+    @overload
+    def __getitem__(self, key: int) -> FloatArray: ...
+    @overload
+    def __getitem__(self, key: slice) -> Sequences: ...
+    def __getitem__(self, key: int | slice) -> FloatArray | Sequences:
         if not isinstance(key, slice):
             trial = self._trials[key]
             return trial if self._encode is None else self._encode(trial)
@@ -66,7 +84,7 @@ class Sequences(Sequence):
             lengths=self.lengths[key],
         )
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<Sequences: {len(self)} trials, {len(self.feature_names)} columns>"
 
 

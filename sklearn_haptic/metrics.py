@@ -7,12 +7,16 @@ levels: neighbours are 1 apart whatever their labels.
 """
 
 from numbers import Integral
+from typing import Literal, overload
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import xlogy
-from sklearn.utils._param_validation import Interval, validate_params
+from sklearn.base import BaseEstimator
+from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_array
 
+from ._typing import Trials, validate_params
 from ._validation import check_numbers, check_ratings, check_weights
 from .ratings import _level_index
 
@@ -25,6 +29,26 @@ _SCORE_CONSTRAINTS = {
 }
 
 
+@overload
+def macro_mae_per_trial(
+    y_true: ArrayLike,
+    y_proba: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = ...,
+    average: Literal[True] = ...,
+    levels: ArrayLike | None = ...,
+    n_quantiles: int = ...,
+) -> float: ...
+@overload
+def macro_mae_per_trial(
+    y_true: ArrayLike,
+    y_proba: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = ...,
+    average: Literal[False],
+    levels: ArrayLike | None = ...,
+    n_quantiles: int = ...,
+) -> NDArray[np.float64]: ...
 @validate_params(
     {
         **_SCORE_CONSTRAINTS,
@@ -33,8 +57,14 @@ _SCORE_CONSTRAINTS = {
     prefer_skip_nested_validation=True,
 )
 def macro_mae_per_trial(
-    y_true, y_proba, *, sample_weight=None, average=True, levels=None, n_quantiles=99
-):
+    y_true: ArrayLike,
+    y_proba: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = None,
+    average: bool = True,
+    levels: ArrayLike | None = None,
+    n_quantiles: int = 99,
+) -> float | NDArray[np.float64]:
     r"""Macro-averaged mean absolute error of the predicted ratings, per trial.
 
     Parameters
@@ -99,10 +129,33 @@ def macro_mae_per_trial(
     return _summarise(errors, sample_weight, average)
 
 
+@overload
+def ranked_probability_score(
+    y_true: ArrayLike,
+    y_proba: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = ...,
+    average: Literal[True] = ...,
+    levels: ArrayLike | None = ...,
+) -> float: ...
+@overload
+def ranked_probability_score(
+    y_true: ArrayLike,
+    y_proba: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = ...,
+    average: Literal[False],
+    levels: ArrayLike | None = ...,
+) -> NDArray[np.float64]: ...
 @validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
 def ranked_probability_score(
-    y_true, y_proba, *, sample_weight=None, average=True, levels=None
-):
+    y_true: ArrayLike,
+    y_proba: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = None,
+    average: bool = True,
+    levels: ArrayLike | None = None,
+) -> float | NDArray[np.float64]:
     r"""Ranked probability score, averaged over the people who rated a trial.
 
     Parameters
@@ -162,10 +215,33 @@ def ranked_probability_score(
     return _summarise(scores, sample_weight, average)
 
 
+@overload
+def earth_movers_distance(
+    y_true: ArrayLike,
+    y_proba: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = ...,
+    average: Literal[True] = ...,
+    levels: ArrayLike | None = ...,
+) -> float: ...
+@overload
+def earth_movers_distance(
+    y_true: ArrayLike,
+    y_proba: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = ...,
+    average: Literal[False],
+    levels: ArrayLike | None = ...,
+) -> NDArray[np.float64]: ...
 @validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
 def earth_movers_distance(
-    y_true, y_proba, *, sample_weight=None, average=True, levels=None
-):
+    y_true: ArrayLike,
+    y_proba: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = None,
+    average: bool = True,
+    levels: ArrayLike | None = None,
+) -> float | NDArray[np.float64]:
     r"""Earth mover's distance between predicted and true distribution.
 
     Parameters
@@ -216,8 +292,33 @@ def earth_movers_distance(
     return _summarise(scores, sample_weight, average)
 
 
+@overload
+def log_score(
+    y_true: ArrayLike,
+    y_proba: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = ...,
+    average: Literal[True] = ...,
+    levels: ArrayLike | None = ...,
+) -> float: ...
+@overload
+def log_score(
+    y_true: ArrayLike,
+    y_proba: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = ...,
+    average: Literal[False],
+    levels: ArrayLike | None = ...,
+) -> NDArray[np.float64]: ...
 @validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
-def log_score(y_true, y_proba, *, sample_weight=None, average=True, levels=None):
+def log_score(
+    y_true: ArrayLike,
+    y_proba: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = None,
+    average: bool = True,
+    levels: ArrayLike | None = None,
+) -> float | NDArray[np.float64]:
     r"""Logarithmic score, averaged over the people who rated a trial.
 
     Parameters
@@ -276,7 +377,14 @@ def log_score(y_true, y_proba, *, sample_weight=None, average=True, levels=None)
     },
     prefer_skip_nested_validation=True,
 )
-def pit_histogram(y_true, y_proba, n_bins=10, *, sample_weight=None, levels=None):
+def pit_histogram(
+    y_true: ArrayLike,
+    y_proba: ArrayLike,
+    n_bins: int = 10,
+    *,
+    sample_weight: ArrayLike | None = None,
+    levels: ArrayLike | None = None,
+) -> NDArray[np.float64]:
     r"""Histogram of the probability integral transform of the ratings.
 
     Parameters
@@ -345,7 +453,13 @@ def pit_histogram(y_true, y_proba, n_bins=10, *, sample_weight=None, levels=None
     {name: c for name, c in _SCORE_CONSTRAINTS.items() if name != "average"},
     prefer_skip_nested_validation=True,
 )
-def dispersion(y_true, y_proba, *, sample_weight=None, levels=None):
+def dispersion(
+    y_true: ArrayLike,
+    y_proba: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = None,
+    levels: ArrayLike | None = None,
+) -> float:
     r"""Predicted variance relative to the ratings' scatter about the prediction.
 
     Parameters
@@ -402,7 +516,12 @@ def dispersion(y_true, y_proba, *, sample_weight=None, levels=None):
     return float(spread / scatter)
 
 
-def neg_rps_scorer(estimator, X, y, sample_weight=None):
+def neg_rps_scorer(
+    estimator: BaseEstimator,
+    X: Trials,
+    y: ArrayLike,
+    sample_weight: ArrayLike | None = None,
+) -> float:
     """Minus the ranked probability score of an estimator, for ``scoring=``.
 
     Parameters
@@ -438,7 +557,12 @@ def neg_rps_scorer(estimator, X, y, sample_weight=None):
     return -_score_estimator(ranked_probability_score, estimator, X, y, sample_weight)
 
 
-def neg_macro_mae_scorer(estimator, X, y, sample_weight=None):
+def neg_macro_mae_scorer(
+    estimator: BaseEstimator,
+    X: Trials,
+    y: ArrayLike,
+    sample_weight: ArrayLike | None = None,
+) -> float:
     """Minus the macro-averaged error of an estimator, for ``scoring=``.
 
     Parameters

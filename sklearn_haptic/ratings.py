@@ -5,6 +5,7 @@ People rate an object on an ordered scale, so an object's ratings are a table of
 """
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.stats import spearmanr
 from sklearn.utils import Bunch
 from sklearn.utils.validation import check_array, check_consistent_length, column_or_1d
@@ -12,7 +13,9 @@ from sklearn.utils.validation import check_array, check_consistent_length, colum
 from ._validation import _check_levels, check_numbers, check_ratings, check_regular
 
 
-def rating_counts(ratings, objects, *, levels=None):
+def rating_counts(
+    ratings: ArrayLike, objects: ArrayLike, *, levels: ArrayLike | None = None
+) -> Bunch:
     """Count how many people gave each object each rating.
 
     Parameters
@@ -88,7 +91,9 @@ def rating_counts(ratings, objects, *, levels=None):
     return Bunch(counts=counts, objects=objects, levels=levels)
 
 
-def inverse_cdf(counts, p, *, levels=None):
+def inverse_cdf(
+    counts: ArrayLike, p: ArrayLike, *, levels: ArrayLike | None = None
+) -> np.ndarray:
     r"""Rating given by the person at position ``p`` of the population.
 
     Parameters
@@ -146,7 +151,7 @@ def inverse_cdf(counts, p, *, levels=None):
     return levels[index[:, 0] if np.ndim(p) == 0 else index]
 
 
-def interrater_agreement(counts):
+def interrater_agreement(counts: ArrayLike) -> NDArray[np.float64]:
     r"""Agreement r_wg of the people who rated each object.
 
     Parameters
@@ -204,7 +209,7 @@ def interrater_agreement(counts):
     return 1 - variance / ((len(levels) ** 2 - 1) / 12)
 
 
-def adjective_correlation(ratings):
+def adjective_correlation(ratings: ArrayLike) -> Bunch:
     """Rank correlation of the ratings of every pair of adjectives.
 
     Parameters

@@ -7,16 +7,18 @@ predict the ratings of test objects, from several random starts.
 """
 
 import sys
+from collections.abc import Callable, Sequence
 from itertools import product
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
 from time import perf_counter
+from typing import Literal
 
 from joblib import effective_n_jobs
 from sklearn.metrics import check_scoring
 from sklearn.utils import Bunch
-from sklearn.utils._param_validation import Interval, StrOptions, validate_params
+from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.parallel import Parallel, delayed
 
 from ._distributional import DistributionalOrdinalRegressor
@@ -31,6 +33,11 @@ from ._study_store import (
 )
 from ._study_units import COMPUTE, Study, adjectives_of
 from ._threads import one_blas_thread
+from ._typing import (
+    Names,
+    Scorer,
+    validate_params,
+)
 from ._validation import import_pandas
 from .datasets._phac2 import PROCEDURE_STATES, SENSORS, choose
 
@@ -138,24 +145,24 @@ def complete_units(study, units, *, n_jobs, report=None):
     prefer_skip_nested_validation=False,
 )
 def run_study(
-    corpus,
-    folder,
+    corpus: Callable[..., Bunch],
+    folder: str | PathLike[str],
     *,
-    adjectives=None,
-    procedures=None,
-    sensors=None,
-    split="group_kfold",
-    n_splits=5,
-    n_repeats=2,
-    n_hidden=(1, 5, 10, 20, 30),
-    alpha=(0.001, 0.01, 0.1, 1.0, 10.0),
-    n_starts=10,
-    regressor=None,
-    scoring=None,
-    random_state=0,
-    n_jobs=None,
-    verbose=True,
-):
+    adjectives: Names | None = None,
+    procedures: Names | None = None,
+    sensors: Names | None = None,
+    split: Literal["group_kfold", "paper"] = "group_kfold",
+    n_splits: int = 5,
+    n_repeats: int = 2,
+    n_hidden: Sequence[int] = (1, 5, 10, 20, 30),
+    alpha: Sequence[float] = (0.001, 0.01, 0.1, 1.0, 10.0),
+    n_starts: int = 10,
+    regressor: DistributionalOrdinalRegressor | None = None,
+    scoring: str | Scorer | None = None,
+    random_state: int = 0,
+    n_jobs: int | None = None,
+    verbose: bool = True,
+) -> Bunch:
     """Run the experiment of Richardson & Kuchenbecker, or what is left of it.
 
     Whatever is finished is in ``folder`` at once and is never computed again: call
@@ -317,7 +324,7 @@ def run_study(
     return read_study(study.folder)
 
 
-def read_study(folder):
+def read_study(folder: str | PathLike[str]) -> Bunch:
     """Read what `run_study` has finished so far; nothing is computed or executed.
 
     Requires pandas: ``pip install sklearn_haptic[plot]``.
