@@ -20,7 +20,7 @@ from sklearn.utils.parallel import Parallel, delayed
 
 from ._distributional import DistributionalOrdinalRegressor
 from ._fusion import SensorFusionNNPOM
-from ._validation import check_ratings, import_pandas
+from ._validation import check_numbers, check_ratings, import_pandas
 from .metrics import (
     earth_movers_distance,
     log_score,
@@ -437,6 +437,11 @@ def contribution_summary(scores, *, metric="macro_mae", by=None):
     0      pac  0.45     0.75         0.3        0.5
     """
     pd = import_pandas("contribution_summary")
+    if not hasattr(scores, "columns"):
+        raise TypeError(
+            f"scores is a {type(scores).__name__}; give a DataFrame, as "
+            "sensor_contributions returns it."
+        )
     by = [] if by is None else [by] if isinstance(by, str) else list(by)
     if "threshold" in by:
         scores, metric = _melt_thresholds(scores, by), "rps"
@@ -486,6 +491,7 @@ def _pair_models(scores, metric, by):
         raise ValueError(
             f"scores has no value in some rows of {blank!r}; fill them in."
         )
+    check_numbers(scores[metric], metric)
     values = scores.set_index(keys)[metric]
 
     def first(index):

@@ -78,6 +78,11 @@ def read_candidates(search, metric=None):
         if metric is None and search.multimetric_ and isinstance(search.refit, str):
             metric = search.refit
     metric = _check_metric(results, metric)
+    for time in ("mean_fit_time", "mean_score_time"):
+        if time not in results:
+            raise ValueError(
+                f"The search has no {time!r}; give a fitted search or its cv_results_."
+            )
     columns = (f"split{split}_test_{metric}" for split in count())
     scores = [results[column] for column in takewhile(results.__contains__, columns)]
     if len(scores) < 2:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ._validation import check_ratings
+from ._validation import check_ratings, check_regular
 from .metrics import _check_distributions, macro_mae_per_trial
 from .model_selection import (
     best_and_cheapest,
@@ -156,7 +156,8 @@ class InverseCDFDisplay:
                 "y_true has different ratings for different trials; give the trials "
                 "of one object only."
             )
-        counts = np.broadcast_to(counts[:1], (len(y_proba), counts.shape[1]))
+        n_trials = len(np.atleast_1d(check_regular(y_proba, "y_proba")))
+        counts = np.broadcast_to(counts[:1], (n_trials, counts.shape[1]))
         counts, y_proba = _check_distributions(counts, y_proba, levels)
         scores = macro_mae_per_trial(counts, y_proba, average=False)
         return cls(counts[0], y_proba, levels=levels, scores=scores).plot(ax)

@@ -153,8 +153,9 @@ def load_phac2(
     Notes
     -----
     The published files have the MD5 sums ``1817bda104b97167b93f80d920f0afa3`` (trials)
-    and ``8212ded8c50401787c684b46a7b86860`` (ratings). Check that of the ratings, as
-    SciPy's reader of MATLAB files can crash on a damaged one.
+    and ``8212ded8c50401787c684b46a7b86860`` (ratings). Damage to the
+    structure of a file is noticed, but of values that are stored without a checksum only
+    the MD5 sum can tell.
 
     References
     ----------
@@ -300,7 +301,16 @@ def _read_finger(trial, finger, sensor, n_frames, rows, rest):
     signal = _read_stretches(dataset, rows).reshape(-1, n_channels)
     if rest is not None:
         signal = signal - _read_stretches(dataset, rest).reshape(-1, n_channels).mean(0)
-    return signal.astype(np.float32)
+    with np.errstate(over="ignore"):
+        signal = signal.astype(np.float32)
+    finite = np.isfinite(signal).all(axis=1)
+    if not finite.all():
+        raise ValueError(
+            f"{dataset.name} of {dataset.file.filename} has NaN or infinity in sample "
+            f"{np.argmin(finite)} of the procedure or at rest; leave the trial out "
+            "through trials=."
+        )
+    return signal
 
 
 def _read_stretches(dataset, stretches):

@@ -6,6 +6,7 @@ objects' ids. Whatever could be read in two ways is an error.
 """
 
 import warnings
+from io import BytesIO
 from itertools import permutations
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from sklearn_haptic.datasets._hdf5 import (
     read_references,
     read_rows,
 )
+from sklearn_haptic.datasets._mat5 import check_mat5
 
 ADJECTIVES = (
     *("hard", "soft", "rough", "smooth", "slippery"),
@@ -213,12 +215,14 @@ def _read_variables(path):
     if not path.exists():
         raise FileNotFoundError(f"There is no file {path}; give the path of one.")
     with open(path, "rb") as file:
-        is_version_7_3 = file.read(10) == b"MATLAB 7.3"
-    if is_version_7_3:
+        start = file.read(10)
+        data = start + (b"" if start == b"MATLAB 7.3" else file.read())
+    if start == b"MATLAB 7.3":
         with open_hdf5(path) as file:
             return list(_walk_hdf5(file))
     try:
-        contents = loadmat(path, appendmat=False)
+        check_mat5(data)
+        contents = loadmat(BytesIO(data))
     except Exception as error:  # scipy raises a dozen types for damaged files
         raise OSError(
             f"{path} is not a MATLAB file, is cut short or is damaged ({error}); "
