@@ -119,8 +119,13 @@ def open_study(folder, settings):
             f"{folder} holds units of a study, but no {_SETTINGS} that says of which; "
             "restore that file, or give another folder."
         )
-    folder.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, _to_json(settings))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, _to_json(settings))
+    except OSError as error:
+        raise OSError(
+            f"{folder} is no folder that can be written; give another ({error})."
+        ) from error
 
 
 def read_settings(folder):

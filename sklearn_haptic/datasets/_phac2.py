@@ -154,8 +154,7 @@ def load_phac2(
     -----
     The published files have the MD5 sums ``1817bda104b97167b93f80d920f0afa3`` (trials)
     and ``8212ded8c50401787c684b46a7b86860`` (ratings). Damage to the
-    structure of a file is noticed, but of values that are stored without a checksum only
-    the MD5 sum can tell.
+    structure of a file is noticed; of values without a checksum only the sum can tell.
 
     References
     ----------

@@ -1,0 +1,145 @@
+"""Every case of `bad_input_cases`, and the table that documents them.
+
+``python tests/test_bad_input.py`` writes the table, ``docs/bad_input.md``.
+"""
+
+import pickle
+import re
+import tempfile
+import tracemalloc
+import warnings
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("h5py")
+pytest.importorskip("pandas")
+pytest.importorskip("matplotlib").use("agg")
+
+from bad_input_cases import CASES, LARGE_CASES  # noqa: E402
+from sklearn.base import BaseEstimator  # noqa: E402
+from sklearn.utils.validation import _is_fitted  # noqa: E402
+
+import sklearn_haptic  # noqa: E402
+from sklearn_haptic import (  # noqa: E402
+    datasets,
+    metrics,
+    model_selection,
+    plotting,
+    ratings,
+    study,
+)
+
+MODULES = (sklearn_haptic, datasets, metrics, model_selection, plotting, ratings, study)
+TABLE = Path(__file__).parents[1] / "docs" / "bad_input.md"
+HEAD = """\
+# Bad input
+
+What each public estimator, function and loader says to input that it cannot use: {n}
+cases, each run by the tests, which also check that nothing given and no fitted
+estimator changes. Of a long message the beginning is shown, and `…` stands for a
+path. Written by `python tests/test_bad_input.py`.
+
+| Called | Given | Exception | Message |
+|---|---|---|---|
+"""
+
+
+def public(module):
+    """Names of the functions and classes that a module offers."""
+    if hasattr(module, "__all__"):
+        return {name for name in module.__all__ if callable(getattr(module, name))}
+    return {
+        name
+        for name, value in vars(module).items()
+        if getattr(value, "__module__", None) == module.__name__ and name[0] != "_"
+    }
+
+
+def name_of(case):
+    return f"{case.called}-{case.given}".replace(" ", "_")
+
+
+def pickled(made):
+    """Bytes of what is given, but for functions, which nothing can change."""
+    given = [arg for arg in (*made.args, *made.kwargs.values()) if not callable(arg)]
+    return pickle.dumps(given)
+
+
+def outcome(case, folder):
+    """Make the call of a case; return what it raises."""
+    function, args, kwargs = case.make(folder)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            function(*args, **kwargs)
+        except Exception as error:
+            return error
+    pytest.fail(f"{case.called} accepts {case.given}.")
+
+
+@pytest.mark.parametrize("case", CASES, ids=name_of)
+def test_bad_input_is_refused_in_words(case, tmp_path):
+    made = case.make(tmp_path)
+    estimator = getattr(made.function, "__self__", None)
+    fitted = isinstance(estimator, BaseEstimator) and _is_fitted(estimator)
+    given = pickled(made)
+    state = pickle.dumps(estimator) if fitted else None
+    files = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    with pytest.raises(case.error) as caught:
+        made.function(*made.args, **made.kwargs)
+    assert re.search(case.message, str(caught.value), re.DOTALL), caught.value
+    assert pickled(made) == given
+    if fitted and not case.called.endswith("fit"):
+        assert pickle.dumps(estimator) == state
+    assert {path: path.read_bytes() for path in files} == files
+
+
+def test_cases_are_distinct_and_of_everything_public():
+    assert len({(case.called, case.given) for case in CASES}) == len(CASES) >= 200
+    called = {re.split(r"[.(]", case.called)[0] for case in CASES}
+    assert set().union(*map(public, MODULES)) <= called
+
+
+@pytest.mark.parametrize("case", LARGE_CASES, ids=name_of)
+def test_memory_is_a_small_multiple_of_the_input(case, tmp_path):
+    made = case.make(tmp_path)
+    size = len(pickle.dumps(made.args))
+    tracemalloc.start()
+    try:
+        with pytest.raises(case.error, match=case.message):
+            made.function(*made.args, **made.kwargs)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 3 * size + 2**20
+
+
+def row(case, folder):
+    error = outcome(case, folder)
+    message = str(error).partition("\n")[0].replace(str(folder), "…")
+    message = message if len(message) <= 180 else f"{message[:179]}…"
+    cells = (case.called, case.given, type(error).__name__, message)
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
+
+
+def keys(table):
+    """What a row is about: a message may vary with the version of a dependency."""
+    return [line.split(" | ")[:2] for line in table.splitlines() if " | " in line]
+
+
+def test_table_is_up_to_date():
+    expected = [["| Called", "Given"], *([f"| {c.called}", c.given] for c in CASES)]
+    assert keys(TABLE.read_text()) == expected
+
+
+def write_table():
+    rows = []
+    for case in CASES:
+        with tempfile.TemporaryDirectory() as folder:
+            rows.append(row(case, Path(folder)))
+    TABLE.write_text(HEAD.format(n=len(CASES)) + "".join(rows))
+
+
+if __name__ == "__main__":
+    write_table()
