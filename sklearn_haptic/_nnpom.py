@@ -12,6 +12,7 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.model_selection import GroupShuffleSplit
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils.parallel import _threadpool_controller_decorator
 from sklearn.utils.validation import (
     check_consistent_length,
     check_is_fitted,
@@ -33,7 +34,6 @@ from ._proportional_odds import (
     unpack,
 )
 from ._solvers import Monitor, irprop_plus, lbfgs
-from ._threads import one_blas_thread
 from ._typing import (
     FloatArray,
     Observations,
@@ -333,7 +333,7 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
         return self
 
     # The products are small: several threads would mostly wait for each other.
-    @one_blas_thread
+    @_threadpool_controller_decorator(limits=1, user_api="blas")
     def _minimise(
         self, X, positions, level, weight, validation, rng, monotone, context
     ):

@@ -19,7 +19,7 @@ from joblib import effective_n_jobs
 from sklearn.metrics import check_scoring
 from sklearn.utils import Bunch
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.parallel import Parallel, delayed
+from sklearn.utils.parallel import Parallel, _threadpool_controller_decorator, delayed
 
 from ._distributional import DistributionalOrdinalRegressor
 from ._nnpom import NNPOM
@@ -32,7 +32,6 @@ from ._study_store import (
     write_unit,
 )
 from ._study_units import COMPUTE, Study, adjectives_of
-from ._threads import one_blas_thread
 from ._typing import (
     Names,
     Scorer,
@@ -45,7 +44,7 @@ __all__ = ["read_study", "run_study"]
 
 
 # Sums in another order would differ in the last digit.
-@one_blas_thread
+@_threadpool_controller_decorator(limits=1, user_api="blas")
 def complete_unit(study, unit):
     """Compute a unit and write it; return its name and the seconds it took."""
     started = perf_counter()
@@ -144,6 +143,8 @@ def complete_units(study, units, *, n_jobs, report=None):
     },
     prefer_skip_nested_validation=False,
 )
+# Threads share what they limit, so it stays limited until the last has ended.
+@_threadpool_controller_decorator(limits=1, user_api="blas")
 def run_study(
     corpus: Callable[..., Bunch],
     folder: str | PathLike[str],

@@ -28,7 +28,7 @@ import pandas as pd
 import pytest
 import sklearn
 import skops.io
-from fitted_models import CORPUS, COUNTS, MODELS, NAMED, TABLE, fitted
+from fitted_models import CORPUS, COUNTS, MODELS, NAMED, fitted
 from load_and_predict import (
     LOADERS,
     digests,
@@ -506,26 +506,6 @@ def test_threads_share_codes_and_a_cache(name, tmp_path):
     pooled = pool.transform(codes).tobytes()
     pool.set_params(memory=str(tmp_path))
     assert in_threads(lambda _: pool.transform(codes).tobytes()) == [pooled] * N_THREADS
-
-
-def blas_threads():
-    return {
-        each["filepath"]: each["num_threads"]
-        for each in threadpool_info()
-        if each["user_api"] == "blas"
-    }
-
-
-def test_fits_that_overlap_leave_the_threads_of_blas_as_they_were():
-    """Each fit limits them; those that began during another end after it."""
-
-    def fit(i):
-        NNPOM(1 + i, alpha=1.0 + i, tol=1e-2, random_state=i).fit(TABLE, COUNTS)
-
-    with threadpool_limits(2, user_api="blas"):
-        before = blas_threads()
-        in_threads(fit)
-        assert blas_threads() == before
 
 
 # Backends -------------------------------------------------------------------
