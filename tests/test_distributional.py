@@ -442,6 +442,15 @@ def test_barycentre_minimises_the_mean_distance():
         assert own <= np.abs(cdf - other).sum(axis=1).mean() + 1e-12
 
 
+@pytest.mark.parametrize("monotone", [False, True])
+def test_monotone_reaches_the_network(monotone):
+    """It keeps the position's weights, and those out of the units, from below zero."""
+    X, counts, _ = ordinal_trials()
+    model = DistributionalOrdinalRegressor(NNPOM(5), monotone=monotone, random_state=0)
+    into, out_of = model.fit(X, counts).estimator_.coefs_
+    assert (np.append(into[-1], out_of) >= 0).all() == monotone
+
+
 def test_validation_trials_may_be_given():
     """As many iterations as when the same trials are held out by the estimator."""
     X, counts, objects = ordinal_trials()
