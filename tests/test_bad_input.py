@@ -16,7 +16,7 @@ pytest.importorskip("h5py")
 pytest.importorskip("pandas")
 pytest.importorskip("matplotlib").use("agg")
 
-from bad_input_cases import CASES, LARGE_CASES  # noqa: E402
+from bad_input_cases import CASES, DAMAGED, LARGE_CASES, write_corpus  # noqa: E402
 from sklearn.base import BaseEstimator  # noqa: E402
 from sklearn.utils.validation import _is_fitted  # noqa: E402
 
@@ -29,6 +29,7 @@ from sklearn_haptic import (  # noqa: E402
     ratings,
     study,
 )
+from sklearn_haptic.datasets import load_phac2  # noqa: E402
 
 MODULES = (sklearn_haptic, datasets, metrics, model_selection, plotting, ratings, study)
 TABLE = Path(__file__).parents[1] / "docs" / "bad_input.md"
@@ -115,10 +116,19 @@ def test_memory_is_a_small_multiple_of_the_input(case, tmp_path):
     assert peak < 3 * size + 2**20
 
 
+def test_hdf5_file_cut_anywhere(tmp_path):
+    path = write_corpus(tmp_path)
+    data = path.read_bytes()
+    for size in range(0, len(data), 499):
+        path.write_bytes(data[:size])
+        with pytest.raises(OSError, match=DAMAGED):
+            load_phac2(path)
+
+
 def row(case, folder):
     error = outcome(case, folder)
-    message = str(error).partition("\n")[0].replace(str(folder), "…")
-    message = message if len(message) <= 180 else f"{message[:179]}…"
+    message = " ".join(str(error).replace(str(folder), "…").split())
+    message = message if len(message) <= 250 else f"{message[:249]}…"
     cells = (case.called, case.given, type(error).__name__, message)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
 
