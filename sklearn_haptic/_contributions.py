@@ -5,9 +5,14 @@ activations of one sensor set to zero. How much worse it predicts than the full 
 what the sensor contributes. A *start* is one draw of all random weights.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from numbers import Integral
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.stats import kruskal, wilcoxon
 from sklearn.base import clone, is_classifier
 from sklearn.frozen import FrozenEstimator
@@ -15,11 +20,12 @@ from sklearn.model_selection import GroupKFold, check_cv
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils import _safe_indexing, check_random_state, indexable
-from sklearn.utils._param_validation import Interval, validate_params
+from sklearn.utils._param_validation import Interval
 from sklearn.utils.parallel import Parallel, delayed
 
 from ._distributional import DistributionalOrdinalRegressor
 from ._fusion import SensorFusionNNPOM
+from ._typing import CrossValidator, RandomState, Trials, validate_params
 from ._validation import check_numbers, check_ratings, import_pandas
 from .metrics import (
     earth_movers_distance,
@@ -27,6 +33,9 @@ from .metrics import (
     macro_mae_per_trial,
     ranked_probability_score,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # What `held_out` is for the full model.
 FULL_MODEL = "none"
@@ -155,16 +164,16 @@ def fit_holdouts(regressor, X, y, *, random_state, groups=None, X_val=None, y_va
     prefer_skip_nested_validation=False,
 )
 def sensor_contributions(
-    model,
-    X,
-    y,
+    model: DistributionalOrdinalRegressor | Pipeline,
+    X: Trials,
+    y: ArrayLike,
     *,
-    groups=None,
-    cv=None,
-    n_repeats=10,
-    random_state=None,
-    n_jobs=None,
-):
+    groups: ArrayLike | None = None,
+    cv: CrossValidator = None,
+    n_repeats: int = 10,
+    random_state: RandomState = None,
+    n_jobs: int | None = None,
+) -> pd.DataFrame:
     """Hold out one sensor after the other from a model that combines them.
 
     For each fold, and each of several random starts, the full model and one holdout a
@@ -264,11 +273,11 @@ def sensor_contributions(
     objects = np.arange(len(counts)) if groups is None else np.asarray(groups)
     if groups is not None and (cv is None or isinstance(cv, Integral)):
         cv = GroupKFold(cv or 5)
-    cv = check_cv(cv, y, classifier=is_classifier(regressor))
+    splitter = check_cv(cv, y, classifier=is_classifier(regressor))
     starts = check_random_state(random_state).randint(
         np.iinfo(np.int32).max, size=n_repeats
     )
-    folds = list(cv.split(X, y, groups))
+    folds = list(splitter.split(X, y, groups))
     parallel = Parallel(n_jobs=n_jobs)
     features_of = parallel(
         delayed(_compute_features)(features, X, y, train, test) for train, test in folds
@@ -349,7 +358,12 @@ def _score_start(
     )
 
 
-def contribution_summary(scores, *, metric="macro_mae", by=None):
+def contribution_summary(
+    scores: pd.DataFrame,
+    *,
+    metric: str = "macro_mae",
+    by: str | Sequence[str] | None = None,
+) -> pd.DataFrame:
     """Summarise how much worse a model predicts without each sensor, and test it.
 
     Parameters

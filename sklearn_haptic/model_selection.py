@@ -10,12 +10,15 @@ The sensors of a model are such a choice too: :func:`sensor_subsets` tries them 
 :func:`sensor_contributions` holds out one after the other where a model combines them.
 """
 
-from collections.abc import Mapping
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from itertools import combinations, count, takewhile
 from time import perf_counter
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.stats import rankdata
 from sklearn.base import clone, is_classifier
 from sklearn.compose import ColumnTransformer
@@ -27,7 +30,12 @@ from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_is_fitted
 
 from ._contributions import contribution_summary, sensor_contributions
+from ._typing import CrossValidator, Scorer, Trials
 from ._validation import import_pandas
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from sklearn.model_selection._search import BaseSearchCV
 
 __all__ = [
     "cheapest_within_one_se",
@@ -41,7 +49,7 @@ __all__ = [
 class Candidates(NamedTuple):
     """The candidates of a search that have a finite score, for one metric."""
 
-    index: np.ndarray  # position in cv_results_
+    index: np.ndarray  # type: ignore[assignment]  # position in cv_results_
     seconds: np.ndarray  # mean time to fit and score, a fold
     score: np.ndarray  # mean test score, higher is better
     score_se: np.ndarray  # its standard error
@@ -152,7 +160,9 @@ def best_and_cheapest(candidates):
     return int(best), int(cheapest)
 
 
-def speed_accuracy_frontier(search, *, metric=None):
+def speed_accuracy_frontier(
+    search: BaseSearchCV | Mapping[str, Any], *, metric: str | None = None
+) -> pd.DataFrame:
     """Table of the candidates of a search that no other beats in time and score.
 
     A candidate is on the frontier if no other is as fast and scores as well, and
@@ -229,7 +239,9 @@ def speed_accuracy_frontier(search, *, metric=None):
     )
 
 
-def cheapest_within_one_se(cv_results, *, metric=None):
+def cheapest_within_one_se(
+    cv_results: BaseSearchCV | Mapping[str, Any], *, metric: str | None = None
+) -> int:
     """Fastest candidate whose score is within one standard error of the best.
 
     For ``refit=`` of a search: it then refits the fastest candidate whose mean
@@ -302,7 +314,16 @@ def cheapest_within_one_se(cv_results, *, metric=None):
     return int(candidates.index[cheapest])
 
 
-def sensor_subsets(model, X, y, *, groups=None, cv=None, scoring=None, n_jobs=None):
+def sensor_subsets(
+    model: Pipeline,
+    X: Trials,
+    y: ArrayLike,
+    *,
+    groups: ArrayLike | None = None,
+    cv: CrossValidator = None,
+    scoring: str | Scorer | Sequence[str] | Mapping[str, str | Scorer] | None = None,
+    n_jobs: int | None = None,
+) -> dict[str, Any]:
     """Cross-validate a model with every subset of its sensors.
 
     Which sensors earn their time? The features of a sensor do not depend on the
@@ -395,10 +416,10 @@ def sensor_subsets(model, X, y, *, groups=None, cv=None, scoring=None, n_jobs=No
     ]
     X, y, groups = indexable(X, y, groups)
     scorer = check_scoring(model, scoring)
-    cv = check_cv(cv, y, classifier=is_classifier(model))
+    splitter = check_cv(cv, y, classifier=is_classifier(model))
     folds = Parallel(n_jobs=n_jobs)(
         delayed(_score_subsets)(sensors, model[1:], subsets, scorer, X, y, train, test)
-        for train, test in cv.split(X, y, groups)
+        for train, test in splitter.split(X, y, groups)
     )
     return _as_cv_results(subsets, folds)
 

@@ -1,7 +1,15 @@
 """Figures of predicted distributions, what accuracy costs and what sensors add."""
 
-import numpy as np
+from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator
+
+from ._typing import Trials
 from ._validation import check_ratings, check_regular
 from .metrics import _check_distributions, macro_mae_per_trial
 from .model_selection import (
@@ -10,6 +18,11 @@ from .model_selection import (
     is_non_dominated,
     read_candidates,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from sklearn.model_selection._search import BaseSearchCV
 
 # Levels by which neighbouring trials, and all together, are set apart, so that
 # equal predictions both show.
@@ -25,7 +38,7 @@ _SCORE_LABELS = {
 }
 
 
-def _axes(ax, display):
+def _axes(ax: Axes | None, display: str) -> Axes:
     """Return the axes given, or those of a new figure for a display."""
     try:
         from matplotlib import pyplot as plt
@@ -82,14 +95,28 @@ class InverseCDFDisplay:
     'rating'
     """
 
-    def __init__(self, counts, y_proba, *, levels, scores):
+    def __init__(
+        self,
+        counts: NDArray[np.float64],
+        y_proba: NDArray[np.float64],
+        *,
+        levels: np.ndarray,
+        scores: NDArray[np.float64],
+    ) -> None:
         self.counts = counts
         self.y_proba = y_proba
         self.levels = levels
         self.scores = scores
 
     @classmethod
-    def from_estimator(cls, estimator, X, y, *, ax=None):
+    def from_estimator(
+        cls,
+        estimator: BaseEstimator,
+        X: Trials,
+        y: ArrayLike,
+        *,
+        ax: Axes | None = None,
+    ) -> Self:
         """Predict the distribution of each trial of one object and plot it.
 
         Parameters
@@ -121,7 +148,14 @@ class InverseCDFDisplay:
         )
 
     @classmethod
-    def from_predictions(cls, y_true, y_proba, *, levels=None, ax=None):
+    def from_predictions(
+        cls,
+        y_true: ArrayLike,
+        y_proba: ArrayLike,
+        *,
+        levels: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
         """Plot the distributions predicted from the trials of one object.
 
         Parameters
@@ -162,7 +196,7 @@ class InverseCDFDisplay:
         scores = macro_mae_per_trial(counts, y_proba, average=False)
         return cls(counts[0], y_proba, levels=levels, scores=scores).plot(ax)
 
-    def plot(self, ax=None):
+    def plot(self, ax: Axes | None = None) -> Self:
         """Plot the inverse CDFs, each trial a little above the one before.
 
         Parameters
@@ -284,8 +318,16 @@ class SpeedAccuracyDisplay:
     """
 
     def __init__(
-        self, seconds, score, score_se, *, on_frontier, best, cheapest, metric="score"
-    ):
+        self,
+        seconds: NDArray[np.float64],
+        score: NDArray[np.float64],
+        score_se: NDArray[np.float64],
+        *,
+        on_frontier: NDArray[np.bool_],
+        best: int,
+        cheapest: int,
+        metric: str = "score",
+    ) -> None:
         self.seconds = seconds
         self.score = score
         self.score_se = score_se
@@ -295,7 +337,13 @@ class SpeedAccuracyDisplay:
         self.metric = metric
 
     @classmethod
-    def from_search(cls, search, *, metric=None, ax=None):
+    def from_search(
+        cls,
+        search: BaseSearchCV | Mapping[str, Any],
+        *,
+        metric: str | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
         """Plot the candidates of a search.
 
         Parameters
@@ -334,7 +382,7 @@ class SpeedAccuracyDisplay:
             metric=candidates.metric,
         ).plot(ax)
 
-    def plot(self, ax=None):
+    def plot(self, ax: Axes | None = None) -> Self:
         """Plot the candidates, the frontier and the two choices.
 
         Parameters
@@ -483,13 +531,26 @@ class SensorContributionsDisplay:
     ['−None', '−pac']
     """
 
-    def __init__(self, summary, *, metric="macro_mae", by=()):
+    def __init__(
+        self,
+        summary: pd.DataFrame,
+        *,
+        metric: str = "macro_mae",
+        by: Sequence[str] = (),
+    ) -> None:
         self.summary = summary
         self.metric = metric
         self.by = by
 
     @classmethod
-    def from_scores(cls, scores, *, metric="macro_mae", by=None, ax=None):
+    def from_scores(
+        cls,
+        scores: pd.DataFrame,
+        *,
+        metric: str = "macro_mae",
+        by: str | Sequence[str] | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
         """Summarise the scores of a model and its holdouts, and plot them.
 
         Parameters
@@ -524,7 +585,7 @@ class SensorContributionsDisplay:
         summary = contribution_summary(scores, metric=metric, by=by)
         return cls(summary, metric=metric, by=by).plot(ax)
 
-    def plot(self, ax=None):
+    def plot(self, ax: Axes | None = None) -> Self:
         """Plot the bars.
 
         Parameters

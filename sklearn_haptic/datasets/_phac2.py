@@ -7,11 +7,13 @@ the robot's controller marks which rows belong to which exploratory procedure.
 
 import os
 from difflib import get_close_matches
+from typing import Literal, TypeAlias
 
 import numpy as np
 from sklearn.utils import Bunch
-from sklearn.utils._param_validation import StrOptions, validate_params
+from sklearn.utils._param_validation import StrOptions
 
+from sklearn_haptic._typing import Names, validate_params
 from sklearn_haptic._validation import import_pandas
 from sklearn_haptic.datasets._hdf5 import (
     check_stored,
@@ -22,6 +24,7 @@ from sklearn_haptic.datasets._hdf5 import (
 )
 from sklearn_haptic.datasets._ratings_file import LEVELS, read_ratings
 
+Procedure: TypeAlias = Literal["squeeze", "hold", "slow_slide", "fast_slide"]
 PROCEDURE_STATES = {
     "squeeze": b"SQUEEZE_SET_PRESSURE_SLOW",
     "hold": b"HOLD_FOR_10_SECONDS",
@@ -69,14 +72,14 @@ slide. Twelve people rated each object from 1 to 5 on ten haptic adjectives.
     prefer_skip_nested_validation=True,
 )
 def load_phac2(
-    path,
+    path: str | os.PathLike[str],
     *,
-    procedure="hold",
-    sensors=None,
-    trials=None,
-    ratings_path=None,
-    remove_baseline=True,
-):
+    procedure: Procedure = "hold",
+    sensors: Names | None = None,
+    trials: Names | None = None,
+    ratings_path: str | os.PathLike[str] | None = None,
+    remove_baseline: bool = True,
+) -> Bunch:
     """Load one exploratory procedure of the PHAC-2 corpus.
 
     Only the sensors, trials and rows asked for are read. Download the files from

@@ -9,8 +9,9 @@ from numbers import Integral
 
 import numpy as np
 from sklearn.utils import Bunch, check_random_state
-from sklearn.utils._param_validation import Interval, StrOptions, validate_params
+from sklearn.utils._param_validation import Interval, StrOptions
 
+from sklearn_haptic._typing import Names, RandomState, validate_params
 from sklearn_haptic._validation import import_pandas
 from sklearn_haptic.datasets._crowd import (
     ADJECTIVES,
@@ -19,7 +20,7 @@ from sklearn_haptic.datasets._crowd import (
     population,
     rate,
 )
-from sklearn_haptic.datasets._phac2 import FRAME_RATE, SENSORS, choose
+from sklearn_haptic.datasets._phac2 import FRAME_RATE, SENSORS, Procedure, choose
 from sklearn_haptic.datasets._touch import PROCEDURES, draw_conditions, touch
 
 # Per material: first digit of its ids, share of the objects, then the middle of
@@ -69,14 +70,14 @@ properties    latent properties of each object
     prefer_skip_nested_validation=True,
 )
 def make_haptic_corpus(
-    n_objects=60,
-    n_trials=10,
-    procedure="hold",
+    n_objects: int = 60,
+    n_trials: int = 10,
+    procedure: Procedure = "hold",
     *,
-    sensors=None,
-    n_raters=12,
-    random_state=None,
-):
+    sensors: Names | None = None,
+    n_raters: int = 12,
+    random_state: RandomState = None,
+) -> Bunch:
     """Generate a corpus of robotic touches of objects and of people's ratings.
 
     A stand-in of the shape and statistics of PHAC-2, for when its recordings are
