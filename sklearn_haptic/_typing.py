@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn import base, callback
 from sklearn.model_selection import BaseCrossValidator
-from sklearn.utils import _param_validation
+from sklearn.utils import _param_validation, parallel
 
 FloatArray: TypeAlias = NDArray[np.floating]
 """float64, or float32 where the input is."""
@@ -51,5 +51,8 @@ class _Decorator(Protocol):
 
 
 _fit_context: Callable[..., _Decorator] = base._fit_context
+_threadpool_controller_decorator: Callable[..., _Decorator] = (
+    parallel._threadpool_controller_decorator
+)
 validate_params: Callable[..., _Decorator] = _param_validation.validate_params
 with_callbacks: _Decorator = callback.with_callbacks

@@ -19,7 +19,7 @@ from joblib import effective_n_jobs
 from sklearn.metrics import check_scoring
 from sklearn.utils import Bunch
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.parallel import Parallel, _threadpool_controller_decorator, delayed
+from sklearn.utils.parallel import Parallel, delayed
 
 from ._distributional import DistributionalOrdinalRegressor
 from ._nnpom import NNPOM
@@ -35,6 +35,7 @@ from ._study_units import COMPUTE, Study, adjectives_of
 from ._typing import (
     Names,
     Scorer,
+    _threadpool_controller_decorator,
     validate_params,
 )
 from ._validation import import_pandas
