@@ -158,7 +158,7 @@ def _users_of_atoms(support, coefs, n_atoms):
 
 
 def _update_atom(atoms, j, coefs, users, residual, update):
-    """Fit atom `j` and its coefficients, in place, to what the others leave."""
+    """Fit atom `j`, in place, with its coefficients to what the others leave."""
     (add_outer,) = get_blas_funcs(("ger",), (residual,))
     rows = users % len(residual)
     gains = coefs.reshape(-1)[users]
@@ -173,7 +173,6 @@ def _update_atom(atoms, j, coefs, users, residual, update):
     gains = rest @ atom
     add_outer(-1, atom, gains, a=rest.T, overwrite_a=True)
     atoms[j] = atom
-    coefs.reshape(-1)[users] = gains
     residual[rows] = rest
 
 

@@ -10,7 +10,7 @@ from itertools import accumulate, pairwise
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from scipy.special import logit
 from sklearn.base import clone
@@ -59,8 +59,13 @@ fit_quietly = ignore_warnings(category=ConvergenceWarning)
 
 
 def examples(n):
-    return settings(
-        max_examples=n, derandomize=True, deadline=None, database=None, print_blob=False
+    return settings(  # without shrinking, which takes minutes of long arithmetic
+        max_examples=n,
+        phases=(Phase.explicit, Phase.generate),
+        derandomize=True,
+        deadline=None,
+        database=None,
+        print_blob=False,
     )
 
 
