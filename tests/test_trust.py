@@ -309,7 +309,7 @@ def test_folder_as_it_was(folder):
 
 
 def zipped(array):
-    """An .npz file with an array of objects, which NumPy pickles."""
+    """An .npz file; objects in it are pickled."""
     buffer = io.BytesIO()
     np.savez(buffer, features=array)
     return buffer.getvalue()
@@ -643,17 +643,16 @@ def public_functions():
     """Every public function and display, by name."""
     public = {name: getattr(sklearn_haptic, name) for name in sklearn_haptic.__all__}
     for module in (datasets, metrics, model_selection, plotting, ratings, study):
-        own = [name for name, value in vars(module).items() if is_own(value, module)]
+        own = [
+            name
+            for name, value in vars(module).items()
+            if getattr(value, "__module__", None) == module.__name__
+            and not name.startswith("_")
+        ]
         names = getattr(module, "__all__", own)
         public |= {name: getattr(module, name) for name in names}
     displays = {name for name in public if name.endswith("Display")}
     return displays | {name for name in public if inspect.isfunction(public[name])}
-
-
-def is_own(value, module):
-    return getattr(
-        value, "__module__", None
-    ) == module.__name__ and not value.__name__.startswith("_")
 
 
 def calls_of_functions(folder):
