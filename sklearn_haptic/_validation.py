@@ -196,7 +196,7 @@ def check_sequences(sequences, *, n_columns=None, min_times=1):
 
 
 def check_numbers(values, name):
-    """Refuse what NumPy would quietly turn into numbers: text, dates, masked values.
+    """Refuse what is no real number, though NumPy might quietly make it one.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def check_numbers(values, name):
     Raises
     ------
     ValueError
-        If a value is text, a date or masked, or rows differ in length.
+        If a value is text, a date, complex or masked, or rows differ in length.
     """
     array = check_regular(values, name)
     if array.dtype.kind in "SUMm" or (
@@ -221,17 +221,23 @@ def check_numbers(values, name):
 
 
 def check_regular(values, name):
-    """Refuse masked values, which NumPy takes for data, and rows of unequal length."""
+    """Refuse masked values, rows of unequal length and complex numbers."""
     if np.ma.is_masked(values):
         raise ValueError(
             f"{name} has masked values, which are no data; fill or remove them."
         )
     try:
-        return np.asarray(values)
+        array = np.asarray(values)
     except ValueError as error:
         raise ValueError(
-            f"{name} is not an array ({error}); give rows of equal length."
+            f"{name} is no array of one shape; give rows of equal length ({error})."
         ) from error
+    if array.dtype.kind == "c":
+        raise ValueError(
+            f"Complex data not supported: {name} is not an array of numbers (complex "
+            "values have no order); give real ones."
+        )
+    return array
 
 
 def check_table(estimator, X, **options):
@@ -471,8 +477,6 @@ def _check_trial(trial, i, ndims, min_times):
     check_numbers(trial, f"Trial {i} of X")
     try:
         trial = np.asarray(trial)
-        if np.iscomplexobj(trial):
-            raise TypeError("complex values have no order")
         if trial.dtype not in (np.float32, np.float64):
             trial = trial.astype(np.float64)
     except (TypeError, ValueError) as error:

@@ -181,7 +181,7 @@ NOT_NUMBERS = {
     ),
     "complex numbers": (
         ValueError,
-        "Complex data not supported",
+        "Complex data not supported: .* is not an array of .*; give real",
         lambda: X.astype(complex),
     ),
     "a sparse matrix": (
@@ -217,7 +217,7 @@ NOT_FEATURES = {
     ),
     "rows of unequal length": (
         ValueError,
-        "^X is not an array .*; give rows of equal length",
+        "^X is no array of one shape; give rows of equal length",
         lambda: [[1.0, 2.0], *X[1:].tolist()],
     ),
 }
@@ -327,11 +327,11 @@ NOT_TRIALS = {
         lambda: with_trial(masked(TRIALS[1])),
     ),
     "a complex trial": (
-        "Trial 1 of X is not an array of numbers .*complex.*; give each trial as",
+        "Complex data not supported: Trial 1 of X is not .*; give real ones",
         lambda: with_trial(TRIALS[1] * 1j),
     ),
     "a ragged trial": (
-        "^Trial 1 of X is not an array .*; give rows of equal length",
+        "^Trial 1 of X is no array of one shape; give rows of equal length",
         lambda: with_trial([[1.0] * 19, [2.0] * 18]),
     ),
     "a trial of objects": (
@@ -400,9 +400,12 @@ NOT_RATINGS = {
         "has masked values, .*; fill or remove them",
         lambda: masked(COUNTS),
     ),
-    "complex counts": ("Complex data not supported", lambda: COUNTS + 1j),
+    "complex counts": (
+        "Complex data not supported: .* is not an array of .*; give real",
+        lambda: COUNTS + 1j,
+    ),
     "rows of counts of unequal length": (
-        "^y(_true)? is not an array .*; give rows of equal length",
+        "^y(_true)? is no array of one shape; give rows of equal length",
         lambda: [[1, 2], *COUNTS[1:].tolist()],
     ),
     "masked labels": (
@@ -1368,7 +1371,11 @@ FUNCTION_CASES = [
             ("one dimension", "Expected 2D array, got 1D .*Reshape", PROBA[0]),
             ("text", "^y_proba is not an array of numbers .*; convert", text(PROBA)),
             ("masked values", "^y_proba has masked values, .*; fill", masked(PROBA)),
-            ("complex", "Complex data not supported", PROBA + 0j),
+            (
+                "complex",
+                "Complex data not supported: .* is not an array of .*; give real",
+                PROBA + 0j,
+            ),
         ]
         for make in [lambda _, s=score, bad=bad: call(s, COUNTS, bad)]
     ),
