@@ -478,6 +478,9 @@ def in_threads(call):
         return list(pool.map(begin_together, range(N_THREADS)))
 
 
+# scikit-learn's Parallel, in the pipeline, resets the warning filters of all threads,
+# and warns when it finds none.
+@pytest.mark.filterwarnings("ignore:.sklearn.utils.parallel.delayed. should be used")
 @pytest.mark.usefixtures("hasty_threads")
 @pytest.mark.parametrize("name", MODELS)
 def test_threads_share_a_model(name):
