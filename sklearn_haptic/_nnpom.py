@@ -65,6 +65,40 @@ def attributes_of(positions, level, weight):
     ]
 
 
+def rank_levels(positions, level, weight, n_levels):
+    """Rank the levels that ratings have, for each attribute from 0 without gaps.
+
+    Parameters
+    ----------
+    positions, level, weight : ndarray
+        As `NNPOM.fit_with_positions` takes them.
+    n_levels : int
+        Number of all levels.
+
+    Returns
+    -------
+    present : list of ndarray of int
+        The levels that ratings of each attribute have.
+    observations : list of (positions, rank, weight)
+        Of each attribute with more than one such level; ranks are indices into it.
+    level_weights : list of ndarray
+        Weight of each of the levels of these attributes.
+    """
+    all_present, observations, level_weights = [], [], []
+    for positions_of, level_of, weight_of in attributes_of(positions, level, weight):
+        level_weight = np.bincount(
+            level_of.ravel(), weight_of.ravel(), minlength=n_levels
+        )
+        present = np.flatnonzero(level_weight)
+        all_present.append(present)
+        if len(present) > 1:
+            rank = np.searchsorted(present, level_of)
+            rank = np.minimum(rank, len(present) - 1)  # where the weight is zero
+            observations.append((positions_of, rank, weight_of))
+            level_weights.append(level_weight[present])
+    return all_present, observations, level_weights
+
+
 class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
     """Proportional-odds ordinal regression on one layer of logistic units.
 
@@ -350,20 +384,9 @@ class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
                 "n_hidden=0 leaves nothing that several attributes could share; set it "
                 "to at least 1, or fit a model to each attribute."
             )
-        observations, level_weights = [], []
-        self._present = []  # the levels of each attribute that ratings have
-        for observed in attributes_of(positions, level, weight):
-            positions_of, level_of, weight_of = observed
-            level_weight = np.bincount(
-                level_of.ravel(), weight_of.ravel(), minlength=len(self.levels_)
-            )
-            present = np.flatnonzero(level_weight)
-            self._present.append(present)
-            if len(present) > 1:
-                rank = np.searchsorted(present, level_of)
-                rank = np.minimum(rank, len(present) - 1)  # where the weight is zero
-                observations.append((positions_of, rank, weight_of))
-                level_weights.append(level_weight[present])
+        self._present, observations, level_weights = rank_levels(
+            positions, level, weight, len(self.levels_)
+        )
         if not observations:
             self._store_constant()
             return
