@@ -3,7 +3,7 @@
 Run it as
 
     python examples/run_full_study.py --demo                  # about a minute
-    python examples/run_full_study.py --split paper --jobs 2  # under an hour
+    python examples/run_full_study.py --split paper --jobs 2  # a quarter of an hour
     python examples/run_full_study.py --jobs 8 --phac2 \
         phac_train_test_pos_neg_90_10_1_20.h5 --ratings ratings.mat
 
