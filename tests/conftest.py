@@ -1,10 +1,13 @@
 """Fixtures that several test modules use."""
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
 from threadpoolctl import threadpool_limits
+
+os.environ.setdefault("MPLBACKEND", "agg")  # draw to no screen
 
 
 @pytest.fixture(scope="session")
@@ -26,3 +29,11 @@ def one_thread():
         environment.setenv("OMP_NUM_THREADS", "1")
         environment.setenv("OPENBLAS_NUM_THREADS", "1")
         yield
+
+
+@pytest.fixture(autouse=True)
+def close_figures():
+    """Leave no figure to the next test."""
+    yield
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")

@@ -543,12 +543,16 @@ def test_tables_are_the_same_for_each_backend(compute):
 
 
 def global_state():
+    filters = [  # scikit-learn's Parallel replaces "__main__" by its regular expression
+        tuple(getattr(part, "pattern", part) for part in each)
+        for each in warnings.filters
+    ]
     return {
         "random": random.getstate(),
         "numpy.random": repr(np.random.get_state()),  # noqa: NPY002
         "errors of NumPy": (np.geterr(), np.geterrcall()),
         "printing of NumPy": np.get_printoptions(),
-        "warnings": (list(warnings.filters), warnings.showwarning),
+        "warnings": (filters, warnings.showwarning),
         "sklearn": sklearn.get_config(),
         "threads": threadpool_info(),
         "environment": dict(os.environ),

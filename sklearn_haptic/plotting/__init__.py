@@ -1,0 +1,11 @@
+"""Figures of ratings, recordings, features and predictions."""
+
+from ._contributions import SensorContributionsDisplay
+from ._inverse_cdf import InverseCDFDisplay
+from ._speed_accuracy import SpeedAccuracyDisplay
+
+__all__ = [
+    "InverseCDFDisplay",
+    "SensorContributionsDisplay",
+    "SpeedAccuracyDisplay",
+]

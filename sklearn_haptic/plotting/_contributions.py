@@ -1,0 +1,225 @@
+"""What each sensor adds: scores of a model, and of the same without it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from ..model_selection import contribution_summary
+from ._style import BLUE, axes_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+# Name and unit of each score of `sensor_contributions`.
+_SCORE_LABELS = {
+    "macro_mae": "MAE$^M$, levels",
+    "emd": "EMD, levels",
+    "rps": "RPS, levels",
+    "log_score": "log score, nats",
+}
+
+
+class SensorContributionsDisplay:
+    """Scores of a model and of the same without each sensor, as bars.
+
+    Use :meth:`from_scores` to create a display. Bars are means over random starts, with
+    error bars of one standard deviation; the dotted line is the full model. An asterisk
+    marks p < .05 over starts, a dagger p < .05 over objects: only the latter tells of
+    objects not seen yet.
+
+    Parameters
+    ----------
+    summary : DataFrame
+        What :func:`~sklearn_haptic.model_selection.contribution_summary` returned.
+    metric : str, default="macro_mae"
+        Name of the score.
+    by : sequence of str, default=()
+        Columns of ``summary`` whose values have a group of bars each.
+
+    Attributes
+    ----------
+    ax_ : matplotlib Axes
+        Axes with the bars.
+    figure_ : matplotlib Figure
+        Figure that holds the axes.
+    bars_ : matplotlib BarContainer
+        The bars, group by group, the full model first.
+    full_lines_ : matplotlib LineCollection
+        The score of the full model, a line a group.
+    marks_ : list of matplotlib Annotation
+        The asterisks and daggers of each row of ``summary``.
+
+    See Also
+    --------
+    sklearn_haptic.model_selection.contribution_summary : The same as a table.
+
+    References
+    ----------
+    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
+    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
+    figure 12. :doi:`10.3389/fnbot.2019.00116`
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from sklearn_haptic.plotting import SensorContributionsDisplay
+    >>> scores = pd.DataFrame(
+    ...     {
+    ...         "held_out": ["none"] * 4 + ["pac"] * 4,
+    ...         "start": [0, 0, 1, 1] * 2,
+    ...         "object": ["foam", "cork"] * 4,
+    ...         "emd": [0.5, 0.3, 0.5, 0.5, 0.75, 0.75, 0.75, 0.75],
+    ...     }
+    ... )
+    >>> display = SensorContributionsDisplay.from_scores(scores, metric="emd")
+    >>> [label.get_text() for label in display.ax_.get_xticklabels()]
+    ['−None', '−pac']
+    """
+
+    def __init__(
+        self,
+        summary: pd.DataFrame,
+        *,
+        metric: str = "macro_mae",
+        by: Sequence[str] = (),
+    ) -> None:
+        self.summary = summary
+        self.metric = metric
+        self.by = by
+
+    @classmethod
+    def from_scores(
+        cls,
+        scores: pd.DataFrame,
+        *,
+        metric: str = "macro_mae",
+        by: str | Sequence[str] | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Summarise the scores of a model and its holdouts, and plot them.
+
+        Parameters
+        ----------
+        scores : DataFrame
+            What :func:`~sklearn_haptic.model_selection.sensor_contributions` returned,
+            or one with the further columns ``adjective`` and ``procedure``.
+        metric : str, default="macro_mae"
+            Name of the score.
+        by : str or list of str, default=None
+            Columns whose values have a group of bars each, such as ``"procedure"``, or
+            ``"threshold"`` for the terms of the ranked probability score, which then
+            take the place of ``metric``.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : SensorContributionsDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If the scores have no summary; see
+            :func:`~sklearn_haptic.model_selection.contribution_summary`.
+        ImportError
+            If matplotlib is not installed.
+        """
+        by = () if by is None else (by,) if isinstance(by, str) else tuple(by)
+        metric = "rps" if "threshold" in by else metric
+        summary = contribution_summary(scores, metric=metric, by=by)
+        return cls(summary, metric=metric, by=by).plot(ax)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Plot the bars.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : SensorContributionsDisplay
+            This display, with ``ax_`` and the other attributes set.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        ax = axes_of(ax, type(self).__name__)
+        summary, sensors = self.summary, self.summary["held_out"].unique()
+        groups = summary[:: len(sensors)]  # one of its rows stands for each group
+
+        def side_by_side(full, holdout):
+            of_holdouts = summary[holdout].to_numpy().reshape(len(groups), -1)
+            return np.column_stack((groups[full], of_holdouts))
+
+        height = side_by_side("full", "holdout")
+        sd = side_by_side("full_sd", "holdout_sd")
+        n_models = height.shape[1]
+        x = np.add.outer((n_models + 1) * np.arange(len(groups)), np.arange(n_models))
+        self.ax_, self.figure_ = ax, ax.figure
+        self.bars_ = ax.bar(
+            x.ravel(),
+            height.ravel(),
+            yerr=sd.ravel(),
+            color=(["0.75"] + [BLUE] * len(sensors)) * len(groups),
+            error_kw={"elinewidth": 1, "capsize": 2.5},
+        )
+        self.full_lines_ = ax.hlines(
+            height[:, 0],
+            x[:, 0] - 0.5,
+            x[:, -1] + 0.5,
+            color="black",
+            linewidth=0.8,
+            linestyle=":",
+        )
+        top = (height + sd)[:, 1:].ravel()
+        self.marks_ = [
+            ax.annotate(
+                mark, xy, (0, 2), textcoords="offset points", ha="center", va="bottom"
+            )
+            for mark, xy in zip(_marks(summary), zip(x[:, 1:].ravel(), top))
+        ]
+        ax.margins(x=0.02, y=0.1)
+        over = {"p_starts": "∗ p < .05 over starts", "p_objects": "† over objects"}
+        known = ", ".join(text for name, text in over.items() if name in summary)
+        ax.set(
+            xlabel=f"sensor held out   ({known})",
+            ylabel=f"{_SCORE_LABELS.get(self.metric, self.metric)}, lower is better",
+        )
+        ax.set_xticks(
+            x.ravel(),
+            labels=["−None", *(f"−{sensor}" for sensor in sensors)] * len(groups),
+            rotation=90 if x.size > 8 else 0,
+        )
+        if len(self.by):
+            names = ax.secondary_xaxis("top")
+            names.set_xticks(x.mean(axis=1), labels=_group_names(groups[[*self.by]]))
+            names.tick_params(length=0)
+        return self
+
+
+def _marks(summary):
+    """Asterisks and daggers of each row of a summary of contributions."""
+    marks = np.where(summary["p_starts"] < 0.05, "∗", "")
+    if "p_objects" in summary:
+        marks = np.char.add(marks, np.where(summary["p_objects"] < 0.05, "†", ""))
+    return marks.tolist()
+
+
+def _group_names(values):
+    """Names of groups; numbers are named by their column."""
+    return [
+        ", ".join(
+            value.replace("_", " ") if isinstance(value, str) else f"{column} {value}"
+            for column, value in zip(values.columns, row)
+        )
+        for row in values.itertuples(index=False)
+    ]

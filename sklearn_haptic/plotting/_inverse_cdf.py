@@ -1,0 +1,237 @@
+"""Inverse CDFs of ratings, predicted and true."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator
+
+from .._typing import Trials
+from .._validation import check_ratings, check_regular
+from ..metrics import _check_distributions, macro_mae_per_trial
+from ._style import axes_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Levels by which neighbouring trials, and all together, are set apart, so that
+# equal predictions both show.
+_OFFSET, _MAX_OFFSET = 0.035, 0.4
+
+
+class InverseCDFDisplay:
+    """Inverse CDFs of ratings predicted from touches of one object, and the true one.
+
+    Use :meth:`from_predictions` or :meth:`from_estimator` to create a display.
+
+    Parameters
+    ----------
+    counts : ndarray of shape (n_levels,)
+        How many people gave the object each rating.
+    y_proba : ndarray of shape (n_trials, n_levels)
+        Probability of each rating, predicted from each trial.
+    levels : ndarray of shape (n_levels,)
+        The ordered levels.
+    scores : ndarray of shape (n_trials,)
+        Macro-averaged mean absolute error of each trial, in levels.
+
+    Attributes
+    ----------
+    ax_ : matplotlib Axes
+        Axes with the inverse CDFs.
+    figure_ : matplotlib Figure
+        Figure that holds the axes.
+    true_line_ : matplotlib StepPatch
+        The inverse CDF of the people's ratings.
+    trial_lines_ : list of matplotlib StepPatch
+        The inverse CDF predicted from each trial.
+
+    References
+    ----------
+    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
+    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
+    figure 11. :doi:`10.3389/fnbot.2019.00116`
+
+    Examples
+    --------
+    >>> from sklearn_haptic.plotting import InverseCDFDisplay
+    >>> display = InverseCDFDisplay.from_predictions(
+    ...     [0, 3, 6, 3, 0], [[0, 0.4, 0.4, 0.2, 0], [0.1, 0.2, 0.5, 0.1, 0.1]]
+    ... )
+    >>> display.ax_.get_ylabel()
+    'rating'
+    """
+
+    def __init__(
+        self,
+        counts: NDArray[np.float64],
+        y_proba: NDArray[np.float64],
+        *,
+        levels: np.ndarray,
+        scores: NDArray[np.float64],
+    ) -> None:
+        self.counts = counts
+        self.y_proba = y_proba
+        self.levels = levels
+        self.scores = scores
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: BaseEstimator,
+        X: Trials,
+        y: ArrayLike,
+        *,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Predict the distribution of each trial of one object and plot it.
+
+        Parameters
+        ----------
+        estimator : object
+            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
+        X : array-like of length n_trials
+            The object's trials.
+        y : array-like of shape (n_levels,) or (n_trials, n_levels)
+            How many people gave the object each rating; one row a trial must be
+            the same row each time.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : InverseCDFDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If the rows of ``y`` differ, or do not fit the estimator's levels.
+        ImportError
+            If matplotlib is not installed.
+        """
+        return cls.from_predictions(
+            y, estimator.predict_proba(X), levels=estimator.classes_, ax=ax
+        )
+
+    @classmethod
+    def from_predictions(
+        cls,
+        y_true: ArrayLike,
+        y_proba: ArrayLike,
+        *,
+        levels: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Plot the distributions predicted from the trials of one object.
+
+        Parameters
+        ----------
+        y_true : array-like of shape (n_levels,) or (n_trials, n_levels)
+            How many people gave the object each rating; one row a trial must be
+            the same row each time.
+        y_proba : array-like of shape (n_trials, n_levels)
+            Probability of each rating, predicted from each trial.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels; by default 1, 2, …, n_levels.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : InverseCDFDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If a row of ``y_proba`` is no distribution, the rows of ``y_true``
+            differ, or the shapes do not fit.
+        ImportError
+            If matplotlib is not installed.
+        """
+        y_true = np.atleast_2d(y_true)
+        counts, levels = check_ratings(y_true, levels, name="y_true")
+        if (counts != counts[0]).any():
+            raise ValueError(
+                "y_true has different ratings for different trials; give the trials "
+                "of one object only."
+            )
+        n_trials = len(np.atleast_1d(check_regular(y_proba, "y_proba")))
+        counts = np.broadcast_to(counts[:1], (n_trials, counts.shape[1]))
+        counts, y_proba = _check_distributions(counts, y_proba, levels)
+        scores = macro_mae_per_trial(counts, y_proba, average=False)
+        return cls(counts[0], y_proba, levels=levels, scores=scores).plot(ax)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Plot the inverse CDFs, each trial a little above the one before.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : InverseCDFDisplay
+            This display, with ``ax_`` and the other attributes set.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        ax = axes_of(ax, type(self).__name__)
+        from matplotlib import colormaps
+
+        n_trials = len(self.y_proba)
+        offset = min(_OFFSET, _MAX_OFFSET / n_trials)
+        offsets = offset * (np.arange(n_trials) - (n_trials - 1) / 2)
+        colours = colormaps["viridis"](np.linspace(0, 0.85, n_trials))
+        self.ax_, self.figure_ = ax, ax.figure
+        self.true_line_ = _draw(
+            ax,
+            self.counts,
+            color="0.7",
+            linewidth=5,
+            label="true ratings",
+        )
+        self.trial_lines_ = [
+            _draw(
+                ax,
+                proba,
+                offset,
+                color=colour,
+                linewidth=1.4,
+                label=f"trial {trial + 1}: {score:.2f}",
+            )
+            for trial, (proba, offset, colour, score) in enumerate(
+                zip(self.y_proba, offsets, colours, self.scores, strict=True)
+            )
+        ]
+        ax.set(
+            xlabel="position p in the population",
+            ylabel="rating",
+            xlim=(0, 1),
+            ylim=(-0.5, len(self.levels) - 0.5),
+        )
+        ax.set_yticks(range(len(self.levels)), labels=map(str, self.levels))
+        ax.legend(
+            title=f"mean MAE$^M$ {self.scores.mean():.2f}",
+            alignment="left",
+            ncols=1 + n_trials // 16,
+            loc="center left",
+            bbox_to_anchor=(1.01, 0.5),
+            frameon=False,
+        )
+        return self
+
+
+def _draw(ax, weights, offset=0.0, **style):
+    """Draw an inverse CDF with its steps exactly where the CDF jumps."""
+    used = np.flatnonzero(weights)
+    below = np.cumsum(weights[used])
+    edges = np.append(0, below / below[-1])
+    return ax.stairs(used + offset, edges, baseline=None, **style)

@@ -1,0 +1,230 @@
+"""What accuracy costs: time and score of the candidates of a search."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model_selection import best_and_cheapest, is_non_dominated, read_candidates
+from ._style import BLUE, ORANGE, axes_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from sklearn.model_selection._search import BaseSearchCV
+
+
+class SpeedAccuracyDisplay:
+    """Time and score of every candidate of a search, and the frontier of the two.
+
+    Use :meth:`from_search` to create a display. The frontier is the best score to
+    be had in at most so much time. The dotted line is one standard error below the
+    best score.
+
+    Parameters
+    ----------
+    seconds : ndarray of shape (n_candidates,)
+        Mean time to fit and score each candidate on one fold, in seconds.
+    score : ndarray of shape (n_candidates,)
+        Mean test score, higher is better.
+    score_se : ndarray of shape (n_candidates,)
+        Standard error of the mean test score.
+    on_frontier : ndarray of shape (n_candidates,)
+        Whether no other candidate beats this one in time and score.
+    best : int
+        Which candidate has the best score.
+    cheapest : int
+        Which is the fastest within one standard error of the best.
+    metric : str, default="score"
+        Name of the score.
+
+    Attributes
+    ----------
+    ax_ : matplotlib Axes
+        Axes with the candidates.
+    figure_ : matplotlib Figure
+        Figure that holds the axes.
+    errorbar_ : matplotlib ErrorbarContainer
+        The candidates, with bars of one standard error.
+    frontier_ : matplotlib Line2D
+        The frontier.
+    best_, cheapest_ : matplotlib Line2D
+        The marks of the two chosen candidates.
+
+    See Also
+    --------
+    sklearn_haptic.model_selection.speed_accuracy_frontier : The same as a table.
+    sklearn_haptic.model_selection.cheapest_within_one_se : Refit the cheapest.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.plotting import SpeedAccuracyDisplay
+    >>> cv_results = {
+    ...     "mean_fit_time": [0.5, 2.5, 7.5],
+    ...     "mean_score_time": [0.5, 0.5, 0.5],
+    ...     "split0_test_rps": [-0.75, -0.25, -0.5],
+    ...     "split1_test_rps": [-0.25, -0.25, -0.5],
+    ...     "mean_test_rps": [-0.5, -0.25, -0.5],
+    ... }
+    >>> display = SpeedAccuracyDisplay.from_search(cv_results)
+    >>> display.on_frontier
+    array([ True,  True, False])
+    """
+
+    def __init__(
+        self,
+        seconds: NDArray[np.float64],
+        score: NDArray[np.float64],
+        score_se: NDArray[np.float64],
+        *,
+        on_frontier: NDArray[np.bool_],
+        best: int,
+        cheapest: int,
+        metric: str = "score",
+    ) -> None:
+        self.seconds = seconds
+        self.score = score
+        self.score_se = score_se
+        self.on_frontier = on_frontier
+        self.best = best
+        self.cheapest = cheapest
+        self.metric = metric
+
+    @classmethod
+    def from_search(
+        cls,
+        search: BaseSearchCV | Mapping[str, Any],
+        *,
+        metric: str | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Plot the candidates of a search.
+
+        Parameters
+        ----------
+        search : fitted search or dict
+            A fitted search of scikit-learn, or its ``cv_results_``. Of successive
+            halving only the last iteration counts.
+        metric : str, default=None
+            Name of the score in a search with several; by default that of its
+            ``refit`` if this is a name.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : SpeedAccuracyDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If the metric is unknown or not given among several, there are fewer
+            than two splits, or no score is finite.
+        ImportError
+            If matplotlib is not installed.
+        """
+        candidates = read_candidates(search, metric)
+        best, cheapest = best_and_cheapest(candidates)
+        return cls(
+            candidates.seconds,
+            candidates.score,
+            candidates.score_se,
+            on_frontier=is_non_dominated(candidates.seconds, candidates.score),
+            best=best,
+            cheapest=cheapest,
+            metric=candidates.metric,
+        ).plot(ax)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Plot the candidates, the frontier and the two choices.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : SpeedAccuracyDisplay
+            This display, with ``ax_`` and the other attributes set.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        ax = axes_of(ax, type(self).__name__)
+        from matplotlib.ticker import LogLocator
+
+        seconds, score = self.seconds, self.score
+        self.ax_, self.figure_ = ax, ax.figure
+        self.errorbar_ = ax.errorbar(
+            seconds,
+            score,
+            self.score_se,
+            fmt="o",
+            color="0.6",
+            markersize=4,
+            elinewidth=0.8,
+            label="candidates ± 1 SE",
+        )
+        frontier = np.flatnonzero(self.on_frontier)
+        frontier = frontier[np.argsort(seconds[frontier], kind="stable")]
+        (self.frontier_,) = ax.step(
+            np.append(seconds[frontier], seconds.max()),
+            np.append(score[frontier], score[frontier[-1]]),
+            where="post",
+            marker="o",
+            markersize=5,
+            markevery=list(range(len(frontier))),
+            color=BLUE,
+            linewidth=1.8,
+            zorder=3,
+            label="frontier",
+        )
+        (self.best_,) = ax.plot(
+            seconds[self.best],
+            score[self.best],
+            "*",
+            color=ORANGE,
+            markersize=13,
+            markeredgecolor="black",
+            markeredgewidth=0.6,
+            zorder=4,
+            label="best",
+        )
+        (self.cheapest_,) = ax.plot(
+            seconds[self.cheapest],
+            score[self.cheapest],
+            "o",
+            color="black",
+            fillstyle="none",
+            markersize=15,
+            markeredgewidth=1.6,
+            zorder=4,
+            label="cheapest within 1 SE",
+        )
+        ax.axhline(
+            score[self.best] - self.score_se[self.best],
+            color="black",
+            linewidth=0.8,
+            linestyle=":",
+            label="best − 1 SE",
+        )
+        metric = "score" if self.metric == "score" else f"score ({self.metric})"
+        ax.set(
+            xscale="log",
+            xlabel="time to fit and score, seconds a fold",
+            ylabel=f"mean test {metric}, higher is better",
+        )
+        ticks = (1, 2, 5) if seconds.max() < 1000 * seconds.min() else (1,)
+        ax.xaxis.set_major_locator(LogLocator(subs=ticks))
+        ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_formatter("")
+        ax.legend(
+            loc="lower center", bbox_to_anchor=(0.5, 1.01), ncols=3, frameon=False
+        )
+        return self
