@@ -13,12 +13,13 @@ from sklearn.utils.validation import (
     validate_data,
 )
 
+from ._documentation import DocumentedEstimator
 from ._typing import Trials, _fit_context
 from ._validation import check_ratings
 from .metrics import ranked_probability_score
 
 
-class DummyDistribution(ClassifierMixin, BaseEstimator):
+class DummyDistribution(DocumentedEstimator, ClassifierMixin, BaseEstimator):
     """Predict the same distribution for every trial, whatever its features.
 
     The two baselines that a model must beat: which one is harder depends on

@@ -28,6 +28,7 @@ from sklearn.utils.validation import (
     has_fit_parameter,
 )
 
+from ._documentation import DocumentedEstimator
 from ._nnpom import NNPOM, validation_split
 from ._positions import (
     crossing_positions,
@@ -65,7 +66,11 @@ def decide(proba, rule):
 
 
 class DistributionalOrdinalRegressor(
-    CallbackSupportMixin, MetaEstimatorMixin, ClassifierMixin, BaseEstimator
+    DocumentedEstimator,
+    CallbackSupportMixin,
+    MetaEstimatorMixin,
+    ClassifierMixin,
+    BaseEstimator,
 ):
     """Predict the distribution of the ratings a crowd would give.
 

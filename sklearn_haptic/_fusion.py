@@ -24,6 +24,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import HasMethods
 from sklearn.utils.validation import check_is_fitted
 
+from ._documentation import DocumentedEstimator
 from ._nnpom import NNPOM
 from ._typing import (
     FloatArray,
@@ -120,7 +121,11 @@ def _resolve_columns(sensor, columns, feature_names, n_features):
 
 
 class SensorFusionNNPOM(
-    CallbackSupportMixin, MetaEstimatorMixin, ClassifierMixin, BaseEstimator
+    DocumentedEstimator,
+    CallbackSupportMixin,
+    MetaEstimatorMixin,
+    ClassifierMixin,
+    BaseEstimator,
 ):
     """Combine a network for each sensor by the activations of their hidden units.
 

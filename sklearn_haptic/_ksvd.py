@@ -19,6 +19,7 @@ from sklearn.utils.validation import (
 )
 
 from ._dictionary_learning import initial_atoms, ksvd
+from ._documentation import DocumentedEstimator
 from ._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows
 from ._typing import FloatArray, Memory, Names, RandomState, Trials, _fit_context
 from ._validation import (
@@ -287,7 +288,9 @@ class _UnwrappedSequences:
         return super().transform(X)  # type: ignore[misc]
 
 
-class _DictionaryCoder(CallbackSupportMixin, TransformerMixin, BaseEstimator):
+class _DictionaryCoder(
+    DocumentedEstimator, CallbackSupportMixin, TransformerMixin, BaseEstimator
+):
     """What transformers with a learned dictionary share; codes tables.
 
     A subclass takes the parameters below, puts :class:`_UnwrappedSequences`

@@ -18,6 +18,7 @@ from sklearn.utils.validation import (
     check_is_fitted,
 )
 
+from ._documentation import DocumentedEstimator
 from ._proportional_odds import (
     EvenedFeatures,
     NetworkLoss,
@@ -99,7 +100,7 @@ def rank_levels(positions, level, weight, n_levels):
     return all_present, observations, level_weights
 
 
-class NNPOM(CallbackSupportMixin, ClassifierMixin, BaseEstimator):
+class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEstimator):
     """Proportional-odds ordinal regression on one layer of logistic units.
 
     The neural-network proportional odds model of Gutiérrez et al. [1]_, with a

@@ -15,6 +15,7 @@ from sklearn.utils.validation import (
     check_memory,
 )
 
+from ._documentation import DocumentedEstimator
 from ._typing import FloatArray, Memory, Names, Trials, _fit_context
 from ._validation import (
     Sequences,
@@ -97,7 +98,9 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
     return pooled.reshape(len(sequences), -1)
 
 
-class TemporalMaxPool(CallbackSupportMixin, TransformerMixin, BaseEstimator):
+class TemporalMaxPool(
+    DocumentedEstimator, CallbackSupportMixin, TransformerMixin, BaseEstimator
+):
     """Pool sequences of any length into one row of features a trial.
 
     Time is divided into a pyramid of levels, each with its number of cells, and
