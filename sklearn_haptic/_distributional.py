@@ -130,7 +130,7 @@ class DistributionalOrdinalRegressor(
         The ordered levels.
     n_features_in_ : int
         Number of features, without the position.
-    feature_names_in_ : ndarray of shape (n_features_in_,)
+    feature_names_in_ : ndarray of shape (`n_features_in_`,)
         Names of the features, if they have any.
 
     See Also

@@ -168,7 +168,7 @@ class SensorFusionNNPOM(
         Thresholds of the combined network.
     n_features_in_ : int
         Number of features.
-    feature_names_in_ : ndarray of shape (n_features_in_,)
+    feature_names_in_ : ndarray of shape (`n_features_in_`,)
         Names of the features, if they have any.
 
     See Also

@@ -107,8 +107,13 @@ def sliding_windows(trial, window, overlap):
     array([[0, 1, 2, 3],
            [2, 3, 4, 5]])
     """
-    step = max(1, window - round(overlap * window))
-    return sliding_window_view(trial, window, axis=0)[::step]
+    windows = sliding_window_view(trial, window, axis=0)
+    return windows[:: window_step(window, overlap)]
+
+
+def window_step(window, overlap):
+    """Time samples from the start of a window to that of the next, at least one."""
+    return max(1, window - round(overlap * window))
 
 
 def encode_windows(
@@ -503,7 +508,7 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
         observations coded over `components_`.
     n_features_in_ : int
         Columns of a table, or channels of the trials.
-    feature_names_in_ : ndarray of shape (n_features_in_,)
+    feature_names_in_ : ndarray of shape (`n_features_in_`,)
         Column names of a table, where it has any.
 
     See Also

@@ -175,7 +175,7 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
         Iterations run.
     n_features_in_ : int
         Number of features.
-    feature_names_in_ : ndarray of shape (n_features_in_,)
+    feature_names_in_ : ndarray of shape (`n_features_in_`,)
         Names of the features, if they have any.
 
     See Also

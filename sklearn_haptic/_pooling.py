@@ -130,7 +130,7 @@ class TemporalMaxPool(
         The levels kept.
     n_features_in_ : int
         Number of columns of the sequences, or of the table.
-    feature_names_in_ : ndarray of shape (n_features_in_,)
+    feature_names_in_ : ndarray of shape (`n_features_in_`,)
         Names of the columns. Defined for the sequences that another step
         returns, which carry names, and for data frames.
 
@@ -146,8 +146,8 @@ class TemporalMaxPool(
     time sample each feature.
 
     Features are named like `t3of16_ch0`: the third of sixteen cells, then the
-    column. Columns without names are `ch0`, `ch1` and so on. The order is that of
-    :func:`temporal_max_pool`.
+    column. Columns without names are `ch0`, `ch1` and so on. Level after level, and
+    within a level cell after cell, each with all its columns.
 
     References
     ----------
@@ -235,7 +235,7 @@ class TemporalMaxPool(
 
         Returns
         -------
-        pooled : ndarray of shape (n_trials, sum(cells_) * n_columns)
+        pooled : ndarray of shape (n_trials, n_cells * n_columns)
             Pooled features, float32 if the sequences are.
 
         Raises

@@ -306,9 +306,13 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
     reconstruction_error_ : float
         Root mean squared error, per pixel and in units of `X`, of the training
         patches coded over `components_`.
+    layout_ : ndarray of shape (height, width, n_electrodes) or None
+        The weight of each of a finger's electrodes in each pixel; None for images.
+        ``layout_ @ finger.T`` turns a finger's readings, of shape (n_times,
+        n_electrodes), into images of shape (height, width, n_times).
     n_features_in_ : int
         Values a time sample, or columns of a table.
-    feature_names_in_ : ndarray of shape (n_features_in_,)
+    feature_names_in_ : ndarray of shape (`n_features_in_`,)
         Column names of a table, where it has any.
 
     See Also
@@ -415,6 +419,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
             images are too small for a patch or for the cells.
         """
         self._codes_trials = not is_table(X)
+        self.layout_ = self._check_layout()
         return self._learn(X, y)
 
     def get_feature_names_out(
@@ -447,7 +452,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
 
     def _draw_from_trials(self, X, rng):
         vars(self).pop("feature_names_in_", None)
-        layout = self._check_layout()
+        layout = self.layout_
         trials = check_trials(X, ndims=(2,) if layout is not None else (3,))
         self._frame_shape = trials[0].shape[1:]
         self.n_features_in_ = int(np.prod(self._frame_shape))
@@ -482,7 +487,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
             [len(trial) for trial in trials],
             encode_frames,
             row_index(X),
-            layout=self._check_layout(),
+            layout=self.layout_,
             patch_size=tuple(self.patch_size),
             step=self.step,
             spatial_cells=check_cells(self.spatial_cells, "spatial_cells"),

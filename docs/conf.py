@@ -1,0 +1,97 @@
+"""Settings of the documentation, built by `python -m sphinx -W docs docs/_build/html`.
+
+No network is needed. `-D plot_gallery=0` leaves the examples unexecuted; `git clean
+-dfX docs` removes all that a build makes.
+"""
+
+import warnings
+from importlib import metadata
+
+from latex2mathml.converter import convert
+
+from sklearn_haptic._documentation import DOCUMENTATION_URL
+
+project = "sklearn_haptic"
+author = copyright = "the sklearn_haptic developers"
+version = release = metadata.version(project)
+
+extensions = [
+    "myst_parser",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.extlinks",
+    "sphinx.ext.intersphinx",
+    "sphinx_copybutton",
+    "sphinx_gallery.gen_gallery",
+]
+exclude_patterns = ["_build", "_templates", "inventories"]
+nitpicky = True  # no dead reference
+default_role = "literal"
+extlinks = {"doi": ("https://doi.org/%s", "doi:%s")}
+
+# Guides
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 3
+copybutton_prompt_text = ">>> "
+
+# Reference
+templates_path = ["_templates"]
+add_module_names = False
+autodoc_typehints = "none"  # the docstrings say more
+numpydoc_class_members_toctree = False
+numpydoc_show_class_members = False  # by the template of classes
+intersphinx_mapping = {
+    name: (url, f"inventories/{name}.inv")
+    for name, url in {
+        "joblib": "https://joblib.readthedocs.io/en/stable/",
+        "matplotlib": "https://matplotlib.org/stable/",
+        "numpy": "https://numpy.org/doc/stable/",
+        "pandas": "https://pandas.pydata.org/docs/",
+        "scipy": "https://docs.scipy.org/doc/scipy/",
+        "sklearn": "https://scikit-learn.org/stable/",
+    }.items()
+}
+
+# Gallery: a warning of an example fails the build
+warnings.filterwarnings("error", module="__main__|sklearn|numpy|scipy|pandas")
+sphinx_gallery_conf = {
+    "examples_dirs": "../examples",
+    "gallery_dirs": "auto_examples",
+    "filename_pattern": r"/plot_",
+    "ignore_pattern": r"\brun_",
+    "within_subsection_order": "FileNameSortKey",
+    "backreferences_dir": "generated/backreferences",
+    "doc_module": ("sklearn_haptic",),
+    "reference_url": {"sklearn_haptic": None},
+    "download_all_examples": False,
+    "min_reported_time": 0,
+}
+
+# Pages
+html_theme = "pydata_sphinx_theme"
+html_baseurl = DOCUMENTATION_URL
+html_static_path = ["_static"]
+html_css_files = ["custom.css"]
+html_show_sourcelink = False
+html_theme_options = {"navigation_with_keys": False, "show_prev_next": False}
+html_math_renderer = "mathml"  # browsers draw it, with no script and no network
+
+
+def inline_math(self, node):
+    """Write a formula in a line of text."""
+    self.body.append(convert(node.astext()))
+
+
+def displayed_math(self, node):
+    """Write a formula on a line of its own."""
+    self.body.append(convert(node.astext(), display="block"))
+
+
+def leave(self, node):
+    """Write nothing after a formula."""
+
+
+def setup(app):
+    """Register how formulas are written."""
+    app.add_html_math_renderer("mathml", (inline_math, leave), (displayed_math, leave))
