@@ -48,7 +48,10 @@ from sklearn_haptic.model_selection import (
     speed_accuracy_frontier,
 )
 from sklearn_haptic.plotting import (
+    DistributionDisplay,
     InverseCDFDisplay,
+    PITHistogramDisplay,
+    ReliabilityDisplay,
     SensorContributionsDisplay,
     SpeedAccuracyDisplay,
 )
@@ -1740,69 +1743,141 @@ FUNCTION_CASES = [
 # Figures
 
 
-PLOT_CASES = [
-    *of_search(SpeedAccuracyDisplay.from_search),
-    *of_summary(SensorContributionsDisplay.from_scores),
-    *cases(
-        "InverseCDFDisplay.from_predictions",
-        *(
-            (
-                given,
-                ValueError,
-                message,
-                lambda _, a=args: call(InverseCDFDisplay.from_predictions, *a),
-            )
-            for given, message, args in [
+def of_one_object(display):
+    return [
+        *cases(
+            f"{display.__name__}.from_predictions",
+            *(
                 (
-                    "trials of several objects",
-                    "^y_true has different ratings for different trials; give the",
-                    (COUNTS, PROBA),
-                ),
-                (
-                    "a column less",
-                    "^y_proba has 2 columns, but y_true has 3 levels; give one column",
-                    (COUNTS[0], PROBA[:, :2] * 1.5),
-                ),
-                (
-                    "a negative count",
-                    "^y_true has a negative count in trial 0",
-                    ([-1, 2, 3], PROBA),
-                ),
-                (
-                    "no distribution",
-                    "^y_proba is no distribution in trial 1",
-                    (COUNTS[0], replaced(PROBA, 0.9)),
-                ),
-                (
-                    "masked counts",
-                    "^y_true has masked values, .*; fill or remove",
-                    (masked(COUNTS[0]), PROBA),
-                ),
-                (
-                    "a probability in place of an array",
-                    "Expected 2D array, got scalar",
-                    (COUNTS[0], 0.5),
-                ),
-            ]
+                    given,
+                    ValueError,
+                    message,
+                    lambda _, a=args: call(display.from_predictions, *a),
+                )
+                for given, message, args in [
+                    (
+                        "trials of several objects",
+                        "^y_true has different ratings for different trials; give the",
+                        (COUNTS, PROBA),
+                    ),
+                    (
+                        "a column less",
+                        "^y_proba has 2 columns, but y_true has 3 levels; give one",
+                        (COUNTS[0], PROBA[:, :2] * 1.5),
+                    ),
+                    (
+                        "a negative count",
+                        "^y_true has a negative count in trial 0",
+                        ([-1, 2, 3], PROBA),
+                    ),
+                    (
+                        "no distribution",
+                        "^y_proba is no distribution in trial 1",
+                        (COUNTS[0], replaced(PROBA, 0.9)),
+                    ),
+                    (
+                        "masked counts",
+                        "^y_true has masked values, .*; fill or remove",
+                        (masked(COUNTS[0]), PROBA),
+                    ),
+                    (
+                        "a probability in place of an array",
+                        "Expected 2D array, got scalar",
+                        (COUNTS[0], 0.5),
+                    ),
+                ]
+            ),
         ),
-    ),
-    *cases(
-        "InverseCDFDisplay.from_estimator",
+        *of_estimator(display, COUNTS[0]),
+    ]
+
+
+def of_calibration(display):
+    return [
+        *cases(
+            f"{display.__name__}.from_predictions",
+            *(
+                (
+                    given,
+                    (TypeError, ValueError),
+                    message,
+                    lambda _, a=args, k=kwargs: call(display.from_predictions, *a, **k),
+                )
+                for given, message, args, kwargs in [
+                    (
+                        "no distribution",
+                        "^y_proba is no distribution in trial 1",
+                        (COUNTS, replaced(PROBA, 0.9)),
+                        {},
+                    ),
+                    (
+                        "a trial without ratings",
+                        "^y_true has no ratings in trial 0",
+                        (COUNTS * 0, PROBA),
+                        {},
+                    ),
+                    (
+                        "no bin",
+                        "n_bins.*(== 0, must be >= 1|range .1, inf)",
+                        (COUNTS, PROBA),
+                        {"n_bins": 0},
+                    ),
+                    (
+                        "half a bin",
+                        "n_bins.* must be an (int|instance of int)",
+                        (COUNTS, PROBA),
+                        {"n_bins": 2.5},
+                    ),
+                    (
+                        "an object less",
+                        "inconsistent numbers of samples",
+                        (COUNTS, PROBA),
+                        {"groups": np.arange(len(COUNTS) - 1)},
+                    ),
+                    (
+                        "a missing object",
+                        "^Input groups contains NaN",
+                        (COUNTS, PROBA),
+                        {"groups": [np.nan, *range(len(COUNTS) - 1)]},
+                    ),
+                    (
+                        "one object",
+                        "^groups has one object, .*; leave groups out, or give trials",
+                        (COUNTS, PROBA),
+                        {"groups": ["cup"] * len(COUNTS)},
+                    ),
+                ]
+            ),
+        ),
+        *of_estimator(display, COUNTS),
+    ]
+
+
+def of_estimator(display, counts):
+    return cases(
+        f"{display.__name__}.from_estimator",
         (
             "ratings of other levels",
             ValueError,
             "^y_true has 2 columns of counts, but there are 3 levels",
-            lambda _: call(
-                InverseCDFDisplay.from_estimator, fitted("NNPOM"), X, COUNTS[0, :2]
-            ),
+            lambda _: call(display.from_estimator, fitted("NNPOM"), X, counts[..., :2]),
         ),
         (
             "an estimator that is not fitted",
             ValueError,
             "This NNPOM instance is not fitted yet",
-            lambda _: call(InverseCDFDisplay.from_estimator, NNPOM(), X, COUNTS[0]),
+            lambda _: call(display.from_estimator, NNPOM(), X, counts),
         ),
-    ),
+    )
+
+
+PLOT_CASES = [
+    *of_search(SpeedAccuracyDisplay.from_search),
+    *of_summary(SensorContributionsDisplay.from_scores),
+    *of_one_object(InverseCDFDisplay),
+    *of_one_object(DistributionDisplay),
+    *of_calibration(PITHistogramDisplay),
+    *of_calibration(ReliabilityDisplay),
 ]
 
 

@@ -679,6 +679,8 @@ def calls_of_functions(folder):
         metrics.neg_rps_scorer: (model, NAMED, COUNTS),
         metrics.neg_macro_mae_scorer: (model, NAMED, COUNTS),
         ratings.rating_counts: ([1, 2, 2], ["a", "a", "b"]),
+        ratings.rating_distribution: (COUNTS,),
+        ratings.rating_cdf: (COUNTS,),
         ratings.inverse_cdf: (COUNTS, [0.1, 0.5]),
         ratings.interrater_agreement: (COUNTS,),
         ratings.adjective_correlation: ([[1, 5], [2, 4], [4, 3], [5, 1]],),
@@ -690,6 +692,16 @@ def calls_of_functions(folder):
         plotting.InverseCDFDisplay.from_predictions: (COUNTS[[0]], proba[:3]),
         plotting.InverseCDFDisplay.from_estimator: (model, NAMED[:3], COUNTS[[0] * 3]),
         plotting.SpeedAccuracyDisplay.from_search: (SEARCH,),
+        plotting.DistributionDisplay.from_predictions: (COUNTS[[0]], proba[:3]),
+        plotting.DistributionDisplay.from_estimator: (
+            model,
+            NAMED[:3],
+            COUNTS[[0] * 3],
+        ),
+        plotting.PITHistogramDisplay.from_predictions: (COUNTS, proba),
+        plotting.PITHistogramDisplay.from_estimator: (model, NAMED, COUNTS),
+        plotting.ReliabilityDisplay.from_predictions: (COUNTS, proba),
+        plotting.ReliabilityDisplay.from_estimator: (model, NAMED, COUNTS),
         plotting.SensorContributionsDisplay.from_scores: (scores,),
     }
     calls = {

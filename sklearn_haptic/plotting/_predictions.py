@@ -1,0 +1,791 @@
+"""Predicted distributions beside people's ratings, and whether they are calibrated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from numbers import Integral
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import betaincinv
+from sklearn.base import BaseEstimator
+from sklearn.utils import check_scalar
+from sklearn.utils.validation import (
+    check_array,
+    check_consistent_length,
+    column_or_1d,
+)
+
+from .._typing import Trials
+from .._validation import check_ratings, check_regular
+from ..metrics import _cdf, _check_distributions, _proportions, pit_histogram
+from ._style import BLUE, axes_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_CONFIDENCE = 0.95
+_BAR_WIDTH = 0.38  # levels are 1 apart
+_MARKERS = "os^DvPX<>*"
+_MARKER_AREA = 60  # of the fullest bin, in square points
+
+
+class DistributionDisplay:
+    """Distribution of ratings predicted from touches of one object, beside the true.
+
+    Use :meth:`from_predictions` or :meth:`from_estimator` to create a display. Bars are
+    proportions, predicted ones the mean over trials; dots are the trials in order.
+
+    Parameters
+    ----------
+    counts : ndarray of shape (n_levels,)
+        How many people gave the object each rating.
+    y_proba : ndarray of shape (n_trials, n_levels)
+        Probability of each rating, predicted from each trial.
+    levels : ndarray of shape (n_levels,)
+        The ordered levels.
+
+    Attributes
+    ----------
+    ax_ : matplotlib Axes
+        Axes with the bars.
+    figure_ : matplotlib Figure
+        Figure that holds the axes.
+    true_bars_ : matplotlib BarContainer
+        Proportion of people who gave each rating.
+    predicted_bars_ : matplotlib BarContainer
+        Predicted probability of each rating, the mean over trials.
+    trial_points_ : matplotlib Line2D or None
+        What each trial predicts; None for a single trial.
+
+    See Also
+    --------
+    InverseCDFDisplay : The same as inverse CDFs, a line a trial.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.plotting import DistributionDisplay
+    >>> display = DistributionDisplay.from_predictions(
+    ...     [0, 3, 6, 3, 0], [[0, 0.4, 0.4, 0.2, 0], [0.2, 0.2, 0.4, 0.1, 0.1]]
+    ... )
+    >>> [round(float(bar.get_height()), 2) for bar in display.predicted_bars_]
+    [0.1, 0.3, 0.4, 0.15, 0.05]
+    """
+
+    def __init__(
+        self,
+        counts: NDArray[np.float64],
+        y_proba: NDArray[np.float64],
+        *,
+        levels: np.ndarray,
+    ) -> None:
+        self.counts = counts
+        self.y_proba = y_proba
+        self.levels = levels
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: BaseEstimator,
+        X: Trials,
+        y: ArrayLike,
+        *,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Predict the distribution of each trial of one object and plot it.
+
+        Parameters
+        ----------
+        estimator : object
+            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
+        X : array-like of length n_trials
+            The object's trials.
+        y : array-like of shape (n_levels,) or (n_trials, n_levels)
+            How many people gave the object each rating; one row a trial must be
+            the same row each time.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : DistributionDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If the rows of ``y`` differ, or do not fit the estimator's levels.
+        ImportError
+            If matplotlib is not installed.
+        """
+        return cls.from_predictions(
+            y, estimator.predict_proba(X), levels=estimator.classes_, ax=ax
+        )
+
+    @classmethod
+    def from_predictions(
+        cls,
+        y_true: ArrayLike,
+        y_proba: ArrayLike,
+        *,
+        levels: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Plot the distributions predicted from the trials of one object.
+
+        Parameters
+        ----------
+        y_true : array-like of shape (n_levels,) or (n_trials, n_levels)
+            How many people gave the object each rating; one row a trial must be
+            the same row each time.
+        y_proba : array-like of shape (n_trials, n_levels)
+            Probability of each rating, predicted from each trial.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels; by default 1, 2, …, n_levels.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : DistributionDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If a row of ``y_proba`` is no distribution, the rows of ``y_true``
+            differ, or the shapes do not fit.
+        ImportError
+            If matplotlib is not installed.
+        """
+        counts, levels = check_ratings(np.atleast_2d(y_true), levels, name="y_true")
+        if (counts != counts[0]).any():
+            raise ValueError(
+                "y_true has different ratings for different trials; give the trials "
+                "of one object only."
+            )
+        if len(counts) == 1:
+            n_trials = len(np.atleast_1d(check_regular(y_proba, "y_proba")))
+            counts = np.repeat(counts, n_trials, axis=0)
+        counts, y_proba = _check_distributions(counts, y_proba, levels)
+        return cls(counts[0], y_proba, levels=levels).plot(ax)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Plot the bars.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : DistributionDisplay
+            This display, with ``ax_`` and the other attributes set.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        ax = axes_of(ax, type(self).__name__)
+        n_trials, n_levels = self.y_proba.shape
+        x = np.arange(n_levels)
+        self.ax_, self.figure_ = ax, ax.figure
+        self.true_bars_ = ax.bar(
+            x - _BAR_WIDTH / 2,
+            self.counts / self.counts.sum(),
+            _BAR_WIDTH,
+            color="0.8",
+            edgecolor="black",
+            linewidth=0.8,
+            label="true ratings",
+        )
+        self.predicted_bars_ = ax.bar(
+            x + _BAR_WIDTH / 2,
+            self.y_proba.mean(axis=0),
+            _BAR_WIDTH,
+            color=BLUE,
+            edgecolor="black",
+            linewidth=0.8,
+            label="predicted",
+        )
+        handles: list[Any] = [self.true_bars_, self.predicted_bars_]
+        self.trial_points_ = None
+        if n_trials > 1:
+            self.predicted_bars_.set_label(f"predicted, mean of {n_trials} trials")
+            within = np.linspace(0.1, 0.9, n_trials)[:, None] * _BAR_WIDTH
+            (self.trial_points_,) = ax.plot(
+                (x + within).ravel(),
+                self.y_proba.ravel(),
+                linestyle="",
+                marker="o",
+                markersize=3,
+                markerfacecolor="white",
+                markeredgecolor="black",
+                markeredgewidth=0.6,
+                label="each trial",
+            )
+            handles.append(self.trial_points_)
+        ax.set(xlabel="rating", ylabel="proportion of people", ylim=(0, None))
+        ax.set_xticks(x, labels=map(str, self.levels))
+        ax.legend(
+            handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False
+        )
+        return self
+
+
+class PITHistogramDisplay:
+    r"""PIT histogram: whether people rate as often as predicted, at every position.
+
+    Use :meth:`from_predictions` or :meth:`from_estimator` to create a display. The
+    probability integral transform says where in the predicted distribution a rating
+    is. Bars at the line are calibrated predictions, high outer bars too narrow ones,
+    high middle bars too wide ones, and a slope ones that are too low or too high.
+
+    Parameters
+    ----------
+    heights : ndarray of shape (n_bins,)
+        Density in each bin, with mean 1.
+    half_widths : ndarray of shape (n_bins,), default=None
+        How far from 1 a bar may lie by chance. By default no band is drawn.
+
+    Attributes
+    ----------
+    ax_ : matplotlib Axes
+        Axes with the histogram.
+    figure_ : matplotlib Figure
+        Figure that holds the axes.
+    bars_ : matplotlib BarContainer
+        The histogram.
+    uniform_line_ : matplotlib Line2D
+        The density of calibrated predictions.
+    band_ : matplotlib StepPatch or None
+        Where chance leaves 95 % of the bars of calibrated predictions; None without
+        ``half_widths``.
+
+    See Also
+    --------
+    sklearn_haptic.metrics.pit_histogram : The heights alone, and how they are defined.
+
+    Notes
+    -----
+    The trials of an object share its people's ratings, and these people all differ
+    from what was predicted to the same side where the object does. So only objects are
+    independent, and only ``groups`` tell what chance does. With :math:`d_o` the sum
+    over the trials of object o of a bin's height less 1, the band's half width is
+    :math:`\sqrt{n q \sum_o d_o^2}` a trial, where q is the 95th percentile of the beta
+    distribution with parameters 1/2 and (n - 1)/2 for n objects: where objects have
+    equally many trials, a bar is outside exactly if Student's t-test over objects
+    rejects the line (p < .05). The band holds for each bin on its own, so that one
+    of twenty is outside by chance. Predictions by cross-validation come from models
+    that share objects, for which it is a little too narrow.
+
+    References
+    ----------
+    C. Czado, T. Gneiting and L. Held, "Predictive model assessment for count data",
+    Biometrics 65, 1254–1261, 2009. :doi:`10.1111/j.1541-0420.2009.01191.x`
+
+    Examples
+    --------
+    >>> from sklearn_haptic.plotting import PITHistogramDisplay
+    >>> display = PITHistogramDisplay.from_predictions(
+    ...     [[2, 0, 2], [1, 2, 1]], [[0.25, 0.5, 0.25]] * 2, n_bins=4, groups=["a", "b"]
+    ... )
+    >>> [float(bar.get_height()) for bar in display.bars_]
+    [1.5, 0.5, 0.5, 1.5]
+    """
+
+    def __init__(
+        self,
+        heights: NDArray[np.float64],
+        *,
+        half_widths: NDArray[np.float64] | None = None,
+    ) -> None:
+        self.heights = heights
+        self.half_widths = half_widths
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: BaseEstimator,
+        X: Trials,
+        y: ArrayLike,
+        *,
+        n_bins: int = 10,
+        groups: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Predict the distribution of each trial and plot the histogram.
+
+        Parameters
+        ----------
+        estimator : object
+            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
+        X : array-like of length n_trials
+            The trials.
+        y : array-like of shape (n_trials, n_levels) or (n_trials,)
+            How many people chose each level, or one rating a trial.
+        n_bins : int, default=10
+            Number of equally wide bins of [0, 1].
+        groups : array-like of shape (n_trials,), default=None
+            The object of each trial, for the band of chance; without them there is
+            none.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : PITHistogramDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If ``y`` does not fit the estimator's levels, or ``groups`` the trials.
+        ImportError
+            If matplotlib is not installed.
+        """
+        return cls.from_predictions(
+            y,
+            estimator.predict_proba(X),
+            n_bins=n_bins,
+            groups=groups,
+            levels=estimator.classes_,
+            ax=ax,
+        )
+
+    @classmethod
+    def from_predictions(
+        cls,
+        y_true: ArrayLike,
+        y_proba: ArrayLike,
+        *,
+        n_bins: int = 10,
+        groups: ArrayLike | None = None,
+        levels: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Plot the histogram of predicted distributions.
+
+        Parameters
+        ----------
+        y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
+            How many people chose each level, or one rating a trial.
+        y_proba : array-like of shape (n_trials, n_levels)
+            Predicted probability of each level.
+        n_bins : int, default=10
+            Number of equally wide bins of [0, 1].
+        groups : array-like of shape (n_trials,), default=None
+            The object of each trial, for the band of chance; without them there is
+            none.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels; by default 1, 2, …, n_levels for counts, and the sorted
+            ratings that occur for ratings.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : PITHistogramDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If a row of ``y_proba`` is no distribution, a trial has no ratings or
+            unknown ones, the shapes differ, ``n_bins`` is below 1, or ``groups`` has
+            missing values or a single object.
+        ImportError
+            If matplotlib is not installed.
+        """
+        counts, proba = _check_distributions(y_true, y_proba, levels)
+        heights = pit_histogram(counts, proba, n_bins)
+        if groups is None:
+            return cls(heights).plot(ax)
+        objects = _check_groups(groups, counts)
+        of_objects = [
+            pit_histogram(counts[objects == o], proba[objects == o], n_bins)
+            for o in range(objects.max() + 1)
+        ]
+        deviation = (np.array(of_objects) - 1) * np.bincount(objects)[:, None]
+        half_widths = _chance(deviation) / len(objects)
+        return cls(heights, half_widths=half_widths).plot(ax)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Plot the histogram.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : PITHistogramDisplay
+            This display, with ``ax_`` and the other attributes set.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        ax = axes_of(ax, type(self).__name__)
+        edges = np.linspace(0, 1, len(self.heights) + 1)
+        self.ax_, self.figure_ = ax, ax.figure
+        self.band_ = None
+        if self.half_widths is not None:
+            self.band_ = ax.stairs(
+                1 + self.half_widths,
+                edges,
+                baseline=np.maximum(1 - self.half_widths, 0),
+                fill=True,
+                color="0.85",
+                label=f"{100 * _CONFIDENCE:g} % by chance",
+            )
+        self.bars_ = ax.bar(
+            edges[:-1],
+            self.heights,
+            np.diff(edges),
+            align="edge",
+            fill=False,
+            edgecolor=BLUE,
+            linewidth=1.8,
+            label="predictions",
+        )
+        self.uniform_line_ = ax.axhline(
+            1, color="black", linestyle="--", linewidth=1.2, label="calibrated"
+        )
+        ax.set(
+            xlabel="probability integral transform of the ratings",
+            ylabel="density",
+            xlim=(0, 1),
+        )
+        ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False)
+        return self
+
+
+class ReliabilityDisplay:
+    """Predicted against observed proportion of people who rate above each threshold.
+
+    Use :meth:`from_predictions` or :meth:`from_estimator` to create a display. Trials
+    are binned by what was predicted; a curve below the diagonal is a threshold
+    that fewer people pass than predicted. The area of a marker is proportional to the
+    number of trials in its bin.
+
+    Parameters
+    ----------
+    predicted : sequence of ndarray of shape (n_bins,)
+        For each threshold, the mean predicted probability in each bin.
+    observed : sequence of ndarray of shape (n_bins,)
+        The mean observed proportion in each bin.
+    n_trials : sequence of ndarray of shape (n_bins,)
+        Number of trials in each bin.
+    levels : ndarray of shape (n_levels,)
+        The ordered levels, one more than there are thresholds.
+    half_widths : sequence of ndarray of shape (n_bins,), default=None
+        How far from the diagonal the observed proportion may lie by chance. By default
+        no bars are drawn.
+
+    Attributes
+    ----------
+    ax_ : matplotlib Axes
+        Axes with the curves.
+    figure_ : matplotlib Figure
+        Figure that holds the axes.
+    diagonal_ : matplotlib Line2D
+        Where predictions are reliable.
+    curves_ : list of matplotlib Line2D
+        A curve a threshold.
+    points_ : list of matplotlib PathCollection
+        The bins of each threshold.
+    errorbars_ : list of matplotlib LineCollection
+        The half widths of each threshold, from each point towards the diagonal and as
+        far beyond; empty without ``half_widths``.
+
+    See Also
+    --------
+    sklearn.calibration.CalibrationDisplay : The same for binary labels.
+
+    Notes
+    -----
+    The bins of a threshold hold equally many trials, those predicted the same being
+    kept together: as in :func:`~sklearn.calibration.calibration_curve` with
+    ``strategy="quantile"``, but for counts. The people of a trial count 1 / N each.
+
+    The bars are those of :class:`PITHistogramDisplay`, with the deviation of the
+    observed from the predicted proportion, and the objects of the bin: where a bar
+    reaches the diagonal, the deviation may be due to the choice of objects. If all
+    trials of a bin are of one object, it always does.
+
+    References
+    ----------
+    J. Bröcker and L. A. Smith, "Increasing the reliability of reliability diagrams",
+    Weather and Forecasting 22, 651–661, 2007. :doi:`10.1175/WAF993.1`
+
+    Examples
+    --------
+    >>> from sklearn_haptic.plotting import ReliabilityDisplay
+    >>> display = ReliabilityDisplay.from_predictions(
+    ...     [[3, 1], [2, 2], [1, 3], [0, 4]],
+    ...     [[0.8, 0.2], [0.7, 0.3], [0.3, 0.7], [0.2, 0.8]],
+    ...     n_bins=2,
+    ... )
+    >>> display.curves_[0].get_xydata().round(3).tolist()
+    [[0.25, 0.375], [0.75, 0.875]]
+    """
+
+    def __init__(
+        self,
+        predicted: Sequence[NDArray[np.float64]],
+        observed: Sequence[NDArray[np.float64]],
+        n_trials: Sequence[NDArray[np.int64]],
+        *,
+        levels: np.ndarray,
+        half_widths: Sequence[NDArray[np.float64]] | None = None,
+    ) -> None:
+        self.predicted = predicted
+        self.observed = observed
+        self.n_trials = n_trials
+        self.levels = levels
+        self.half_widths = half_widths
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: BaseEstimator,
+        X: Trials,
+        y: ArrayLike,
+        *,
+        n_bins: int = 5,
+        groups: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Predict the distribution of each trial and plot the curves.
+
+        Parameters
+        ----------
+        estimator : object
+            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
+        X : array-like of length n_trials
+            The trials.
+        y : array-like of shape (n_trials, n_levels) or (n_trials,)
+            How many people chose each level, or one rating a trial.
+        n_bins : int, default=5
+            Number of bins with equally many trials; fewer are drawn where many trials
+            have the same prediction.
+        groups : array-like of shape (n_trials,), default=None
+            The object of each trial, for the bars of chance; without them there are
+            none.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : ReliabilityDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If ``y`` does not fit the estimator's levels, or ``groups`` the trials.
+        ImportError
+            If matplotlib is not installed.
+        """
+        return cls.from_predictions(
+            y,
+            estimator.predict_proba(X),
+            n_bins=n_bins,
+            groups=groups,
+            levels=estimator.classes_,
+            ax=ax,
+        )
+
+    @classmethod
+    def from_predictions(
+        cls,
+        y_true: ArrayLike,
+        y_proba: ArrayLike,
+        *,
+        n_bins: int = 5,
+        groups: ArrayLike | None = None,
+        levels: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Plot the reliability of predicted distributions.
+
+        Parameters
+        ----------
+        y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
+            How many people chose each level, or one rating a trial.
+        y_proba : array-like of shape (n_trials, n_levels)
+            Predicted probability of each level.
+        n_bins : int, default=5
+            Number of bins with equally many trials; fewer are drawn where many trials
+            have the same prediction.
+        groups : array-like of shape (n_trials,), default=None
+            The object of each trial, for the bars of chance; without them there are
+            none.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels; by default 1, 2, …, n_levels for counts, and the sorted
+            ratings that occur for ratings.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : ReliabilityDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If a row of ``y_proba`` is no distribution, a trial has no ratings or
+            unknown ones, the shapes differ, ``n_bins`` is below 1, or ``groups`` has
+            missing values or a single object.
+        TypeError
+            If ``n_bins`` is no integer.
+        ImportError
+            If matplotlib is not installed.
+        """
+        check_scalar(n_bins, "n_bins", Integral, min_val=1)
+        counts, levels = check_ratings(y_true, levels, name="y_true")
+        counts, proba = _check_distributions(counts, y_proba, levels)
+        objects = None if groups is None else _check_groups(groups, counts)
+        curves = [
+            _reliability(predicted, observed, n_bins, objects)
+            for predicted, observed in zip(
+                1 - _cdf(proba).T, 1 - _cdf(_proportions(counts)).T
+            )
+        ]
+        *binned, half_widths = zip(*curves)
+        half_widths = None if groups is None else half_widths
+        return cls(*binned, levels=levels, half_widths=half_widths).plot(ax)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Plot the curves.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : ReliabilityDisplay
+            This display, with ``ax_`` and the other attributes set.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        ax = axes_of(ax, type(self).__name__)
+        from matplotlib import colormaps
+
+        fullest = np.concatenate(self.n_trials).max()
+        colours = colormaps["viridis"](np.linspace(0, 0.85, len(self.predicted)))
+        self.ax_, self.figure_ = ax, ax.figure
+        (self.diagonal_,) = ax.plot(
+            [0, 1], [0, 1], color="0.5", linestyle="--", linewidth=1, label="reliable"
+        )
+        self.curves_, self.points_, self.errorbars_ = [], [], []
+        for k, colour in enumerate(colours):
+            x, y = self.predicted[k], self.observed[k]
+            marker = _MARKERS[k % len(_MARKERS)]
+            self.curves_ += ax.plot(
+                x,
+                y,
+                color=colour,
+                linewidth=1.2,
+                marker=marker,
+                markersize=4,
+                label=f"rating above {self.levels[k]}",
+            )
+            area = _MARKER_AREA * self.n_trials[k] / fullest
+            points = ax.scatter(x, y, area, color=[colour], marker=marker, zorder=3)
+            self.points_.append(points)
+            if self.half_widths is not None:
+                margin = self.half_widths[k]
+                bars = ax.vlines(x, y - margin, y + margin, color=[colour], linewidth=1)
+                self.errorbars_.append(bars)
+        ax.set(
+            xlabel="predicted proportion of people",
+            ylabel="observed proportion of people",
+            xlim=(-0.03, 1.03),
+            ylim=(-0.03, 1.03),
+            aspect="equal",
+        )
+        ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False)
+        return self
+
+
+def _check_groups(groups, counts):
+    """Validate the objects of trials; return the index of each, from 0."""
+    groups = check_array(groups, dtype=None, ensure_2d=False, input_name="groups")
+    check_consistent_length(counts, groups)
+    names, objects = np.unique(column_or_1d(groups), return_inverse=True)
+    if len(names) == 1:
+        raise ValueError(
+            "groups has one object, but what chance does is only seen from several; "
+            "leave groups out, or give trials of at least two objects."
+        )
+    return objects
+
+
+def _chance(deviation):
+    """How far from 0 the sum of the deviations of independent objects may lie.
+
+    Parameters
+    ----------
+    deviation : ndarray of shape (n_objects, ...)
+        A quantity whose expected value is 0.
+
+    Returns
+    -------
+    limit : ndarray of shape (...)
+        Exceeded by the sum exactly if a t-test over objects rejects 0; with one object
+        its deviation.
+    """
+    n = len(deviation)
+    share = betaincinv(0.5, (n - 1) / 2, _CONFIDENCE) if n > 1 else 1.0
+    return np.sqrt(n * share * (deviation**2).sum(axis=0))
+
+
+def _reliability(predicted, observed, n_bins, objects):
+    """Reliability of predicted proportions, in bins of equally many trials.
+
+    Parameters
+    ----------
+    predicted, observed : ndarray of shape (n_trials,)
+        A proportion of people.
+    n_bins : int
+        Number of bins; those that equal predictions leave empty are left out.
+    objects : ndarray of int of shape (n_trials,) or None
+        The object of each trial.
+
+    Returns
+    -------
+    mean_predicted, mean_observed, n_trials : ndarray of shape (n_bins,)
+        Means over the trials of each bin, and how many these are.
+    half_width : ndarray of shape (n_bins,) or None
+        How far the means may differ by chance.
+    """
+    edges = np.quantile(predicted, np.arange(1, n_bins) / n_bins)
+    _, bins = np.unique(np.searchsorted(edges, predicted), return_inverse=True)
+    n_trials = np.bincount(bins)
+    half_width = None
+    if objects is not None:
+        limits = []
+        for b in range(len(n_trials)):
+            here = bins == b
+            _, index = np.unique(objects[here], return_inverse=True)
+            limits.append(_chance(np.bincount(index, (observed - predicted)[here])))
+        half_width = np.array(limits) / n_trials
+    return (
+        np.bincount(bins, predicted) / n_trials,
+        np.bincount(bins, observed) / n_trials,
+        n_trials,
+        half_width,
+    )

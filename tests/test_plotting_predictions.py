@@ -1,0 +1,336 @@
+"""Displays of predicted distributions: the artists' data by other means."""
+
+import sys
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from scipy import stats
+from sklearn.calibration import calibration_curve
+from sklearn.linear_model import LogisticRegression
+
+from sklearn_haptic import NNPOM
+from sklearn_haptic.metrics import pit_histogram
+from sklearn_haptic.plotting import (
+    DistributionDisplay,
+    PITHistogramDisplay,
+    ReliabilityDisplay,
+)
+
+COUNTS = np.array([0, 2, 6, 3, 1])
+DISPLAYS = [DistributionDisplay, PITHistogramDisplay, ReliabilityDisplay]
+
+
+@pytest.fixture
+def proba():
+    return np.random.default_rng(0).dirichlet(np.ones(5), size=10)
+
+
+def touches(n_objects, n_trials, *, width=1.0, seed=0):
+    """Ratings of 12 people, and what is to be expected of them after a touch.
+
+    An object has a normal percept that the touches of it see with a common error and
+    one each; a person sees it with an error. `width` 1 is Bayes' prediction.
+    """
+    rng = np.random.default_rng(seed)
+    percept = rng.normal(size=n_objects)
+    seen = percept + rng.normal(0, 0.5, n_objects)
+    seen = (seen[:, None] + rng.normal(0, 0.3, (n_objects, n_trials))).ravel()
+    noise = 0.5**2 + 0.3**2
+    sd = width * np.sqrt(noise / (1 + noise) + 0.6**2)
+    thresholds = [-1.5, -0.5, 0.5, 1.5]
+    below = stats.norm.cdf(thresholds, seen[:, None] / (1 + noise), sd)
+    edges = np.pad(below, ((0, 0), (1, 1)), constant_values=((0, 0), (0, 1)))
+    felt = percept[:, None] + rng.normal(0, 0.6, (n_objects, 12))
+    ratings = np.searchsorted(thresholds, felt)
+    counts = (ratings[..., None] == np.arange(5)).sum(axis=1)
+    groups = np.repeat(np.arange(n_objects), n_trials)
+    return counts[groups], np.diff(edges), groups
+
+
+# One object
+
+
+def test_bars_are_proportions_and_means_and_points_the_trials(proba):
+    display = DistributionDisplay.from_predictions(COUNTS, proba)
+    heights = [bar.get_height() for bar in display.true_bars_]
+    np.testing.assert_allclose(heights, [0, 2 / 12, 6 / 12, 3 / 12, 1 / 12])
+    heights = [bar.get_height() for bar in display.predicted_bars_]
+    np.testing.assert_allclose(heights, [column.mean() for column in proba.T])
+    x, y = display.trial_points_.get_data()
+    np.testing.assert_allclose(y.reshape(10, 5), proba)
+    for points, bar in zip(x.reshape(10, 5).T, display.predicted_bars_):
+        assert (np.diff(points) > 0).all()
+        assert bar.get_x() < points[0] < points[-1] < bar.get_x() + bar.get_width()
+
+
+def test_bars_of_a_level_stand_side_by_side_at_its_label(proba):
+    levels = ["not at all", "slightly", "somewhat", "rough", "very"]
+    display = DistributionDisplay.from_predictions(COUNTS, proba, levels=levels)
+    for x, true, predicted in zip(
+        display.ax_.get_xticks(), display.true_bars_, display.predicted_bars_
+    ):
+        assert true.get_x() + true.get_width() == pytest.approx(x)
+        assert predicted.get_x() == pytest.approx(x)
+    labels = [label.get_text() for label in display.ax_.get_xticklabels()]
+    assert labels == levels
+    assert display.ax_.get_xlabel() == "rating"
+    assert display.ax_.get_ylabel() == "proportion of people"
+    texts = [text.get_text() for text in display.ax_.get_legend().get_texts()]
+    assert texts == ["true ratings", "predicted, mean of 10 trials", "each trial"]
+    display.figure_.canvas.draw()
+
+
+def test_a_single_trial_has_bars_alone(proba):
+    display = DistributionDisplay.from_predictions(COUNTS, proba[:1])
+    assert display.trial_points_ is None
+    assert len(display.ax_.lines) == 0
+    texts = [text.get_text() for text in display.ax_.get_legend().get_texts()]
+    assert texts == ["true ratings", "predicted"]
+
+
+def test_a_row_a_trial_equals_one_row(proba):
+    rows = DistributionDisplay.from_predictions(np.tile(COUNTS, (10, 1)), proba)
+    np.testing.assert_array_equal(rows.counts, COUNTS)
+
+
+@pytest.mark.parametrize(
+    "y_true, y_proba, message",
+    [
+        ([[1, 2], [2, 1]], [[0.5, 0.5]] * 2, "trials of one object only"),
+        ([1, 2, 3], [[0.5, 0.5]], "y_proba has 2 columns, but y_true has 3"),
+        ([1, 2], [[0.5, 0.6]], "no distribution in trial 0"),
+        ([0, 0], [[0.5, 0.5]], "no ratings in trial 0"),
+        ([[1, 2]] * 3, [[0.5, 0.5]] * 2, "y_true has 3 trials, but y_proba has 2"),
+    ],
+)
+def test_errors_of_one_object(y_true, y_proba, message):
+    with pytest.raises(ValueError, match=message):
+        DistributionDisplay.from_predictions(y_true, y_proba)
+
+
+# PIT histogram
+
+
+def test_pit_bars_are_the_histogram():
+    counts, proba, _ = touches(20, 3)
+    display = PITHistogramDisplay.from_predictions(counts, proba, n_bins=7)
+    heights = [bar.get_height() for bar in display.bars_]
+    np.testing.assert_array_equal(heights, pit_histogram(counts, proba, 7))
+    left = [bar.get_x() for bar in display.bars_]
+    np.testing.assert_allclose(left, np.arange(7) / 7)
+    assert display.uniform_line_.get_ydata() == [1, 1]
+    assert display.band_ is None
+    assert display.half_widths is None
+    assert display.ax_.get_ylabel() == "density"
+    assert "probability integral transform" in display.ax_.get_xlabel()
+    display.figure_.canvas.draw()
+
+
+@pytest.mark.parametrize("width", [1.0, 0.6, 0.4])
+def test_bars_outside_the_band_are_those_a_t_test_over_objects_rejects(width):
+    counts, proba, groups = touches(15, 4, width=width)
+    display = PITHistogramDisplay.from_predictions(counts, proba, groups=groups)
+    each = [pit_histogram(counts[groups == o], proba[groups == o]) for o in range(15)]
+    p = stats.ttest_1samp(each, 1, axis=0).pvalue
+    outside = np.abs(display.heights - 1) > display.half_widths
+    np.testing.assert_array_equal(outside, p < 0.05)
+    assert outside.any() == (width < 1)
+    top, edges, bottom = display.band_.get_data()
+    np.testing.assert_array_equal(top, 1 + display.half_widths)
+    np.testing.assert_array_equal(bottom, np.maximum(1 - display.half_widths, 0))
+    np.testing.assert_allclose(edges, np.linspace(0, 1, 11))
+    texts = [text.get_text() for text in display.ax_.get_legend().get_texts()]
+    assert texts == ["95 % by chance", "calibrated", "predictions"]
+
+
+def test_the_band_holds_what_it_says_and_objects_are_what_counts():
+    ax = matplotlib.figure.Figure().subplots()
+    inside = {"objects": [], "trials": []}
+    for seed in range(80):
+        counts, proba, objects = touches(20, 3, seed=seed)
+        for unit, groups in {"objects": objects, "trials": np.arange(60)}.items():
+            display = PITHistogramDisplay.from_predictions(
+                counts, proba, n_bins=5, groups=groups, ax=ax
+            )
+            inside[unit].append(np.abs(display.heights - 1) <= display.half_widths)
+            ax.clear()
+    assert 0.93 < np.mean(inside["objects"]) < 0.97
+    assert np.mean(inside["trials"]) < 0.8
+
+
+def test_objects_with_more_trials_weigh_more_in_the_band():
+    # Heights of objects: 2, 0 (three trials of a), 0, 2 (one of b).
+    counts = [[1, 0]] * 3 + [[0, 1]]
+    display = PITHistogramDisplay.from_predictions(
+        counts, [[0.5, 0.5]] * 4, n_bins=2, groups=["a", "a", "a", "b"]
+    )
+    np.testing.assert_array_equal(display.heights, [1.5, 0.5])
+    share = np.sin(0.95 * np.pi / 2) ** 2  # quantile of the arcsine distribution
+    np.testing.assert_allclose(display.half_widths, np.sqrt(2 * share * 10) / 4)
+
+
+# Reliability
+
+
+def test_reliability_equals_the_calibration_curve_of_single_ratings():
+    counts, proba, _ = touches(40, 1)
+    display = ReliabilityDisplay.from_predictions(counts, proba, n_bins=4)
+    for k in range(4):
+        rated_above = np.concatenate(
+            [np.repeat(np.arange(5), row) > k for row in counts]
+        )
+        predicted = np.repeat(proba[:, k + 1 :].sum(axis=1), 12)
+        true, mean = calibration_curve(
+            rated_above, predicted, n_bins=4, strategy="quantile"
+        )
+        x, y = display.curves_[k].get_data()
+        np.testing.assert_allclose(x, mean)
+        np.testing.assert_allclose(y, true, atol=1e-12)
+        np.testing.assert_allclose(display.points_[k].get_offsets(), np.c_[x, y])
+        np.testing.assert_array_equal(display.n_trials[k], [10] * 4)
+    assert display.errorbars_ == []
+
+
+def test_right_predictions_are_on_the_diagonal():
+    proba = np.random.default_rng(1).dirichlet(np.ones(5), size=60)
+    display = ReliabilityDisplay.from_predictions(120 * proba, proba)
+    for curve in display.curves_:
+        np.testing.assert_allclose(*curve.get_data(), atol=1e-12)
+    counts, proba, _ = touches(4000, 1)
+    display = ReliabilityDisplay.from_predictions(counts, proba)
+    for curve in display.curves_:
+        np.testing.assert_allclose(*curve.get_data(), atol=0.03)
+    display = PITHistogramDisplay.from_predictions(counts, proba)
+    np.testing.assert_allclose(display.heights, 1, atol=0.1)
+
+
+def test_equal_predictions_share_a_bin_and_its_marker_is_larger():
+    proba = np.array([[0.9, 0.1]] * 30 + [[0.2, 0.8]] * 10)
+    counts = np.array([[3, 1]] * 30 + [[1, 3]] * 10)
+    display = ReliabilityDisplay.from_predictions(counts, proba, n_bins=8)
+    np.testing.assert_allclose(
+        display.curves_[0].get_xydata(), [[0.1, 0.25], [0.8, 0.75]]
+    )
+    np.testing.assert_array_equal(display.n_trials[0], [30, 10])
+    areas = display.points_[0].get_sizes()
+    assert areas[0] == pytest.approx(3 * areas[1])
+
+
+def test_bars_reach_the_diagonal_unless_a_t_test_over_objects_rejects_it():
+    counts, proba, groups = touches(40, 1, width=0.5)
+    display = ReliabilityDisplay.from_predictions(
+        counts, proba, n_bins=4, groups=groups
+    )
+    rejected = []
+    for k in range(4):
+        predicted = proba[:, k + 1 :].sum(axis=1)
+        observed = counts[:, k + 1 :].sum(axis=1) / 12
+        for each, segment in zip(
+            np.split(np.argsort(predicted), 4), display.errorbars_[k].get_segments()
+        ):
+            p = stats.ttest_rel(observed[each], predicted[each]).pvalue
+            (x, low), (_, high) = segment
+            assert (low <= x <= high) != (p < 0.05)
+            assert (low + high) / 2 == pytest.approx(observed[each].mean())
+            rejected.append(p < 0.05)
+    assert 0 < sum(rejected) < 16
+
+
+def test_a_bin_of_one_object_says_nothing_against_the_diagonal():
+    display = ReliabilityDisplay.from_predictions(
+        [[3, 1]] * 2 + [[1, 3]] * 2,
+        [[0.9, 0.1], [0.8, 0.2], [0.2, 0.8], [0.1, 0.9]],
+        n_bins=2,
+        groups=[7, 7, 8, 8],
+    )
+    (below, above) = display.errorbars_[0].get_segments()
+    np.testing.assert_allclose(below[:, 1], [0.15, 0.35])
+    np.testing.assert_allclose(above[:, 1], [0.65, 0.85])
+
+
+def test_thresholds_are_named_and_differ_in_lightness_and_marker(proba):
+    counts = np.tile(COUNTS, (10, 1))
+    display = ReliabilityDisplay.from_predictions(counts, proba, levels=[*"abcde"])
+    texts = [text.get_text() for text in display.ax_.get_legend().get_texts()]
+    assert texts == ["reliable", *(f"rating above {level}" for level in "abcd")]
+    assert display.diagonal_.get_xydata().tolist() == [[0, 0], [1, 1]]
+    colours = np.array([points.get_facecolor()[0, :3] for points in display.points_])
+    assert (np.diff(colours @ [0.2126, 0.7152, 0.0722]) > 0).all()
+    shapes = {str(points.get_paths()[0].vertices) for points in display.points_}
+    assert len(shapes) == 4
+    assert display.ax_.get_xlabel() == "predicted proportion of people"
+    assert display.ax_.get_ylabel() == "observed proportion of people"
+    display.figure_.canvas.draw()
+
+
+# All three
+
+
+def ratings_for(display):
+    return COUNTS if display is DistributionDisplay else np.tile(COUNTS, (10, 1))
+
+
+@pytest.mark.parametrize("display", DISPLAYS)
+def test_given_axes_are_used_and_no_figure_is_made(display, proba):
+    figure = matplotlib.figure.Figure()
+    ax = figure.subplots()
+    drawn = display.from_predictions(ratings_for(display), proba, ax=ax)
+    assert drawn.ax_ is ax
+    assert drawn.figure_ is figure
+    assert plt.get_fignums() == []
+    assert drawn.plot() is drawn
+    assert drawn.ax_ is not ax
+
+
+@pytest.mark.parametrize("display", DISPLAYS)
+def test_from_estimator_equals_from_predictions(display):
+    rng = np.random.default_rng(2)
+    X, y = rng.normal(size=(60, 3)), rng.permutation(np.repeat([1, 2, 4], 20))
+    model = LogisticRegression().fit(X, y)
+    rows = np.tile([3, 6, 3], (60, 1))
+    options = {} if display is DistributionDisplay else {"n_bins": 3, "groups": y}
+    drawn = display.from_estimator(model, X, rows, **options)
+    expected = display.from_predictions(
+        rows, model.predict_proba(X), levels=[1, 2, 4], **options
+    )
+    assert vars(drawn).keys() == vars(expected).keys()
+    for name in ("counts", "y_proba", "levels", "heights", "half_widths", "predicted"):
+        if hasattr(expected, name):
+            np.testing.assert_array_equal(getattr(drawn, name), vars(expected)[name])
+
+
+@pytest.mark.parametrize("display", [PITHistogramDisplay, ReliabilityDisplay])
+def test_ratings_may_be_labels(display):
+    X, y = np.arange(12.0)[:, None] % 5, np.tile([1, 2, 4], 4)
+    model = NNPOM(n_hidden=0, levels=[1, 2, 3, 4]).fit(X, y)
+    drawn = display.from_estimator(model, X, y)
+    one_hot = (y[:, None] == [1, 2, 3, 4]).astype(float)
+    expected = display.from_predictions(one_hot, model.predict_proba(X))
+    for name in ("heights", "predicted", "observed"):
+        if hasattr(expected, name):
+            np.testing.assert_array_equal(getattr(drawn, name), vars(expected)[name])
+
+
+@pytest.mark.parametrize("display", [PITHistogramDisplay, ReliabilityDisplay])
+@pytest.mark.parametrize(
+    "options, error, message",
+    [
+        ({"n_bins": 0}, ValueError, "n_bins"),
+        ({"n_bins": 2.5}, (TypeError, ValueError), "n_bins"),
+        ({"groups": np.zeros(10)}, ValueError, "groups has one object"),
+        ({"groups": np.arange(9)}, ValueError, "inconsistent numbers of samples"),
+        ({"groups": [np.nan, *range(9)]}, ValueError, "Input groups contains NaN"),
+    ],
+)
+def test_errors_of_bins_and_groups(display, options, error, message, proba):
+    with pytest.raises(error, match=message):
+        display.from_predictions(np.tile(COUNTS, (10, 1)), proba, **options)
+
+
+@pytest.mark.parametrize("display", DISPLAYS)
+def test_without_matplotlib_the_extra_is_named(display, proba, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(ImportError, match=r"pip install 'sklearn_haptic\[plot\]'"):
+        display.from_predictions(ratings_for(display), proba)
