@@ -7,6 +7,7 @@ No network is needed. `-D plot_gallery=0` leaves the examples unexecuted; `git c
 import warnings
 from importlib import metadata
 
+from docutils.nodes import SkipNode
 from latex2mathml.converter import convert
 
 from sklearn_haptic._documentation import DOCUMENTATION_URL
@@ -38,6 +39,7 @@ copybutton_prompt_text = ">>> "
 # Reference
 templates_path = ["_templates"]
 add_module_names = False
+toc_object_entries_show_parents = "hide"
 autodoc_typehints = "none"  # the docstrings say more
 numpydoc_class_members_toctree = False
 numpydoc_show_class_members = False  # by the template of classes
@@ -65,33 +67,33 @@ sphinx_gallery_conf = {
     "doc_module": ("sklearn_haptic",),
     "reference_url": {"sklearn_haptic": None},
     "download_all_examples": False,
-    "min_reported_time": 0,
+    "write_computation_times": False,  # of a page that asks for scripts of others
 }
 
 # Pages
 html_theme = "pydata_sphinx_theme"
+html_title = project
 html_baseurl = DOCUMENTATION_URL
 html_static_path = ["_static"]
 html_css_files = ["custom.css"]
 html_show_sourcelink = False
 html_theme_options = {"navigation_with_keys": False, "show_prev_next": False}
+html_context = {"default_mode": "auto"}
 html_math_renderer = "mathml"  # browsers draw it, with no script and no network
 
 
 def inline_math(self, node):
     """Write a formula in a line of text."""
     self.body.append(convert(node.astext()))
+    raise SkipNode
 
 
 def displayed_math(self, node):
     """Write a formula on a line of its own."""
     self.body.append(convert(node.astext(), display="block"))
-
-
-def leave(self, node):
-    """Write nothing after a formula."""
+    raise SkipNode
 
 
 def setup(app):
     """Register how formulas are written."""
-    app.add_html_math_renderer("mathml", (inline_math, leave), (displayed_math, leave))
+    app.add_html_math_renderer("mathml", (inline_math, None), (displayed_math, None))
