@@ -1,16 +1,28 @@
-"""Ratings given by people: counts per level, inverse CDF, agreement, correlation.
+"""Ratings given by people: counts per level, CDFs, agreement, correlation.
 
 People rate an object on an ordered scale, so an object's ratings are a table of
 *counts*: how many people chose each level. Everything else follows from it.
 """
 
+from numbers import Real
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import spearmanr
 from sklearn.utils import Bunch
+from sklearn.utils._missing import is_pandas_na
+from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_array, check_consistent_length, column_or_1d
 
+from ._typing import validate_params
 from ._validation import _check_levels, check_numbers, check_ratings, check_regular
+
+# A row of `adjective_correlation(ratings).pairs`.
+_PAIR = [
+    *((field, object) for field in ("first", "second")),
+    *((field, np.float64) for field in ("rho", "pvalue", "pvalue_holm")),
+    *(("relation", "U8"), ("n_ratings", np.int64)),
+]
 
 
 def rating_counts(
@@ -27,8 +39,9 @@ def rating_counts(
     objects : array-like of shape (n_ratings,)
         The object that each rating is of.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels; by default the sorted ratings that occur. Give them if
-        a level may have been chosen by nobody.
+        The ordered levels; by default the categories of an ordered categorical
+        column of pandas, else the sorted ratings that occur. Give them if a level
+        may have been chosen by nobody.
 
     Returns
     -------
@@ -45,8 +58,9 @@ def rating_counts(
     Raises
     ------
     ValueError
-        If ``ratings`` and ``objects`` differ in length, a rating is not among
-        ``levels``, an object id is missing, or nobody rated an object.
+        If ``ratings`` and ``objects`` differ in length, either mixes text with
+        something else, a rating is not among ``levels``, an object id is missing, or
+        nobody rated an object.
 
     Examples
     --------
@@ -62,13 +76,10 @@ def rating_counts(
     array(['foam', 'tile'], dtype='<U4')
     """
     check_consistent_length(ratings, objects)
+    if levels is None:
+        levels = _ordered_categories(ratings)
     ratings, given = _drop_missing(ratings, "ratings")
-    objects, named = _drop_missing(objects, "objects")
-    if not named.all():
-        raise ValueError(
-            f"objects has no object for rating {np.argmin(named)}; name the object of "
-            "every rating or remove the rating."
-        )
+    objects = _check_objects(objects)
     values, column = np.unique(ratings, return_inverse=True)
     levels = values if levels is None else _check_levels(levels)
     matches = values[:, None] == levels
@@ -89,6 +100,68 @@ def rating_counts(
             "objects."
         )
     return Bunch(counts=counts, objects=objects, levels=levels)
+
+
+def rating_distribution(counts: ArrayLike) -> NDArray[np.float64]:
+    """Share of the people who gave each object each rating.
+
+    Parameters
+    ----------
+    counts : array-like of shape (n_objects, n_levels)
+        How many people chose each level; any non-negative weights will do.
+
+    Returns
+    -------
+    proba : ndarray of shape (n_objects, n_levels)
+        Proportions, which sum to 1 in each row.
+
+    Raises
+    ------
+    ValueError
+        If the counts are negative, not finite or all zero for an object.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.ratings import rating_distribution
+    >>> rating_distribution([[0, 3, 6, 3, 0]])
+    array([[0.  , 0.25, 0.5 , 0.25, 0.  ]])
+    """
+    counts, _ = _check_counts(counts, None)
+    return counts / counts.sum(axis=1, keepdims=True)
+
+
+def rating_cdf(counts: ArrayLike) -> NDArray[np.float64]:
+    """Share of the people who rated each object at each level or below.
+
+    Parameters
+    ----------
+    counts : array-like of shape (n_objects, n_levels)
+        How many people chose each level; any non-negative weights will do.
+
+    Returns
+    -------
+    cdf : ndarray of shape (n_objects, n_levels)
+        Cumulative distribution function at each level, exactly 1 from the highest
+        level used. For counts each entry is the double nearest to the fraction.
+
+    Raises
+    ------
+    ValueError
+        If the counts are negative, not finite or all zero for an object.
+
+    See Also
+    --------
+    inverse_cdf : The level at each position of the population.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.ratings import rating_cdf
+    >>> rating_cdf([[0, 3, 6, 3, 0]])
+    array([[0.  , 0.25, 0.75, 1.  , 1.  ]])
+    """
+    counts, _ = _check_counts(counts, None)
+    below = np.cumsum(counts, axis=1)
+    return below / below[:, -1:]
 
 
 def inverse_cdf(
@@ -209,14 +282,32 @@ def interrater_agreement(counts: ArrayLike) -> NDArray[np.float64]:
     return 1 - variance / ((len(levels) ** 2 - 1) / 12)
 
 
-def adjective_correlation(ratings: ArrayLike) -> Bunch:
-    """Rank correlation of the ratings of every pair of adjectives.
+@validate_params(
+    {
+        "alpha": [Interval(Real, 0, 1, closed="neither")],
+        "threshold": [Interval(Real, 0, 1, closed="both")],
+    },
+    prefer_skip_nested_validation=True,
+)
+def adjective_correlation(
+    ratings: ArrayLike, *, alpha: float = 0.05, threshold: float = 0.5
+) -> Bunch:
+    r"""Rank correlation of the ratings of every pair of adjectives.
+
+    Two adjectives are called synonyms or antonyms if their correlation is both
+    significant and strong.
 
     Parameters
     ----------
     ratings : array-like of shape (n_ratings, n_adjectives)
-        One person's ratings of one object a row, an adjective a column; the
-        columns of a DataFrame name the adjectives.
+        One person's ratings of one object a row, an adjective a column; the columns
+        of a pandas or polars table name the adjectives. Ratings that were not given
+        are None, NaN or NA; a pair is correlated over the rows that have both.
+    alpha : float, default=0.05
+        Probability of calling any pair of uncorrelated adjectives significant.
+    threshold : float, default=0.5
+        Least :math:`|\rho|` of synonyms and antonyms. From .5 a correlation is
+        called large, from .3 medium [2]_.
 
     Returns
     -------
@@ -224,55 +315,143 @@ def adjective_correlation(ratings: ArrayLike) -> Bunch:
         With the attributes
 
         rho : ndarray of shape (n_adjectives, n_adjectives)
-            Spearman's rank correlation: positive for synonyms, negative for
-            antonyms.
+            Spearman's rank correlation.
         pvalue : ndarray of shape (n_adjectives, n_adjectives)
-            Two-sided p-values of the hypothesis of no correlation, not corrected
-            for the number of pairs.
+            Two-sided p-values of the hypothesis of no correlation, as
+            :func:`scipy.stats.spearmanr` gives them.
+        pvalue_holm : ndarray of shape (n_adjectives, n_adjectives)
+            The same, corrected for the number of pairs by Holm's method [3]_.
+        relation : ndarray of shape (n_adjectives, n_adjectives)
+            1 for synonyms, -1 for antonyms, else 0: the sign of ``rho`` where
+            ``pvalue_holm <= alpha`` and ``abs(rho) >= threshold``.
+        n_ratings : ndarray of shape (n_adjectives, n_adjectives)
+            How many rows have both ratings.
         names : ndarray of shape (n_adjectives,)
             The adjectives, ``x0``, ``x1``, … for an array.
+        pairs : structured ndarray of shape (n_pairs,)
+            The pairs, strongest first, with the fields ``first``, ``second``,
+            ``rho``, ``pvalue``, ``pvalue_holm``, ``relation`` and ``n_ratings``;
+            ``pandas.DataFrame(result.pairs)`` is a table of them.
 
     Raises
     ------
     ValueError
-        If a rating is missing, there are fewer than two adjectives or three rows,
-        or an adjective always has the same rating.
+        If there are fewer than two adjectives or three rows, fewer than three rows
+        have both ratings of a pair, or all of these rate an adjective the same.
+
+    Notes
+    -----
+    The p-values hold for independent rows. Ratings by one person, or of one object,
+    are not independent: what is the same in all of them counts many times, so the
+    p-values are too small, and the strength says more than the significance. They are
+    also approximate: of few rows that agree in order each p-value is 0. A
+    correlation also depends on which objects were rated: two adjectives are
+    synonyms for them, not in the language.
+
+    In the paper [4]_ hard–soft (−.71) and rough–smooth (−.64) are antonyms and
+    moldable–springy (.70) are synonyms, as by the default threshold; cold–warm
+    (−.30), there weak antonyms, would need a lower one.
 
     References
     ----------
-    C. Spearman, "The proof and measurement of association between two things",
-    American Journal of Psychology 15(1), 72–101, 1904. :doi:`10.2307/1412159`
+    .. [1] C. Spearman, "The proof and measurement of association between two things",
+       American Journal of Psychology 15(1), 72–101, 1904. :doi:`10.2307/1412159`
+    .. [2] J. Cohen, "A power primer", Psychological Bulletin 112(1), 155–159, 1992.
+       :doi:`10.1037/0033-2909.112.1.155`
+    .. [3] S. Holm, "A simple sequentially rejective multiple test procedure",
+       Scandinavian Journal of Statistics 6(2), 65–70, 1979.
+    .. [4] B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
+       distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
+       section 3.1. :doi:`10.3389/fnbot.2019.00116`
 
     Examples
     --------
     >>> from sklearn_haptic.ratings import adjective_correlation
-    >>> result = adjective_correlation([[1, 5], [2, 4], [4, 3], [5, 1]])
+    >>> result = adjective_correlation([[1, 5], [2, 4], [4, 3], [5, 1], [3, None]])
     >>> result.rho
     array([[ 1., -1.],
            [-1.,  1.]])
+    >>> result.n_ratings
+    array([[5, 4],
+           [4, 4]])
+    >>> result.pairs[["first", "second", "relation"]].tolist()
+    [('x0', 'x1', 'antonyms')]
     """
     names = getattr(ratings, "columns", None)
-    check_numbers(ratings, "ratings")
+    with np.errstate(invalid="ignore"):  # of missing categories, cast by pandas
+        check_numbers(ratings, "ratings")
     ratings = check_array(
-        ratings,
+        _missing_to_none(ratings),
         dtype=np.float64,
+        ensure_all_finite="allow-nan",
         ensure_min_samples=3,
         ensure_min_features=2,
         input_name="ratings",
     )
+    n_adjectives = ratings.shape[1]
     if names is None:
-        names = [f"x{i}" for i in range(ratings.shape[1])]
-    constant = (ratings == ratings[0]).all(axis=0)
-    if constant.any():
+        names = [f"x{i}" for i in range(n_adjectives)]
+    names = np.asarray(names, dtype=object)
+
+    first, second = np.triu_indices(n_adjectives, k=1)
+    rho, pvalue = np.transpose(
+        [_spearman(ratings[:, pair], names[pair]) for pair in np.c_[first, second]]
+    )
+    pvalue_holm = _holm(pvalue)
+    relation = np.where(
+        (pvalue_holm <= alpha) & (np.abs(rho) >= threshold), np.sign(rho), 0
+    ).astype(np.int64)
+    given = ~np.isnan(ratings)
+    n_ratings = given.T.astype(np.int64) @ given
+
+    def matrix(values, diagonal):
+        square = np.diag(np.full(n_adjectives, diagonal, dtype=values.dtype))
+        square[first, second] = square[second, first] = values
+        return square
+
+    words = np.array(["neither", "synonyms", "antonyms"])  # the last has index -1
+    columns = [
+        *(names[first], names[second], rho, pvalue, pvalue_holm, words[relation]),
+        n_ratings[first, second],
+    ]
+    pairs = np.array([*zip(*columns, strict=True)], dtype=_PAIR)
+    return Bunch(
+        rho=matrix(rho, 1),
+        pvalue=matrix(pvalue, 0),
+        pvalue_holm=matrix(pvalue_holm, 0),
+        relation=matrix(relation, 0),
+        n_ratings=n_ratings,
+        names=names,
+        pairs=pairs[np.argsort(-np.abs(rho), kind="stable")],
+    )
+
+
+def _spearman(ratings, names):
+    """Return the rank correlation and p-value of two columns, NaN where missing."""
+    both = ratings[~np.isnan(ratings).any(axis=1)]
+    if len(both) < 3:
         raise ValueError(
-            f"All ratings of {names[np.argmax(constant)]!r} are equal, so they have no "
-            "rank correlation; leave that adjective out."
+            f"ratings has {len(both)} rows with both {names[0]!r} and {names[1]!r}; a "
+            "rank correlation needs three or more, so leave one of the two out."
         )
-    rho, pvalue = spearmanr(ratings)
-    if np.ndim(rho) == 0:  # two columns give one number
-        rho = np.array([[1.0, rho], [rho, 1.0]])
-        pvalue = np.array([[0.0, pvalue], [pvalue, 0.0]])
-    return Bunch(rho=rho, pvalue=pvalue, names=np.asarray(names, dtype=object))
+    constant = (both == both[0]).all(axis=0)
+    if constant.any():
+        one, other = names if constant[0] else names[::-1]
+        raise ValueError(
+            f"All ratings of {one!r} in the rows that have {other!r} too are equal, so "
+            "there is no rank correlation; leave one of the two out."
+        )
+    return spearmanr(*both.T)
+
+
+def _holm(pvalue):
+    """Return p-values corrected for their number by Holm's method."""
+    order = np.argsort(pvalue)
+    corrected = np.empty_like(pvalue)
+    corrected[order] = np.maximum.accumulate(
+        pvalue[order] * np.arange(len(pvalue), 0, -1)
+    )
+    return np.minimum(corrected, 1)
 
 
 def _level_index(counts, p):
@@ -305,22 +484,52 @@ def _level_index(counts, p):
     return index
 
 
-def _check_counts(counts, levels):
+def _check_counts(counts, levels, name="counts"):
     """Validate a table of counts, which unlike ratings is always two-dimensional."""
-    check_numbers(counts, "counts")
+    check_numbers(counts, name)
     counts = check_array(
-        counts, dtype=np.float64, ensure_min_features=2, input_name="counts"
+        counts, dtype=np.float64, ensure_min_features=2, input_name=name
     )
-    return check_ratings(counts, levels, name="counts")
+    return check_ratings(counts, levels, name=name)
+
+
+def _check_objects(objects):
+    """Return the object of each row, of which none may be missing."""
+    objects, named = _drop_missing(objects, "objects")
+    if not named.all():
+        raise ValueError(
+            f"objects has no object in row {np.argmin(named)}; name the object of "
+            "every row or remove the row."
+        )
+    return objects
+
+
+def _ordered_categories(column):
+    """Return the categories of an ordered categorical column, None of any other."""
+    dtype = getattr(column, "dtype", None)
+    return dtype.categories if getattr(dtype, "ordered", False) else None
 
 
 def _drop_missing(values, name):
     """Return the values of a column that are there, and where they are."""
-    check_regular(values, name)
-    if hasattr(values, "isna"):  # pandas, whose NA compares with nothing
-        values = values.to_numpy(dtype=object, na_value=None)
-    values = column_or_1d(np.asarray(values), dtype=None)
-    given = np.array([value is not None and value == value for value in values])
+    values = _missing_to_none(values, name)
+    values = column_or_1d(values, dtype=None)
+    given = np.array([value is not None for value in values], dtype=bool)
     if not given.any():
         raise ValueError(f"{name} holds no values at all; at least one is required.")
-    return np.array(values[given].tolist()), given
+    values = values[given].tolist()
+    if len({isinstance(value, str) for value in values}) > 1:
+        raise ValueError(f"{name} mixes text with something else; convert it.")
+    return np.array(values), given
+
+
+def _missing_to_none(values, name="ratings"):
+    """Return an array of objects in which None stands for each missing value."""
+    if hasattr(values, "isna"):  # of pandas, whose own arrays look masked to NumPy
+        values = values.to_numpy(dtype=object, na_value=None)
+    check_regular(values, name)
+    values = np.array(values, dtype=object)
+    for i, value in enumerate(values.flat):
+        if is_pandas_na(value) or value != value:
+            values.flat[i] = None
+    return values

@@ -59,7 +59,9 @@ from sklearn_haptic.ratings import (
     adjective_correlation,
     interrater_agreement,
     inverse_cdf,
+    rating_cdf,
     rating_counts,
+    rating_distribution,
 )
 from sklearn_haptic.study import read_study, run_study
 
@@ -1484,7 +1486,7 @@ FUNCTION_CASES = [
                 ),
                 (
                     "an object without a name",
-                    "^objects has no object for rating 1; name the object",
+                    "^objects has no object in row 1; name the object of every row",
                     ([1, 2], ["a", None]),
                 ),
                 (
@@ -1498,6 +1500,11 @@ FUNCTION_CASES = [
                     (masked([1, 2]), ["a", "b"]),
                 ),
                 ("ratings in two dimensions", "1d array", ([[1, 2]], ["a"])),
+                (
+                    "text among numbers",
+                    "^ratings mixes text with something else; convert it",
+                    ([1, "2"], ["a", "a"]),
+                ),
             ]
         ),
         (
@@ -1509,7 +1516,10 @@ FUNCTION_CASES = [
     ),
     *(
         case
-        for function in (interrater_agreement, inverse_cdf)
+        for function in (
+            *(interrater_agreement, inverse_cdf),
+            *(rating_distribution, rating_cdf),
+        )
         for case in cases(
             function.__name__,
             *(
@@ -1585,17 +1595,32 @@ FUNCTION_CASES = [
                 lambda _, bad=bad: call(adjective_correlation, bad),
             )
             for given, message, bad in [
-                ("a missing rating", "ratings contains NaN", replaced(X, np.nan)),
+                (
+                    "too few ratings of a pair",
+                    "^ratings has 2 rows with both 'x0' and 'x1'; .* leave one of",
+                    replaced(X, np.nan, (slice(2, None), 0)),
+                ),
+                ("infinity", "ratings contains infinity", replaced(X, np.inf)),
                 ("one adjective", "1 feature.* minimum of 2", X[:, :1]),
                 ("two rows", "2 sample.* minimum of 3", X[:2]),
                 (
                     "an adjective always rated the same",
-                    "All ratings of 'x0' are equal, .*; leave that adjective out",
+                    "^All ratings of 'x0' in the rows that have 'x1' too are equal, .*;"
+                    " leave one of the two out",
                     replaced(X, 1.0, (slice(None), 0)),
                 ),
                 ("text", "^ratings is not an array of numbers .*; convert", text(X)),
                 ("masked ratings", "^ratings has masked values, .*; fill", masked(X)),
             ]
+        ),
+        *(
+            (
+                f"{name}={value!r}",
+                ValueError,
+                f"The '{name}' parameter of adjective_correlation must be a float in",
+                lambda _, o={name: value}: call(adjective_correlation, X, **o),
+            )
+            for name, value in [("alpha", 0), ("alpha", "5%"), ("threshold", -0.3)]
         ),
     ),
     *of_search(speed_accuracy_frontier),

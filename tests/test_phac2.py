@@ -78,6 +78,7 @@ def test_layout_of_the_bunch(path):
     assert corpus.objects.dtype.kind == "i"
     assert list(corpus.object_names) == ["sponge", "sponge", "cup"]
     assert corpus.ratings == {}
+    assert corpus.rater_ratings is None
     np.testing.assert_array_equal(corpus.levels, [1, 2, 3, 4, 5])
     assert corpus.sampling_rates == dict(zip(SENSORS, [2200, 100, 100, 100, 100]))
     for text in ("10.17617/3.0C79KW", "CC BY-SA 4.0"):
@@ -203,6 +204,9 @@ def test_ratings_follow_the_objects(path, tmp_path):
     np.testing.assert_array_equal(
         corpus.ratings["rough"], np.take(expected, [0, 1, 1], 0)
     )
+    people = corpus.rater_ratings
+    np.testing.assert_array_equal(people.loc[114, "rough"], ratings[1, 2])
+    np.testing.assert_array_equal(people.loc[602, "rough"], ratings[0, 2])
 
 
 # What is refused

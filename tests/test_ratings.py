@@ -5,14 +5,17 @@ import numpy as np
 import pandas as pd
 import polars as pl
 import pytest
-from scipy.stats import rankdata
+from scipy.stats import rankdata, spearmanr
 
 from sklearn_haptic.ratings import (
+    _holm,
     _level_index,
     adjective_correlation,
     interrater_agreement,
     inverse_cdf,
+    rating_cdf,
     rating_counts,
+    rating_distribution,
 )
 
 
@@ -36,9 +39,16 @@ def exact_level(counts, p):
         pd.Series([1, 2, None, 5, 2]),
         pd.Series([1, 2, None, 5, 2], dtype="Int64"),
         pd.Series([1, 2, None, 5, 2], dtype="category"),
+        pd.Series([1, 2, pd.NA, 5, 2], dtype=object),
+        [1, 2, pd.NA, 5, 2],
+        pd.array([1, 2, None, 5, 2], dtype="Int64"),
         pl.Series([1, 2, None, 5, 2]),
+        pl.Series([1.0, 2.0, float("nan"), 5.0, 2.0]),
     ],
-    ids=["list", "array", "float", "Int64", "category", "polars"],
+    ids=[
+        *("list", "array", "float", "Int64", "category", "object", "NA", "extension"),
+        *("polars", "polars float"),
+    ],
 )
 def test_rating_counts_leaves_out_missing_ratings(column):
     objects = np.array(["tile", "foam", "foam", "foam", "foam"])
@@ -58,6 +68,45 @@ def test_rating_counts_keeps_the_order_of_named_and_half_levels():
     assert rating_counts([0.5, 4.5, 0.5], [0, 0, 0]).levels.tolist() == [0.5, 4.5]
 
 
+@pytest.mark.parametrize(
+    "column",
+    [
+        ["very", "no", float("nan"), "no"],
+        np.array(["very", "no", None, "no"], dtype=object),
+        pd.Series(["very", "no", None, "no"]),
+        pd.Series(["very", "no", np.nan, "no"], dtype=object),
+        pd.Series(["very", "no", None, "no"], dtype="category"),
+        pl.Series(["very", "no", None, "no"]),
+        pl.Series(["very", "no", None, "no"], dtype=pl.Categorical),
+    ],
+    ids=["list", "array", "str", "object", "category", "polars", "polars category"],
+)
+def test_rating_counts_of_named_levels_with_missing_ratings(column):
+    table = rating_counts(column, [7, 7, 7, 3], levels=["no", "a bit", "very"])
+    assert table.counts.tolist() == [[1, 0, 0], [1, 0, 1]]
+
+
+def test_rating_counts_takes_the_order_of_ordered_categories():
+    levels = ["no", "a bit", "very"]
+    column = pd.Series(pd.Categorical(["very", "no", None], levels, ordered=True))
+    table = rating_counts(column, ["a", "a", "a"])
+    assert table.levels.tolist() == levels
+    assert table.counts.tolist() == [[1, 0, 1]]
+    assert rating_counts(column, ["a"] * 3, levels=["very", "no"]).counts.tolist() == [
+        [1, 1]
+    ]
+
+
+@pytest.mark.parametrize("frame", [pd.DataFrame, pl.DataFrame])
+def test_rating_counts_of_the_columns_of_a_long_table(frame):
+    long = frame(
+        {"rating": [5, None, 1, 1], "object": ["tile", "tile", "foam", "tile"]}
+    )
+    table = rating_counts(long["rating"], long["object"], levels=[1, 2, 3, 4, 5])
+    assert table.counts.tolist() == [[1, 0, 0, 0, 0], [1, 0, 0, 0, 1]]
+    assert table.objects.tolist() == ["foam", "tile"]
+
+
 def test_rating_counts_agrees_with_a_published_table(shared_data):
     long = pd.read_csv(shared_data / "tactile_ratings" / "ratings_long.csv")
     wide = pd.read_csv(shared_data / "tactile_ratings" / "counts.csv")
@@ -75,7 +124,8 @@ def test_rating_counts_agrees_with_a_published_table(shared_data):
     [
         (([1, 2], ["a"]), None, "inconsistent numbers of samples"),
         (([1, 6], ["a", "a"]), [1, 2], "has the rating 6.* add it to levels"),
-        (([1, 2], ["a", None]), None, "no object for rating 1"),
+        (([1, 2], ["a", None]), None, "no object in row 1"),
+        (([1, "2"], ["a", "a"]), None, "ratings mixes text with something else"),
         (([1, None], ["a", "b"]), None, "Nobody rated the object .*'b'"),
         (([None, None], ["a", "b"]), None, "ratings holds no values"),
         (([1, 2], ["a", "a"]), [1, 1, 2], "must be distinct"),
@@ -85,6 +135,80 @@ def test_rating_counts_agrees_with_a_published_table(shared_data):
 def test_rating_counts_errors(args, levels, message):
     with pytest.raises(ValueError, match=message):
         rating_counts(*args, levels=levels)
+
+
+def wine_ratings(shared_data):
+    """Nine judges' bitterness of eight bottles of wine."""
+    return pd.read_csv(shared_data / "wine_ratings" / "ordinal_wine.csv")
+
+
+def test_rating_counts_of_nine_judges(shared_data):
+    long = wine_ratings(shared_data)
+    table = rating_counts(long.rating, long.bottle, levels=[1, 2, 3, 4, 5])
+    expected = pd.crosstab(long.bottle, long.rating)
+    np.testing.assert_array_equal(table.counts, expected)
+    np.testing.assert_array_equal(table.objects, expected.index)
+    np.testing.assert_array_equal(table.counts.sum(axis=1), 9)
+
+
+# Distribution and CDF
+
+
+def test_distribution_and_cdf_by_hand():
+    counts = [[0, 3, 6, 3, 0], [1, 1, 1, 0, 0], [7, 0, 0, 0, 0]]
+    expected = [
+        [0, 1 / 4, 1 / 2, 1 / 4, 0],
+        [1 / 3, 1 / 3, 1 / 3, 0, 0],
+        [1, 0, 0, 0, 0],
+    ]
+    assert rating_distribution(counts).tolist() == expected
+    expected = [[0, 1 / 4, 3 / 4, 1, 1], [1 / 3, 2 / 3, 1, 1, 1], [1, 1, 1, 1, 1]]
+    assert rating_cdf(counts).tolist() == expected
+
+
+@pytest.mark.parametrize("n_raters", [1, 3, 7, 12, 49, 1000])
+def test_cdf_is_the_nearest_double_and_ends_in_one(n_raters):
+    rng = np.random.default_rng(n_raters)
+    counts = rng.multinomial(n_raters, [0.1, 0.2, 0.4, 0.2, 0.1], size=200)
+    expected = [
+        [float(Fraction(int(below), n_raters)) for below in np.cumsum(row)]
+        for row in counts
+    ]
+    cdf = rating_cdf(counts)
+    assert cdf.tolist() == expected
+    assert (cdf[:, -1] == 1).all()
+
+
+@pytest.mark.parametrize("scale", [1e-300, 0.1, 1e300])
+def test_cdf_of_weights_ends_in_one_and_is_the_sum_of_the_distribution(scale):
+    weights = np.random.default_rng(0).dirichlet(np.ones(7), size=500) * scale
+    cdf = rating_cdf(weights)
+    assert (cdf[:, -1] == 1).all()
+    assert (np.diff(cdf, axis=1) >= 0).all()
+    proba = rating_distribution(weights)
+    np.testing.assert_allclose(np.cumsum(proba, axis=1), cdf, atol=1e-15)
+
+
+def test_inverse_cdf_inverts_the_cdf():
+    counts = np.random.default_rng(0).multinomial(12, np.full(5, 0.2), size=50)
+    for row, cdf in zip(counts, rating_cdf(counts), strict=True):
+        used = row > 0
+        assert inverse_cdf([row], cdf[used])[0].tolist() == [*np.flatnonzero(used) + 1]
+
+
+@pytest.mark.parametrize("function", [rating_distribution, rating_cdf])
+@pytest.mark.parametrize(
+    "counts, message",
+    [
+        ([1, 2], "Expected 2D array"),
+        ([[1, 2], [0, 0]], "no ratings in trial 1"),
+        ([[1, -2]], "negative count in trial 0"),
+        ([[1, np.nan]], "counts contains NaN"),
+    ],
+)
+def test_distribution_and_cdf_errors(function, counts, message):
+    with pytest.raises(ValueError, match=message):
+        function(counts)
 
 
 # Inverse CDF
@@ -186,6 +310,23 @@ def test_interrater_agreement_of_random_ratings_averages_to_zero():
     assert abs(interrater_agreement(counts).mean()) < 0.01
 
 
+def test_interrater_agreement_on_touch_by_hand_and_on_wine(shared_data):
+    counts = pd.read_csv(shared_data / "tactile_ratings" / "counts.csv")
+    counts = counts[counts.Condition == "hand"].set_index("Metric")
+    levels = [f"n{k}" for k in range(1, 6)]
+    for metric, median in [
+        ("hardness", 0.73),
+        ("slipperiness", 0.64),
+        ("roughness", 0.6),
+    ]:
+        agreement = interrater_agreement(counts.loc[metric, levels])
+        assert np.median(agreement) == pytest.approx(median, abs=0.005)
+    wine = wine_ratings(shared_data)
+    table = rating_counts(wine.rating, wine.bottle, levels=[1, 2, 3, 4, 5])
+    variance = wine.groupby("bottle").rating.var()
+    np.testing.assert_allclose(interrater_agreement(table.counts), 1 - variance / 2)
+
+
 def test_interrater_agreement_needs_two_raters():
     with pytest.raises(ValueError, match="fewer than two ratings in row 1"):
         interrater_agreement([[0, 2, 0], [0, 1, 0]])
@@ -220,10 +361,146 @@ def test_adjective_correlation_names_and_p_values(frame):
 
 
 @pytest.mark.parametrize(
+    "frame",
+    [
+        pd.DataFrame,
+        pl.DataFrame,
+        lambda columns: pd.DataFrame(columns).astype("Int64"),
+        lambda columns: pd.DataFrame(columns).astype("category"),
+        lambda columns: pd.DataFrame(columns).astype("Int64").astype(object),
+    ],
+    ids=["pandas", "polars", "Int64", "category", "object"],
+)
+def test_adjective_correlation_of_missing_ratings(frame):
+    """Rows 0 and 4 lack one of the first two, so that their ranks are 1, 2, 3."""
+    columns = {
+        "hard": [5, 1, 2, 3, None],
+        "soft": [None, 3, 1, 2, 5],
+        "rough": [1, 2, 2, 4, 3],
+    }
+    table = frame(columns)
+    result = adjective_correlation(table)
+    assert result.n_ratings.tolist() == [[4, 3, 4], [3, 4, 4], [4, 4, 5]]
+    # Ranks 1, 2, 3 and 3, 1, 2: 1 - 6 * (4 + 1 + 1) / (3 * 8).
+    assert result.rho[0, 1] == pytest.approx(-0.5)
+    # Ranks less their mean 2.5: (1.5, -1.5, -.5, .5) and (-1.5, 0, 0, 1.5).
+    assert result.rho[0, 2] == pytest.approx(-1.5 / np.sqrt(5 * 4.5))
+    values = np.array([*columns.values()], dtype=float).T
+    for i, j in [(0, 1), (0, 2), (1, 2)]:
+        expected = spearmanr(values[:, i], values[:, j], nan_policy="omit")
+        assert result.rho[i, j] == result.rho[j, i] == pytest.approx(expected.statistic)
+        assert result.pvalue[i, j] == result.pvalue[j, i]
+        assert result.pvalue[i, j] == pytest.approx(expected.pvalue)
+
+
+def test_holm_by_hand():
+    # Sorted .01, .02, .03, .04, times 4, 3, 2, 1: .04, .06, .06, .04, never falling.
+    np.testing.assert_allclose(
+        _holm(np.array([0.03, 0.01, 0.04, 0.02])), [0.06, 0.04, 0.06, 0.06]
+    )
+    assert _holm(np.array([0.4, 0.9])).tolist() == [0.8, 0.9]
+    assert _holm(np.array([0.6, 0.7])).tolist() == [1, 1]
+    assert _holm(np.array([0.3])).tolist() == [0.3]
+
+
+def test_holm_rejects_what_the_stepwise_rule_does():
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        pvalue = rng.random(8) ** 4
+        rejected = np.zeros(8, dtype=bool)
+        for step, i in enumerate(np.argsort(pvalue)):
+            if pvalue[i] > 0.05 / (8 - step):
+                break
+            rejected[i] = True
+        np.testing.assert_array_equal(_holm(pvalue) <= 0.05, rejected)
+
+
+def test_synonyms_and_antonyms_are_strong_and_significant():
+    rng = np.random.default_rng(0)
+    hard = rng.normal(size=60)
+    table = pd.DataFrame(
+        {
+            "hard": hard,
+            "soft": -hard + 0.5 * rng.normal(size=60),
+            "firm": hard + 0.4 * rng.normal(size=60),
+            "cold": 0.8 * hard + rng.normal(size=60),
+            "odd": rng.normal(size=60),
+        }
+    )
+    result = adjective_correlation(table, threshold=0.7)
+    strong = np.abs(result.rho) >= 0.7
+    assert result.relation[:3, :3].tolist() == [[0, -1, 1], [-1, 0, -1], [1, -1, 0]]
+    assert not result.relation[3:].any() and not result.relation[:, 3:].any()
+    assert not strong[0, 3] and result.pvalue_holm[0, 3] < 0.05  # significant, weak
+    loose = adjective_correlation(table, threshold=0)
+    assert loose.relation[0, 3] == 1
+    significant = (loose.pvalue_holm <= 0.05) & ~np.eye(5, dtype=bool)
+    np.testing.assert_array_equal(loose.relation != 0, significant)
+    assert not loose.relation[4].any()
+    few = adjective_correlation(table[:6], threshold=0)
+    assert 0.7 < few.rho[0, 2] < 1 and few.relation[0, 2] == 0  # strong, six rows
+    strict = adjective_correlation(table, alpha=1e-12, threshold=0)
+    np.testing.assert_array_equal(
+        strict.relation != 0, (strict.pvalue_holm <= 1e-12) & ~np.eye(5, dtype=bool)
+    )
+
+
+def test_pairs_are_those_of_the_matrices_strongest_first():
+    ratings = np.random.default_rng(1).integers(1, 6, size=(50, 5)).astype(float)
+    ratings[:, 3] = np.clip(6 - ratings[:, 1] + (ratings[:, 0] > 4), 1, 5)
+    ratings[:7, 1] = np.nan
+    result = adjective_correlation(pd.DataFrame(ratings, columns=list("abcde")))
+    pairs = result.pairs
+    assert len(pairs) == 10
+    assert (np.diff(np.abs(pairs["rho"])) <= 0).all()
+    assert [*pairs[0]][:2] == ["b", "d"] and pairs[0]["relation"] == "antonyms"
+    words = {0: "neither", 1: "synonyms", -1: "antonyms"}
+    for pair in pairs:
+        at = "abcde".index(pair["first"]), "abcde".index(pair["second"])
+        assert at[0] < at[1]
+        for field in ("rho", "pvalue", "pvalue_holm", "n_ratings"):
+            assert pair[field] == result[field][at] == result[field][at[::-1]]
+        assert pair["relation"] == words[result.relation[at]]
+    np.testing.assert_array_equal(
+        np.sort(pairs["pvalue_holm"]),
+        np.sort(_holm(result.pvalue[np.triu_indices(5, 1)])),
+    )
+    assert pd.DataFrame(pairs).columns.tolist() == [*pairs.dtype.names]
+
+
+def test_correlation_of_what_hands_feel(shared_data):
+    long = pd.read_csv(shared_data / "tactile_ratings" / "ratings_long.csv")
+    long = long[long.Condition == "hand"]
+    people = long.pivot(index=["Participant", "Texture"], columns="Metric")
+    people = people["level5"]
+    result = adjective_correlation(people)
+    assert result.names.tolist() == ["hardness", "roughness", "slipperiness"]
+    expected = people.corr(method="spearman", min_periods=3)  # pairwise, of pandas
+    np.testing.assert_allclose(result.rho, expected, atol=1e-12)
+    given = people.notna().to_numpy().astype(int)
+    np.testing.assert_array_equal(result.n_ratings, given.T @ given)
+    # In these data the door mat has the highest "slipperiness", the tile a low one.
+    assert [*result.pairs[0]][:2] == ["roughness", "slipperiness"]
+    assert result.pairs[0]["relation"] == "synonyms"
+    assert result.rho[1, 2] > 0.5
+
+
+@pytest.mark.parametrize(
     "ratings, message",
     [
-        ({"hard": [1, 2, 3], "soft": [2, 2, 2]}, "All ratings of 'soft' are equal"),
-        ({"hard": [1, 2, 3], "soft": [2, None, 1]}, "ratings contains NaN"),
+        (
+            {"hard": [1, 2, 3], "soft": [2, 2, 2]},
+            "All ratings of 'soft' in the rows that have 'hard' too are equal",
+        ),
+        (
+            {"hard": [1, 2, 2, 2], "soft": [None, 3, 1, 2]},
+            "All ratings of 'hard' in the rows that have 'soft' too are equal",
+        ),
+        (
+            {"hard": [1, 2, 3], "soft": [2, None, 1]},
+            "ratings has 2 rows with both 'hard' and 'soft'",
+        ),
+        ({"hard": [1, 2, 3], "soft": [2, np.inf, 1]}, "ratings contains infinity"),
         ({"hard": [1, 2, 3]}, "minimum of 2 is required"),
         ({"hard": [1, 2], "soft": [2, 1]}, "minimum of 3 is required"),
     ],
@@ -231,3 +508,10 @@ def test_adjective_correlation_names_and_p_values(frame):
 def test_adjective_correlation_errors(ratings, message):
     with pytest.raises(ValueError, match=re.escape(message)):
         adjective_correlation(pd.DataFrame(ratings))
+
+
+@pytest.mark.parametrize("options", [{"alpha": 0}, {"alpha": 1}, {"threshold": 1.1}])
+def test_adjective_correlation_options(options):
+    (name,) = options
+    with pytest.raises(ValueError, match=f"The '{name}' parameter"):
+        adjective_correlation([[1, 5], [2, 4], [4, 3]], **options)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from sklearn_haptic.datasets._ratings_file import ADJECTIVES, read_ratings
+from sklearn_haptic.datasets._ratings_file import ADJECTIVES, LEVELS, read_ratings
+from sklearn_haptic.ratings import rating_counts
 
 IDS = np.arange(101, 161)  # 60 objects
 TRIALS = np.repeat(IDS, 2)
@@ -70,7 +71,7 @@ def save(request, tmp_path):
 def read(path, objects=TRIALS, known=IDS):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        return read_ratings(path, known, objects)
+        return read_ratings(path, known, objects)[0]
 
 
 def assert_ratings(found, counts, names=ADJECTIVES):
@@ -132,7 +133,7 @@ def test_orders_that_the_file_tells(save, ratings, counts):
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = read_ratings(path, IDS, TRIALS)
+        found, _ = read_ratings(path, IDS, TRIALS)
     assert_ratings(found, counts.repeat(2, axis=0)[:, order], names)
 
 
@@ -176,6 +177,34 @@ def test_five_raters_and_five_levels(save):
     np.testing.assert_array_equal(read(save(a=even))["hard"][::2], even[:, 0])
     with pytest.raises(ValueError, match=r"several ways: a .* as ratings .* as counts"):
         read(save(a=rng.integers(0, 6, (60, 10, 5))))
+
+
+@pytest.mark.parametrize("missing", [0, np.nan])
+@pytest.mark.parametrize("axes", [(0, 1, 2), (2, 0, 1)])
+def test_ratings_of_each_person(save, ratings, missing, axes):
+    ratings = np.where(ratings == 0, missing, ratings)
+    ratings[3, :, 5] = missing  # person 6 did not rate object 104 at all
+    path = save(a=ratings.transpose(axes), ids=IDS, names=cells(ADJECTIVES))
+    counts, people = read_ratings(path, IDS, IDS[[3, 3, 0]])
+    assert people.index.names == ["object", "rater"]
+    assert list(people) == list(ADJECTIVES)
+    assert people.loc[101].index.tolist() == [*range(1, 13)]
+    assert people.loc[104].index.tolist() == [1, 2, 3, 4, 5, *range(7, 13)]
+    assert len(people) == 23
+    for row, rater, adjective in [(0, 12, 4), (3, 1, 9), (3, 7, 0)]:
+        found = people.loc[(IDS[row], rater), ADJECTIVES[adjective]]
+        expected = ratings[row, adjective, rater - 1]
+        assert found == expected or (np.isnan(found) and not expected > 0)
+    for adjective in ADJECTIVES:
+        table = rating_counts(
+            people[adjective], people.index.get_level_values("object"), levels=LEVELS
+        )
+        np.testing.assert_array_equal(table.counts, counts[adjective][[2, 0]])
+
+
+def test_counts_say_nothing_of_each_person(save, counts):
+    path = save(a=counts, ids=IDS, names=cells(ADJECTIVES))
+    assert read_ratings(path, IDS, TRIALS)[1] is None
 
 
 # What is refused

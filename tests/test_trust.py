@@ -681,6 +681,8 @@ def calls_of_functions(folder):
         ratings.rating_counts: ([1, 2, 2], ["a", "a", "b"]),
         ratings.rating_distribution: (COUNTS,),
         ratings.rating_cdf: (COUNTS,),
+        ratings.rating_distribution: (COUNTS,),
+        ratings.rating_cdf: (COUNTS,),
         ratings.inverse_cdf: (COUNTS, [0.1, 0.5]),
         ratings.interrater_agreement: (COUNTS,),
         ratings.adjective_correlation: ([[1, 5], [2, 4], [4, 3], [5, 1]],),

@@ -133,6 +133,12 @@ def load_phac2(
         ratings : dict of str to ndarray of shape (n_trials, 5)
             For each adjective, how many people gave each trial's object each level.
             Empty without ``ratings_path``.
+        rater_ratings : DataFrame of shape (n_rated, 10) or None
+            Each person's ratings, a row for each object and person who rated it, a
+            column an adjective, NaN where a rating is missing. The index has the
+            object's id and the person's place in the file, from 1; whether this is
+            the same person for two objects, only the file's authors know. None
+            without ``ratings_path`` or if the file holds counts only.
         levels : ndarray of shape (5,)
             The levels 1 to 5.
         sampling_rates : dict of str to int
@@ -183,10 +189,10 @@ def load_phac2(
         parsed = _parse_trial_names(file)
         names = choose(trials, sorted(parsed, key=parsed.get), "trial", path)
         objects = np.array([parsed[name][0] for name in names])
-        ratings = {}
+        ratings, rater_ratings = {}, None
         if ratings_path is not None:
             known = np.unique([object_id for object_id, _, _ in parsed.values()])
-            ratings = read_ratings(ratings_path, known, objects)
+            ratings, rater_ratings = read_ratings(ratings_path, known, objects)
         cells = {sensor: np.empty(len(names), dtype=object) for sensor in sensors}
         for i, name in enumerate(names):
             trial = get_node(file, name)
@@ -198,6 +204,7 @@ def load_phac2(
         objects=objects,
         object_names=np.array([parsed[name][2] for name in names]),
         ratings=ratings,
+        rater_ratings=rater_ratings,
         levels=LEVELS.copy(),
         sampling_rates={sensor: FRAME_RATE * SENSORS[sensor][0] for sensor in sensors},
         DESCR=DESCR,

@@ -33,7 +33,7 @@ LEVELS = np.arange(1, 6)
 
 
 def read_ratings(path, known_objects, objects):
-    """Read how many people gave each object each level, for each adjective.
+    """Read the ratings of objects: how many people gave each level, and who.
 
     Parameters
     ----------
@@ -49,6 +49,9 @@ def read_ratings(path, known_objects, objects):
     -------
     ratings : dict of str to ndarray of shape (n_trials, 5)
         Counts of the levels.
+    rater_ratings : DataFrame of shape (n_rated, 10) or None
+        Each person's ratings of each of the objects, NaN where missing; None if the
+        file holds counts.
 
     Raises
     ------
@@ -69,7 +72,8 @@ def read_ratings(path, known_objects, objects):
     if ids is None:
         ids = np.asarray(known_objects)
         assumed.append("objects (assumed: ids ascending)")
-    counts = _find_counts(path, variables, len(ids))
+    array, kind = _find_array(path, variables, len(ids))
+    counts = (_count_levels(array) if kind == "ratings" else array).astype(np.int64)
     if assumed:
         warnings.warn(
             f"{path} does not tell the order of its {' and '.join(assumed)}; check "
@@ -91,11 +95,33 @@ def read_ratings(path, known_objects, objects):
                     "object's trials out through trials=."
                 )
     rows = [row_of[object_id] for object_id in np.asarray(objects).tolist()]
-    return {name: counts[rows, i] for i, name in enumerate(names)}
+    ratings = {name: counts[rows, i] for i, name in enumerate(names)}
+    if kind == "counts":
+        return ratings, None
+    rated = np.unique(objects)
+    array = array[[row_of[object_id] for object_id in rated.tolist()]]
+    return ratings, _rater_ratings(array, rated, names)
 
 
-def _find_counts(path, variables, n_objects):
-    """Return the counts of shape (n_objects, n_adjectives, n_levels)."""
+def _rater_ratings(array, ids, names):
+    """Return a table of the ratings (n_objects, n_adjectives, n_raters).
+
+    Whoever rated an object on no adjective has no row for it.
+    """
+    import pandas as pd
+
+    n_raters = array.shape[2]
+    answers = np.where(np.isin(array, LEVELS), array, np.nan)
+    rows = [ids, range(1, n_raters + 1)]
+    return pd.DataFrame(
+        answers.transpose(0, 2, 1).reshape(-1, len(names)),
+        index=pd.MultiIndex.from_product(rows, names=["object", "rater"]),
+        columns=list(names),
+    ).dropna(how="all")
+
+
+def _find_array(path, variables, n_objects):
+    """Return the array (objects, adjectives, ?) and whether it is ratings or counts."""
     readings = [
         (name, array, axes, kind)
         for name, array in variables
@@ -124,9 +150,7 @@ def _find_counts(path, variables, n_objects):
             "else that could be taken for it."
         )
     _, array, axes, kind = readings[0]
-    array = array.transpose(axes)
-    counts = _count_levels(array) if kind == "ratings" else array
-    return counts.astype(np.int64)
+    return array.transpose(axes), kind
 
 
 def _kinds(array):
