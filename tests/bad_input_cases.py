@@ -48,11 +48,14 @@ from sklearn_haptic.model_selection import (
     speed_accuracy_frontier,
 )
 from sklearn_haptic.plotting import (
+    AtomsDisplay,
     DistributionDisplay,
+    FeatureMapDisplay,
     InverseCDFDisplay,
     PITHistogramDisplay,
     ReliabilityDisplay,
     SensorContributionsDisplay,
+    SignalsDisplay,
     SpeedAccuracyDisplay,
 )
 from sklearn_haptic.ratings import (
@@ -1903,6 +1906,106 @@ PLOT_CASES = [
     *of_one_object(DistributionDisplay),
     *of_calibration(PITHistogramDisplay),
     *of_calibration(ReliabilityDisplay),
+    *cases(
+        "SignalsDisplay.from_trials",
+        *(
+            (
+                given,
+                ValueError,
+                message,
+                lambda _, a=args: call(SignalsDisplay.from_trials, *a),
+            )
+            for given, message, args in [
+                (
+                    "an unknown sensor and no sampling rate",
+                    "^sampling_rate of the sensor 'taxels' is unknown; give it",
+                    ({"taxels": TRIALS[0]},),
+                ),
+                (
+                    "trials of other sensors",
+                    r"^Trial 1 of X has the sensors \['tdc'\], but \['pac'\] are",
+                    ({"hold": {"pac": TRIALS[0]}, "slide": {"tdc": TRIALS[0]}},),
+                ),
+                (
+                    "a trial beside a signal",
+                    "^X holds trials of several sensors beside signals of one; name",
+                    ({"hold": {"pac": TRIALS[0]}, "pac": TRIALS[0]},),
+                ),
+                (
+                    "NaN in a signal",
+                    "^Sensor 'pac': Trial 0 of X contains NaN or infinity; impute",
+                    ({"pac": replaced(TRIALS[0], np.nan)},),
+                ),
+                (
+                    "a number in place of a signal",
+                    r"^Sensor 'pac': Trial 0 of X has shape \(\); it must be",
+                    ({"pac": 3.0},),
+                ),
+                ("no trial", "^X holds no signals; give it one trial", ({},)),
+            ]
+        ),
+        (
+            "a negative sampling rate",
+            ValueError,
+            "^sampling_rate=-100 must be a positive number of samples a second",
+            lambda _: call(
+                SignalsDisplay.from_trials, {"pac": TRIALS[0]}, sampling_rate=-100
+            ),
+        ),
+    ),
+    *(
+        case
+        for display in (AtomsDisplay, FeatureMapDisplay)
+        for case in cases(
+            f"{display.__name__}.from_estimator",
+            (
+                "an estimator without atoms",
+                ValueError,
+                "^estimator is a NNPOM, which has no atoms; give a fitted",
+                lambda _, d=display: call(d.from_estimator, fitted("NNPOM"), TRIALS[0]),
+            ),
+            (
+                "an estimator that is not fitted",
+                ValueError,
+                "This KSVDTransformer instance is not fitted yet",
+                lambda _, d=display: call(
+                    d.from_estimator, KSVDTransformer(), TRIALS[0]
+                ),
+            ),
+            (
+                "trials of other channels",
+                ValueError,
+                "^Trial 0 of X has .*, but 19 channels are expected, as in fit",
+                lambda _, d=display: call(
+                    d.from_estimator,
+                    fitted_to_trials("KSVDTransformer(window)"),
+                    TRIALS[0][:, :18],
+                ),
+            ),
+            (
+                "a sampling rate of 0",
+                ValueError,
+                "^sampling_rate=0 must be a positive number of samples a second",
+                lambda _, d=display: call(
+                    d.from_estimator,
+                    fitted_to_trials("KSVDTransformer(window)"),
+                    TRIALS[0],
+                    sampling_rate=0,
+                ),
+            ),
+        )
+    ),
+    *cases(
+        "FeatureMapDisplay.from_estimator",
+        (
+            "a transformer fitted to a table",
+            ValueError,
+            "^estimator codes the rows of a table, .*; fit it to trials",
+            lambda _: call(
+                FeatureMapDisplay.from_estimator, fitted("KSVDTransformer"), X
+            ),
+        ),
+    ),
 ]
 
 

@@ -681,8 +681,6 @@ def calls_of_functions(folder):
         ratings.rating_counts: ([1, 2, 2], ["a", "a", "b"]),
         ratings.rating_distribution: (COUNTS,),
         ratings.rating_cdf: (COUNTS,),
-        ratings.rating_distribution: (COUNTS,),
-        ratings.rating_cdf: (COUNTS,),
         ratings.inverse_cdf: (COUNTS, [0.1, 0.5]),
         ratings.interrater_agreement: (COUNTS,),
         ratings.adjective_correlation: ([[1, 5], [2, 4], [4, 3], [5, 1]],),
@@ -694,6 +692,12 @@ def calls_of_functions(folder):
         plotting.InverseCDFDisplay.from_predictions: (COUNTS[[0]], proba[:3]),
         plotting.InverseCDFDisplay.from_estimator: (model, NAMED[:3], COUNTS[[0] * 3]),
         plotting.SpeedAccuracyDisplay.from_search: (SEARCH,),
+        plotting.SignalsDisplay.from_trials: (CORPUS.trials.iloc[:2],),
+        plotting.AtomsDisplay.from_estimator: (fitted("ksvd of trials"),),
+        plotting.FeatureMapDisplay.from_estimator: (
+            fitted("ksvd of trials"),
+            MODELS["ksvd of trials"][1][0],
+        ),
         plotting.DistributionDisplay.from_predictions: (COUNTS[[0]], proba[:3]),
         plotting.DistributionDisplay.from_estimator: (
             model,

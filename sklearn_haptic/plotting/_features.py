@@ -1,0 +1,473 @@
+"""What transformers learn of recordings, their atoms, and what they make of a trial."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator
+from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import check_is_fitted
+
+from .._ksvd import KSVDTransformer, window_step
+from .._pooling import TemporalMaxPool, cell_starts
+from .._sthmp import STHMPTransformer
+from .._typing import FloatArray, Names, Trials
+from ._signals import check_rate
+from ._style import BLUE, label_blocks, panels_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+class AtomsDisplay:
+    """Atoms of a learned dictionary, as waveforms or as images of patches.
+
+    Use :meth:`from_estimator` to create a display. All atoms share their limits.
+
+    Parameters
+    ----------
+    atoms : ndarray of shape (n_atoms, n_times) or (n_atoms, height, width)
+        Windows of a signal, or patches of an image, in the order of the panels.
+    names : ndarray of int of shape (n_atoms,)
+        The number of each atom in the dictionary.
+    usage : ndarray of shape (n_atoms,), default=None
+        Share of the codes in which each atom appears.
+    sampling_rate : float, default=None
+        Samples a second of windows.
+
+    Attributes
+    ----------
+    ax_ : matplotlib Axes
+        Axes that hold the panels.
+    axes_ : ndarray of matplotlib Axes of shape (n_atoms,)
+        A panel an atom.
+    figure_ : matplotlib Figure
+        Figure that holds the axes.
+    lines_ : list of matplotlib Line2D
+        The atoms, if they are windows.
+    images_ : list of matplotlib AxesImage
+        The atoms, if they are patches.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic import KSVDTransformer
+    >>> from sklearn_haptic.plotting import AtomsDisplay
+    >>> trials = list(np.random.default_rng(0).normal(size=(3, 200, 2)))
+    >>> ksvd = KSVDTransformer(n_atoms=6, window=20, random_state=0).fit(trials)
+    >>> display = AtomsDisplay.from_estimator(ksvd, trials, sampling_rate=100)
+    >>> display.axes_[-1].get_xlabel()
+    'time, ms'
+    """
+
+    def __init__(
+        self,
+        atoms: FloatArray,
+        *,
+        names: NDArray[np.integer],
+        usage: NDArray[np.float64] | None = None,
+        sampling_rate: float | None = None,
+    ) -> None:
+        self.atoms = atoms
+        self.names = names
+        self.usage = usage
+        self.sampling_rate = sampling_rate
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: BaseEstimator,
+        X: Trials | None = None,
+        *,
+        sampling_rate: float | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Plot the atoms of a fitted transformer.
+
+        Parameters
+        ----------
+        estimator : KSVDTransformer, STHMPTransformer or Pipeline
+            Fitted, or a fitted pipeline that begins with such a transformer.
+        X : array-like of shape (n_samples, n_features) or collection of trials, \
+                default=None
+            What to code, of the kind given to `fit`. The atoms are then sorted by the
+            share of codes in which they appear, most used first: codes of windows, or
+            of spatial cells of frames. By default they come as learned.
+        sampling_rate : float, default=None
+            Samples a second; without it, or for patches, positions are numbers.
+        ax : matplotlib Axes, default=None
+            Axes, made by ``subplots``, in which to lay out the panels; by default
+            those of a new figure.
+
+        Returns
+        -------
+        display : AtomsDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If the estimator has no atoms, the sampling rate is not positive, or `X`
+            does not fit the estimator.
+        sklearn.exceptions.NotFittedError
+            If the estimator is not fitted.
+        ImportError
+            If matplotlib is not installed.
+        """
+        coder, _ = _coder_and_pool(estimator)
+        if sampling_rate is not None:
+            sampling_rate = check_rate(sampling_rate)
+        atoms = coder.components_
+        usage, order = None, np.arange(len(atoms))
+        if X is not None:
+            codes = coder.transform(X)
+            usage = _usage(
+                codes if coder._codes_trials else [codes],
+                len(atoms),
+                split=coder.sign == "split",
+            )
+            order = np.argsort(-usage, kind="stable")
+            usage = usage[order]
+        if isinstance(coder, STHMPTransformer) and coder._codes_trials:
+            atoms = atoms.reshape(-1, *coder.patch_size)
+        return cls(
+            atoms[order], names=order, usage=usage, sampling_rate=sampling_rate
+        ).plot(ax)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Plot the atoms.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, default=None
+            Axes, made by ``subplots``, in which to lay out the panels; by default
+            those of a new figure.
+
+        Returns
+        -------
+        display : AtomsDisplay
+            This display, with ``ax_`` and the other attributes set.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        n_atoms = len(self.atoms)
+        n_columns = min(n_atoms, 8 if n_atoms > 10 else 5)
+        n_rows = -(-n_atoms // n_columns)
+        self.ax_, panels = panels_of(
+            ax,
+            type(self).__name__,
+            n_rows,
+            n_columns,
+            figsize=(6.4, 1.0 + 0.95 * n_rows * (8 / n_columns) ** 0.5),
+            sharex=True,
+            sharey=True,
+        )
+        self.figure_, self.axes_ = self.ax_.figure, panels.ravel()[:n_atoms]
+        for panel in panels.ravel()[n_atoms:]:
+            panel.remove()
+        shares = [""] * n_atoms
+        if self.usage is not None:
+            shares = [f": {share:.0%}" for share in self.usage]
+        first = ["atom "] + [""] * (n_atoms - 1)
+        for panel, *title in zip(self.axes_, first, map(str, self.names), shares):
+            panel.set_title("".join(title), fontsize="small", pad=3)
+            panel.tick_params(labelsize="small")
+        for panel in self.axes_[-n_columns:]:  # the lowest of each column
+            panel.tick_params(labelbottom=True)
+        largest = np.abs(self.atoms).max() or 1
+        if self.atoms.ndim == 2:
+            self._plot_lines(n_columns, 1.05 * largest)
+        else:
+            self._plot_images(n_columns, largest)
+        return self
+
+    def _plot_lines(self, n_columns, limit):
+        time, label = np.arange(self.atoms.shape[1]), "sample"
+        if self.sampling_rate is not None:
+            time, label = 1000 * time / self.sampling_rate, "time, ms"
+        self.lines_ = [
+            panel.plot(time, atom, color=BLUE, linewidth=1.2)[0]
+            for panel, atom in zip(self.axes_, self.atoms)
+        ]
+        for panel in self.axes_:
+            panel.axhline(0, color="0.6", linewidth=0.6, zorder=0)
+            panel.margins(x=0)
+        self.axes_[0].set_ylim(-limit, limit)
+        for panel in self.axes_[-n_columns:]:
+            panel.set_xlabel(label, fontsize="small")
+        for panel in self.axes_[::n_columns]:
+            panel.set_ylabel("atom\n(no unit)", fontsize="small")
+
+    def _plot_images(self, n_columns, limit):
+        self.images_ = [
+            panel.imshow(atom, cmap="viridis", vmin=-limit, vmax=limit)
+            for panel, atom in zip(self.axes_, self.atoms)
+        ]
+        height, width = self.atoms.shape[1:]
+        self.axes_[0].set(xticks=range(width), yticks=range(height))
+        for panel in self.axes_[-n_columns:]:
+            panel.set_xlabel("column", fontsize="small")
+        for panel in self.axes_[::n_columns]:
+            panel.set_ylabel("row of patch", fontsize="small")
+        self.figure_.colorbar(
+            self.images_[0],
+            ax=list(self.axes_),
+            label="atom (no unit)",
+            fraction=0.04,
+        )
+
+
+class FeatureMapDisplay:
+    """Codes of a trial over time and, where these are pooled, their maxima.
+
+    Use :meth:`from_estimator` to create a display. Rows are features: the atoms of one
+    channel or spatial cell after the other; with split signs the positive parts of all
+    its atoms, then the negative parts. Below the codes is a panel for each level of
+    temporal pooling, its cells where they lie in time. Colours follow the square root
+    of codes, for most are small beside the largest.
+
+    Parameters
+    ----------
+    codes : ndarray of shape (n_times, n_features)
+        Codes of windows or frames.
+    pooled : list of ndarray of shape (n_cells, n_features)
+        Maxima over the temporal cells of each level; an empty list without pooling.
+    edges : ndarray of shape (n_times + 1,)
+        When each code begins and the last one ends, in seconds or samples.
+    level_edges : list of ndarray of shape (n_cells + 1,)
+        The same of the cells of each level.
+    feature_names : sequence of str
+        Name of each feature.
+    time_unit : {"s", "samples"}
+        Unit of the edges.
+    code_unit : str
+        Unit of the codes.
+
+    Attributes
+    ----------
+    ax_ : matplotlib Axes
+        Axes that hold the panels.
+    axes_ : ndarray of matplotlib Axes of shape (1 + n_levels,)
+        The panels, top to bottom.
+    figure_ : matplotlib Figure
+        Figure that holds the axes.
+    images_ : list of matplotlib QuadMesh
+        The codes, then the maxima of each level, transposed.
+    colorbar_ : matplotlib Colorbar
+        Scale of all images.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn_haptic import KSVDTransformer, TemporalMaxPool
+    >>> from sklearn_haptic.plotting import FeatureMapDisplay
+    >>> trials = list(np.random.default_rng(0).normal(size=(3, 200, 2)))
+    >>> ksvd = KSVDTransformer(n_atoms=6, window=20, random_state=0)
+    >>> pipeline = make_pipeline(ksvd, TemporalMaxPool((4, 1))).fit(trials)
+    >>> display = FeatureMapDisplay.from_estimator(
+    ...     pipeline, trials[0], sampling_rate=100
+    ... )
+    >>> [panel.get_title(loc="left") for panel in display.axes_]
+    ['codes', 'maxima in 4 cells', 'maxima in 1 cell']
+    """
+
+    def __init__(
+        self,
+        codes: FloatArray,
+        pooled: list[FloatArray],
+        *,
+        edges: NDArray[np.float64],
+        level_edges: list[NDArray[np.float64]],
+        feature_names: Names,
+        time_unit: Literal["s", "samples"],
+        code_unit: str,
+    ) -> None:
+        self.codes = codes
+        self.pooled = pooled
+        self.edges = edges
+        self.level_edges = level_edges
+        self.feature_names = feature_names
+        self.time_unit = time_unit
+        self.code_unit = code_unit
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: BaseEstimator,
+        trial: ArrayLike,
+        *,
+        sampling_rate: float | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Code a trial, pool its codes if the estimator does, and plot both.
+
+        Parameters
+        ----------
+        estimator : KSVDTransformer, STHMPTransformer or Pipeline
+            Fitted to trials: a transformer, or a pipeline of one and
+            :class:`~sklearn_haptic.TemporalMaxPool`.
+        trial : array-like of shape (n_times, n_channels) or (n_times, height, width)
+            One recording.
+        sampling_rate : float, default=None
+            Samples a second; without it time is counted in samples.
+        ax : matplotlib Axes, default=None
+            Axes, made by ``subplots``, in which to lay out the panels; by default
+            those of a new figure.
+
+        Returns
+        -------
+        display : FeatureMapDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If the estimator is another or was fitted to a table, the trial does not
+            fit it, or the sampling rate is not positive.
+        sklearn.exceptions.NotFittedError
+            If the estimator is not fitted.
+        ImportError
+            If matplotlib is not installed.
+        """
+        coder, pool = _coder_and_pool(estimator)
+        if not coder._codes_trials:
+            raise ValueError(
+                "estimator codes the rows of a table, which have no order in time; "
+                "fit it to trials."
+            )
+        rate = 1.0 if sampling_rate is None else check_rate(sampling_rate)
+        sequences = coder.transform([trial])
+        codes = sequences[0]
+        first, step, code_unit = 0.0, 1, "no unit; each frame has norm 1"
+        if isinstance(coder, KSVDTransformer):
+            step = window_step(coder.window, coder.overlap)
+            first = (coder.window - step) / 2  # so that codes lie at their windows
+            code_unit = "unit of the signal × √samples"
+        edges = (first + step * np.arange(len(codes) + 1)) / rate
+        pooled, level_edges = [], []
+        if pool is not None:
+            cells = pool.transform(sequences).reshape(-1, codes.shape[1])
+            pooled = np.split(cells, np.cumsum(pool.cells_)[:-1])
+            level_edges = [
+                edges[[*cell_starts(len(codes), n, pool.split), -1]]
+                for n in pool.cells_
+            ]
+        return cls(
+            codes,
+            pooled,
+            edges=edges,
+            level_edges=level_edges,
+            feature_names=coder.get_feature_names_out(),
+            time_unit="samples" if sampling_rate is None else "s",
+            code_unit=code_unit,
+        ).plot(ax)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Plot the codes and their maxima.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, default=None
+            Axes, made by ``subplots``, in which to lay out the panels; by default
+            those of a new figure.
+
+        Returns
+        -------
+        display : FeatureMapDisplay
+            This display, with ``ax_`` and the other attributes set.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        n_levels = len(self.pooled)
+        self.ax_, panels = panels_of(
+            ax,
+            type(self).__name__,
+            1 + n_levels,
+            1,
+            figsize=(6.4, 3.6 + 1.3 * n_levels),
+            sharex=True,
+            height_ratios=[2.5] + [1] * n_levels,
+        )
+        from matplotlib.colors import FuncNorm
+
+        self.figure_, self.axes_ = self.ax_.figure, panels.ravel()
+        signed, largest = bool((self.codes < 0).any()), np.abs(self.codes).max() or 1
+        scale = FuncNorm(
+            (_signed_root, _signed_square), vmin=-largest * signed, vmax=largest
+        )
+        self.images_ = [
+            panel.pcolormesh(
+                edges,
+                np.arange(values.shape[1] + 1) - 0.5,
+                values.T,
+                cmap="viridis" if signed else "Blues",
+                norm=scale,
+                rasterized=True,
+            )
+            for panel, edges, values in zip(
+                self.axes_,
+                [self.edges, *self.level_edges],
+                [self.codes, *self.pooled],
+            )
+        ]
+        blocks = [name.partition("_atom")[0] for name in self.feature_names]
+        for panel, room in zip(self.axes_, [14] + [4] * n_levels):
+            panel.invert_yaxis()
+            label_blocks(panel, blocks, room, "0.5")
+            panel.tick_params(axis="y", labelsize="small")
+        for panel, edges in zip(self.axes_[1:], self.level_edges):
+            panel.vlines(
+                edges[1:-1], 0, 1, transform=panel.get_xaxis_transform(), color="0.2"
+            )
+        titles = [f"maxima in {len(p)} cell{'s' * (len(p) > 1)}" for p in self.pooled]
+        for panel, title in zip(self.axes_, ["codes", *titles]):
+            panel.set_title(title, loc="left", fontsize="medium")
+        self.axes_[-1].set_xlabel(f"time, {self.time_unit}")
+        self.axes_[0].set_ylabel("features: atoms of each\nchannel or cell")
+        self.colorbar_ = self.figure_.colorbar(
+            self.images_[0], ax=list(self.axes_), label=f"code ({self.code_unit})"
+        )
+        return self
+
+
+def _signed_root(values):
+    return np.sign(values) * np.sqrt(np.abs(values))
+
+
+def _signed_square(values):
+    return np.sign(values) * np.square(values)
+
+
+def _coder_and_pool(estimator):
+    """Return a fitted transformer with atoms, and the pooling behind it or None."""
+    steps = [estimator]
+    if isinstance(estimator, Pipeline):
+        steps = [
+            step for _, step in estimator.steps if step not in (None, "passthrough")
+        ]
+    coder, *rest = steps or [None]
+    pool = rest[0] if rest and isinstance(rest[0], TemporalMaxPool) else None
+    if not isinstance(coder, KSVDTransformer | STHMPTransformer):
+        raise ValueError(
+            f"estimator is a {type(coder).__name__}, which has no atoms; give a fitted "
+            "KSVDTransformer or STHMPTransformer, or a Pipeline that begins with one."
+        )
+    for step in (coder, pool):
+        if step is not None:
+            check_is_fitted(step)
+    return coder, pool
+
+
+def _usage(codes, n_atoms, *, split):
+    """Return the share of codes, over all trials, that use each atom of either sign."""
+    parts = [np.reshape(trial, (-1, 1 + split, n_atoms)) != 0 for trial in codes]
+    return np.concatenate([part.any(axis=1) for part in parts]).mean(axis=0)

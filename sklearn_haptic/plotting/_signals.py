@@ -1,0 +1,298 @@
+"""Recordings: the signals of each sensor, trial beside trial."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from numbers import Real
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from .._typing import FloatArray
+from .._validation import check_trials
+from ..datasets._phac2 import FRAME_RATE, SENSORS
+from ._style import colours_of, label_blocks, panels_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
+
+# Sensors with more channels are shown as an image, for lines would hide each other.
+_MAX_LINES = 8
+
+
+class SignalsDisplay:
+    """Signals of one trial or several: a row of panels a sensor, a column a trial.
+
+    Use :meth:`from_trials` to create a display. Up to eight channels are lines; those
+    of a sensor with more, such as electrodes, are rows of an image. The panels of a
+    sensor share the axis of its values, those of a trial the time axis.
+
+    Parameters
+    ----------
+    signals : dict of str to list of ndarray of shape (n_times_i, n_channels)
+        For each sensor, its signals in each trial.
+    titles : sequence of str
+        The name of each trial.
+    sampling_rates : dict of str to float
+        Samples a second of each sensor.
+    units : dict of str to str
+        Unit of each sensor's values.
+
+    Attributes
+    ----------
+    ax_ : matplotlib Axes
+        Axes that hold the panels.
+    axes_ : ndarray of matplotlib Axes of shape (n_sensors, n_trials)
+        The panels.
+    figure_ : matplotlib Figure
+        Figure that holds the axes.
+    lines_ : dict of str to list of list of matplotlib Line2D
+        For each sensor shown as lines, those of each trial, channel by channel.
+    images_ : dict of str to list of matplotlib AxesImage
+        For each sensor shown as an image, that of each trial.
+
+    References
+    ----------
+    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
+    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
+    figure 6. :doi:`10.3389/fnbot.2019.00116`
+
+    Examples
+    --------
+    >>> from sklearn_haptic.datasets import make_haptic_corpus
+    >>> from sklearn_haptic.plotting import SignalsDisplay
+    >>> trials = {
+    ...     name: make_haptic_corpus(1, 1, name, random_state=0).trials.iloc[0]
+    ...     for name in ("squeeze", "hold")
+    ... }
+    >>> display = SignalsDisplay.from_trials(trials)
+    >>> display.axes_.shape
+    (5, 2)
+    """
+
+    def __init__(
+        self,
+        signals: dict[str, list[FloatArray]],
+        *,
+        titles: Sequence[str],
+        sampling_rates: dict[str, float],
+        units: dict[str, str],
+    ) -> None:
+        self.signals = signals
+        self.titles = titles
+        self.sampling_rates = sampling_rates
+        self.units = units
+
+    @classmethod
+    def from_trials(
+        cls,
+        X: pd.DataFrame | pd.Series | Mapping[str, Any] | ArrayLike,
+        *,
+        sampling_rate: float | Mapping[str, float] | None = None,
+        unit: str | Mapping[str, str] = "counts",
+        ax: Axes | None = None,
+    ) -> Self:
+        """Plot the signals of trials.
+
+        Parameters
+        ----------
+        X : DataFrame, Series, dict or array-like
+            Several trials: a DataFrame with a row a trial and a column a sensor, or a
+            dict from the name of each, such as its exploratory procedure, to the trial.
+            One trial: a row of such a DataFrame, or a dict from the name of each sensor
+            to its signals, of shape (n_times, n_channels). One sensor: such an array.
+        sampling_rate : float or dict of str to float, default=None
+            Samples a second, of all sensors or each. By default those of a BioTac:
+            2200 of pac, 100 of pdc, tac, tdc and electrodes.
+        unit : str or dict of str to str, default="counts"
+            Unit of the values, of all sensors or each; "counts" of those that a dict
+            lacks.
+        ax : matplotlib Axes, default=None
+            Axes, made by ``subplots``, in which to lay out the panels; by default
+            those of a new figure.
+
+        Returns
+        -------
+        display : SignalsDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If trials differ in their sensors or channels, a signal is no finite array
+            of time samples, or a sampling rate is unknown or not positive.
+        ImportError
+            If matplotlib is not installed.
+        """
+        titles, trials = _named_trials(X)
+        sensors = list(trials[0])
+        for i, trial in enumerate(trials):
+            if set(trial) != set(sensors):
+                raise ValueError(
+                    f"Trial {i} of X has the sensors {list(trial)}, but {sensors} are "
+                    "expected, as in the first trial; give all the same."
+                )
+        return cls(
+            {s: _check_signals(s, [trial[s] for trial in trials]) for s in sensors},
+            titles=titles,
+            sampling_rates={s: _rate_of(s, sampling_rate) for s in sensors},
+            units={
+                s: unit if isinstance(unit, str) else unit.get(s, "counts")
+                for s in sensors
+            },
+        ).plot(ax)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Plot the signals.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, default=None
+            Axes, made by ``subplots``, in which to lay out the panels; by default
+            those of a new figure.
+
+        Returns
+        -------
+        display : SignalsDisplay
+            This display, with ``ax_`` and the other attributes set.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        shape = len(self.signals), len(self.titles)
+        self.ax_, self.axes_ = panels_of(
+            ax,
+            type(self).__name__,
+            *shape,
+            figsize=(max(6.4, 1.9 * shape[1]), max(2.6, 1.0 + 1.3 * shape[0])),
+            sharex="col",
+            sharey="row",
+        )
+        self.figure_ = self.ax_.figure
+        self.lines_, self.images_, legend = {}, {}, None
+        for row, (sensor, signals) in zip(self.axes_, self.signals.items()):
+            n_channels = signals[0].shape[1]
+            channels = _channel_names(sensor, n_channels)
+            if n_channels > _MAX_LINES:
+                self.images_[sensor] = self._plot_images(row, sensor)
+                row[0].set_ylabel(sensor)
+                for panel in row:
+                    label_blocks(panel, channels, 8, "white")
+                continue
+            self.lines_[sensor] = [
+                self._plot_lines(panel, sensor, values, channels)
+                for panel, values in zip(row, signals)
+            ]
+            row[0].set_ylabel("\n".join(filter(None, (sensor, self.units[sensor]))))
+            if n_channels > 1 and channels != legend:
+                row[-1].legend(
+                    loc="center left",
+                    bbox_to_anchor=(1, 0.5),
+                    frameon=False,
+                    handlelength=1,
+                )
+                legend = channels
+        self.figure_.align_ylabels(self.axes_[:, 0])
+        for title, top, bottom in zip(self.titles, self.axes_[0], self.axes_[-1]):
+            top.set_title(title.replace("_", " "), fontsize="medium")
+            bottom.set_xlabel("time, s")
+        return self
+
+    def _plot_lines(self, panel, sensor, values, channels):
+        """Plot the channels over time, the first in front."""
+        time = np.arange(len(values)) / self.sampling_rates[sensor]
+        lines = [
+            panel.plot(time, channel, color=colour, linewidth=0.8, label=name)[0]
+            for channel, colour, name in zip(
+                values.T, colours_of(values.shape[1]), channels
+            )
+        ]
+        panel.margins(x=0)
+        return lines
+
+    def _plot_images(self, row, sensor):
+        """Show channels as rows of images of one colour scale."""
+        signals = self.signals[sensor]
+        limits = min(map(np.min, signals)), max(map(np.max, signals))
+        images = [
+            panel.imshow(
+                values.T,
+                aspect="auto",
+                extent=(
+                    0,
+                    len(values) / self.sampling_rates[sensor],
+                    values.shape[1] - 0.5,
+                    -0.5,
+                ),
+                cmap="viridis",
+                vmin=limits[0],
+                vmax=limits[1],
+            )
+            for panel, values in zip(row, signals)
+        ]
+        bar_axes = row[-1].inset_axes((1.04, 0, 0.02 * len(row), 1))
+        self.figure_.colorbar(images[0], cax=bar_axes, label=self.units[sensor])
+        return images
+
+
+def _named_trials(X):
+    """Return names of trials, and of each trial a dict of each sensor's signals."""
+    if hasattr(X, "iterrows"):
+        pairs = list(X.iterrows())
+    else:
+        pairs = list(X.items()) if hasattr(X, "items") else [("", X)]
+        nested = {hasattr(trial, "items") for _, trial in pairs}
+        if nested == {True, False}:
+            raise ValueError(
+                "X holds trials of several sensors beside signals of one; name the "
+                "sensors of all."
+            )
+        if nested == {False}:
+            pairs = [("", dict(pairs))]
+    if not pairs or not all(len(trial) for _, trial in pairs):
+        raise ValueError(
+            "X holds no signals; give it one trial and one sensor or more."
+        )
+    return [str(name) for name, _ in pairs], [dict(trial) for _, trial in pairs]
+
+
+def _check_signals(sensor, signals):
+    try:
+        return check_trials(signals)
+    except ValueError as error:
+        raise ValueError(f"Sensor {sensor!r}: {error}" if sensor else error) from error
+
+
+def _rate_of(sensor, sampling_rate):
+    """Return the sampling rate of a sensor, as given or, of a BioTac, as known."""
+    known = {name: n_samples * FRAME_RATE for name, (n_samples, _) in SENSORS.items()}
+    rate = sampling_rate
+    if rate is None or isinstance(rate, Mapping):
+        rate = (known | dict(rate or {})).get(sensor)
+        if rate is None:
+            raise ValueError(
+                f"sampling_rate of the sensor {sensor!r} is unknown; give it, in "
+                "samples a second."
+            )
+    return check_rate(rate)
+
+
+def check_rate(rate):
+    """Return a sampling rate; refuse what is no positive finite number."""
+    if not isinstance(rate, Real) or not 0 < rate < np.inf:
+        raise ValueError(
+            f"sampling_rate={rate!r} must be a positive number of samples a second."
+        )
+    return float(rate)
+
+
+def _channel_names(sensor, n_channels):
+    """Name channels by the finger they belong to, where that is known."""
+    _, n_of_finger = SENSORS.get(sensor, (1, n_channels))
+    if n_of_finger == n_channels:
+        return [f"channel {i}" for i in range(n_channels)]
+    return [f"finger {i // n_of_finger}" for i in range(n_channels)]
