@@ -1,0 +1,137 @@
+"""
+Features from raw signals
+=========================
+
+A touch is thousands of samples of several sensors; a model wants one row of numbers.
+This follows one touch all the way: signals, windows, atoms, codes, maxima, and says
+what each step keeps and what it drops.
+"""
+
+# %%
+# 1. Signals
+# ----------
+# A trial is a row of a DataFrame, a sensor a column, each cell an array of samples of
+# two fingers. With one seed the corpus holds the same objects for every exploratory
+# procedure, so we can lay the procedures side by side: vibration (pac), pressure (pdc),
+# heat flow (tac), temperature (tdc) and the electrodes under the skin.
+import time
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+from sklearn.pipeline import make_pipeline
+
+from sklearn_haptic import KSVDTransformer, TemporalMaxPool
+from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.plotting import AtomsDisplay, FeatureMapDisplay, SignalsDisplay
+
+procedures = ["squeeze", "hold", "slow_slide", "fast_slide"]
+corpora = {
+    name: make_haptic_corpus(n_objects=20, n_trials=1, procedure=name, random_state=0)
+    for name in procedures
+}
+number = list(corpora["hold"].object_names).index("plastic")
+display = SignalsDisplay.from_trials(
+    {name: corpus.trials.iloc[number] for name, corpus in corpora.items()}
+)
+display.figure_.suptitle("One plastic object, touched in four ways")
+
+# %%
+# 2. Windows
+# ----------
+# From here on, the vibration of fast slides. Each finger's signal is cut into windows
+# of 22 samples, 10 ms, each of which shares half with the next. Where in the recording
+# a window was is kept; samples after the last whole window are dropped.
+rate = corpora["fast_slide"].sampling_rates["pac"]
+trials = corpora["fast_slide"].trials["pac"]
+trial = trials.iloc[number]
+coder = KSVDTransformer(n_atoms=40, window=22, random_state=0)
+started = time.perf_counter()
+codes = coder.fit_transform(trials)[number]
+print(f"{len(trial)} samples of 2 fingers, {len(trial) / rate:.2f} s")
+print(f"{len(codes)} windows, {codes.shape[1]} codes each")
+print(f"dictionary and codes: {time.perf_counter() - started:.1f} s")
+
+# %%
+# 3. Atoms
+# --------
+# K-SVD learns 40 atoms such that each window, less its mean, is nearly a sum of at most
+# four of them. The atoms have no unit, for each has norm 1: the code says how much. We
+# sort them by how often they are used. The share is that of the windows of all trials.
+display = AtomsDisplay.from_estimator(coder, trials, sampling_rate=rate)
+display.figure_.suptitle("Atoms of vibration, and the share of windows that use each")
+
+# %%
+# 4. What the reconstruction error says
+# -------------------------------------
+# A code is turned back into a window by multiplying it with the atoms. Positive and
+# negative parts have columns of their own, finger after finger.
+positive, negative = codes.reshape(len(codes), 2, 2, 40).transpose(2, 0, 1, 3)
+rebuilt = (positive - negative) @ coder.components_
+windows = np.lib.stride_tricks.sliding_window_view(trial, 22, axis=0)[::11]
+centred = windows - windows.mean(axis=2, keepdims=True)
+errors = np.square(rebuilt - centred).mean(axis=2)
+order = np.argsort(errors, axis=None)
+_, axes = plt.subplots(1, 2, figsize=(6.4, 2.8), layout="constrained")
+for ax, rank, title in zip(axes, (errors.size // 2, -1), ("median", "worst")):
+    at = np.unravel_index(order[rank], errors.shape)
+    milliseconds = 1000 * np.arange(22) / rate
+    ax.plot(milliseconds, centred[at], "o", color="0.5", label="recorded")
+    ax.plot(milliseconds, rebuilt[at], color="#0072B2", label="sum of 4 atoms")
+    ax.set(xlabel="time, ms", ylabel="pac less its mean, counts")
+    ax.set_title(f"the {title} window of this trial")
+axes[0].legend()
+
+# %%
+# The error that the transformer reports is in the unit of the signal: its root mean
+# square over the training windows. It falls with every atom that a code may use, and
+# ever less is left to win. A small error says that the codes keep the windows; it does
+# not say that what they keep tells how objects feel. That is for the scores of a model
+# on objects it has not seen to decide.
+spread = np.sqrt(
+    np.mean(
+        [
+            np.lib.stride_tricks.sliding_window_view(each, 22, axis=0)[::11]
+            .var(axis=2)
+            .mean()
+            for each in trials
+        ]
+    )
+)
+print(f"Windows about their means: {spread:.1f} counts\nerror of codes of")
+for n_nonzero_coefs in (1, 2, 4, 8):
+    coder.set_params(n_nonzero_coefs=n_nonzero_coefs).fit(trials)
+    error = coder.reconstruction_error_
+    print(f"  {n_nonzero_coefs} atoms: {error:4.1f} counts, {error / spread:4.0%}")
+
+# %%
+# 5. Means
+# --------
+# By default each window's mean is removed: of vibration, it is a nuisance. What differs
+# in the mean alone is then the same to the coder. Pressure and temperature say much by
+# their level, so for these ``remove_mean=False`` keeps it.
+pressure = corpora["fast_slide"].trials["pdc"]
+for remove_mean in (True, False):
+    of_pressure = KSVDTransformer(
+        10, window=50, remove_mean=remove_mean, random_state=0
+    ).fit(pressure)
+    low, high = of_pressure.transform([pressure.iloc[0], pressure.iloc[0] + 100])
+    same = np.allclose(low, high, atol=1e-3)
+    print(f"remove_mean={remove_mean}: 100 counts more give the same codes: {same}")
+
+# %%
+# 6. One row a trial
+# ------------------
+# Trials differ in length. `TemporalMaxPool` takes the maximum of each code in four
+# quarters, two halves and the whole of the recording, so that every trial has as many
+# features. It keeps that an atom appeared, how strongly and in which quarter; it drops
+# how often, and when exactly. Below the codes, the maxima lie where their cells are.
+coder.set_params(n_nonzero_coefs=4)
+pipeline = make_pipeline(coder, TemporalMaxPool((4, 2, 1)))
+features = pipeline.fit_transform(trials)
+print(f"{features.shape[0]} trials, {features.shape[1]} features each, such as")
+print(pipeline.get_feature_names_out()[[0, 200, -1]])
+display = FeatureMapDisplay.from_estimator(pipeline, trial, sampling_rate=rate)
+display.figure_.suptitle("Codes of one trial, and the maxima that are its features")
+if matplotlib.get_backend().lower() != "agg":
+    plt.show()
