@@ -1,23 +1,66 @@
-"""The README and the guides: their code runs, and their links lead somewhere."""
+"""The README and the guides: their code runs, what they name and link to exists."""
 
 import re
+import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
+from test_annotations import public_objects
+from test_phac2 import REST, STATES, write_trial
+from test_ratings_file import save_v7
+
+from sklearn_haptic.datasets._ratings_file import ADJECTIVES
+
+h5py = pytest.importorskip("h5py")
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+
+
+def read(page):
+    return page.read_text("utf-8")
 
 
 def code_blocks(page):
-    return re.findall(r"^```python\n(.*?)^```", page.read_text("utf-8"), re.M | re.S)
+    """Yield the first line, the code and, where they follow, the lines it prints."""
+    pattern = r"^```python\n(.*?)^```\n(?:\n```text\n(.*?)^```)?"
+    for match in re.finditer(pattern, read(page), re.M | re.S):
+        yield read(page).count("\n", 0, match.start(1)), *match.groups()
 
 
-def test_code_of_the_readme():
-    """Block after block, as a reader would run it."""
-    names = {}
-    for block in code_blocks(ROOT / "README.md"):
-        exec(block, names)
+def write_phac2(folder):
+    """Write files of three trials under the names of those of PHAC-2."""
+    states = [REST] * 5 + [state for state in STATES.values() for _ in range(30)]
+    with h5py.File(folder / "phac_train_test_pos_neg_90_10_1_20.h5", "w") as file:
+        for seed, name in enumerate(["cup_114_01", "cup_114_02", "mat_602_01"]):
+            write_trial(file, name, states, seed)
+    counts = np.tile([0, 1, 3, 2, 0], (2, len(ADJECTIVES), 1))
+    names = np.array(ADJECTIVES, dtype=object)
+    save_v7(folder / "ratings.mat", {"counts": counts, "ids": [114, 602], "n": names})
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, one_thread, capsys):
+    """Run a page's code block after block, as a reader would; return what it names."""
+
+    def run(page):
+        names = {"__name__": page.stem}
+        for first_line, code, printed in code_blocks(page):
+            capsys.readouterr()
+            exec(compile("\n" * first_line + code, page, "exec"), names)
+            if printed is not None:
+                assert capsys.readouterr().out == printed, f"{page}:{first_line}"
+        return names
+
+    write_phac2(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return run
+
+
+def test_code_of_the_readme(run):
+    names = run(ROOT / "README.md")
     proba = names["corpus"].ratings["hard"][names["unseen"]] / 12
     assert proba.shape == (5, 5)  # touches of the unseen object, ratings
     assert [name for name, *_ in names["features"].transformers] == [
@@ -26,15 +69,65 @@ def test_code_of_the_readme():
     ]
 
 
-def test_code_of_the_joint_network():
-    names = {}
-    (block,) = code_blocks(ROOT / "docs" / "shared_hidden_layer.md")
-    exec(block, names)
-    assert names["model"].predict_proba(names["X"]).shape == (24, 10, 5)
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES[1:] if any(code_blocks(page))], ids=lambda p: p.name
+)
+def test_code_of_a_guide(page, run):
+    run(page)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands(page):
+    """Scripts, their options and the extras of the package exist."""
+    text = read(page)
+    project = tomllib.loads(read(ROOT / "pyproject.toml"))["project"]
+    for script in re.findall(r"\b(?:examples|benchmarks|tests|docs)/\w+\.py\b", text):
+        assert (ROOT / script).exists(), script
+    for extras in re.findall(r"(?:sklearn_haptic|\.)\[([a-z0-9,]+)\]", text):
+        assert set(extras.split(",")) <= set(project["optional-dependencies"])
+    for script, words in re.findall(r"\b(\w+/\w+\.py)([^\n`]*)", text):
+        for option in re.findall(r" (--[a-z-]+)", words.partition("#")[0]):
+            assert f'"{option}"' in read(ROOT / script), f"{script} {option}"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_to_files(page):
-    for link in re.findall(r"\]\(([^)#\s]+)", page.read_text("utf-8")):
+    """To files, to other pages with or without their ending, and to examples."""
+    links = re.findall(r"\]\(([^)#\s]+)|\{doc\}`([^`]+)`", read(page))
+    for link in map("".join, links):
         if not link.startswith("http"):
-            assert (page.parent / link).exists(), link
+            place = page.parent / link
+            if link.startswith("auto_examples/"):
+                place = ROOT / "examples" / link.partition("/")[2]
+                place = place.with_stem(place.stem.replace("index", "GALLERY_HEADER"))
+            endings = ("", ".md", ".rst", ".py")
+            assert any(Path(f"{place}{ending}").exists() for ending in endings), link
+
+
+def pages_of_the_reference():
+    """Return the full names of all objects that the reference lists."""
+    names, module = set(), None
+    for line in read(DOCS / "api.rst").splitlines():
+        if line.startswith(".. automodule:: "):
+            module = line.split()[-1]
+        elif match := re.fullmatch(r"(?:   |\.\. data:: )(\w+)", line):
+            names.add(f"{module}.{match[1]}")
+    return names
+
+
+def test_the_reference_lists_every_public_name():
+    public = {"sklearn_haptic.PAPER_2020", *(name for name, _ in public_objects())}
+    assert pages_of_the_reference() == public
+
+
+def test_every_page_is_in_a_table_of_contents():
+    listed = ["index"]
+    for page in PAGES[1:]:
+        for block in re.findall(r"^```\{toctree\}\n(.*?)^```", read(page), re.M | re.S):
+            listed += re.findall(r"^([\w/]+)$", block, re.M)
+    written = {page.stem for page in PAGES[1:]} | {"api", "auto_examples/index"}
+    assert sorted(listed) == sorted(written)  # each once
+
+
+def test_settings_of_the_documentation_are_short():
+    assert len(read(DOCS / "conf.py").splitlines()) <= 100
