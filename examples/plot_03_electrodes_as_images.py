@@ -1,0 +1,118 @@
+"""
+Electrodes as images
+====================
+
+Under the skin of a BioTac finger lie 19 electrodes. Where they lie matters: a slide
+raises the readings on one side of a finger and lowers them on the other.
+`STHMPTransformer` makes images of them, and codes small patches of these as
+`KSVDTransformer` codes windows of a signal.
+"""
+
+# %%
+# 1. From electrodes to pixels
+# ----------------------------
+# ``layout="biotac"`` stands for a matrix of shape (7, 3, 19): the weight of each of a
+# finger's electrodes in each pixel of 7 rows, tip of the finger first, and 3 columns.
+# Most pixels are one electrode. The middle of rows 3 and 4 has none, so it takes the
+# mean of its neighbours that have one. A fitted transformer holds the matrix as
+# ``layout_``.
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+from sklearn.pipeline import make_pipeline
+
+from sklearn_haptic import STHMPTransformer, TemporalMaxPool
+from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.plotting import AtomsDisplay, FeatureMapDisplay
+
+corpus = make_haptic_corpus(
+    30, 1, procedure="slow_slide", sensors=["electrodes"], random_state=0
+)
+rate = corpus.sampling_rates["electrodes"]
+trials = corpus.trials["electrodes"]
+trial = trials.iloc[list(corpus.object_names).index("glass")]
+coder = STHMPTransformer(n_atoms=10, random_state=0).fit(trials)
+weights = coder.layout_
+print(f"layout_ has shape {weights.shape}, the weights of each pixel sum to 1")
+for row in (3, 4):
+    electrodes = np.flatnonzero(weights[row, 1]) + 1
+    print(f"row {row}, middle: mean of electrodes {electrodes}")
+
+# %%
+# The matrix times the readings of a finger gives its images. Two fingers, of 19
+# channels each, lie side by side: 7 × 6 pixels.
+images = np.concatenate([weights @ f.T for f in (trial[:, :19], trial[:, 19:])], axis=1)
+print(f"{len(trial)} frames of {images.shape[0]} × {images.shape[1]} pixels")
+
+_, axes = plt.subplots(1, 4, figsize=(6.4, 2.5), layout="constrained", sharey=True)
+axes[0].set(title="one finger", xlim=(-0.5, 2.5), xticks=range(3), aspect="equal")
+for (row, column), n_electrodes in np.ndenumerate((weights > 0).sum(axis=2)):
+    number = weights[row, column].argmax() + 1
+    name = number if n_electrodes == 1 else "×"
+    axes[0].text(column, row, name, ha="center", va="center", fontsize="small")
+limit = np.abs(images).max()
+for ax, second in zip(axes[1:], [0.1, 1, 4]):
+    frame = images[:, :, round(second * rate)]
+    picture = ax.imshow(frame, cmap="viridis", vmin=-limit, vmax=limit)
+    ax.axvline(2.5, color="white", linewidth=2)
+    ax.set(title=f"both, {second:g} s", xlabel="column", xticks=range(6))
+axes[0].set(xlabel="column", ylabel="row, tip first", yticks=range(7))
+bar = plt.colorbar(picture, ax=axes, label="counts above rest", shrink=0.8)
+bar.ax.figure.suptitle("The electrode of each pixel (× a mean); a slide over glass")
+
+# %%
+# 2. Atoms of patches
+# -------------------
+# Every 3 × 3 patch of every frame is an observation, less its mean: what the skin does
+# in a place, wherever the place is and however high the level. K-SVD learns atoms of
+# them; light and dark are weights of opposite signs. The shares are those of frames and
+# cells, section 3, in which an atom appears: of several patches in most, so they are
+# high.
+display = AtomsDisplay.from_estimator(coder, trials)
+display.figure_.suptitle("Atoms of patches of electrodes")
+
+# %%
+# 3. A pyramid of cells
+# ---------------------
+# A 3 × 3 patch has 5 × 4 places in an image of 7 × 6 pixels. Codes are pooled over
+# cells of these places: the maximum in each of 3 × 3 cells, of 2 × 2 and of the whole.
+# Small cells keep where something was felt, large ones that it was felt anywhere.
+# The numbers are those in the names of features: ``s4of9`` is the fourth of nine cells.
+_, axes = plt.subplots(1, 3, figsize=(6.4, 2.8), layout="constrained", sharey=True)
+for ax, n_cells in zip(axes, (3, 2, 1)):
+    down, right = [np.ceil(np.arange(1, n + 1) * n_cells / n) - 1 for n in (5, 4)]
+    cells = 1 + n_cells * down[:, np.newaxis] + right
+    ax.imshow(cells, cmap="Blues", vmin=0, vmax=2 * n_cells**2)
+    for (row, column), number in np.ndenumerate(cells):
+        ax.text(column, row, f"{number:g}", ha="center", va="center")
+    ax.set(title=f"cell of {n_cells**2}", xlabel="column of patch", xticks=range(4))
+axes[0].set(ylabel="row of patch", yticks=range(5))
+
+# %%
+# 4. Features of a slide
+# ----------------------
+# Each frame gives 14 cells of 20 codes, for positive and negative parts have a column
+# each, and is scaled to norm 1. `TemporalMaxPool` takes maxima over time, as of any
+# other sensor.
+pipeline = make_pipeline(coder, TemporalMaxPool((4, 2, 1)))
+features = pipeline.fit_transform(trials)
+print(f"{features.shape[0]} trials, {features.shape[1]} features each, such as")
+print(pipeline.get_feature_names_out()[[0, 1000, -1]])
+display = FeatureMapDisplay.from_estimator(pipeline, trial, sampling_rate=rate)
+display.figure_.suptitle("Codes of the slide over glass, and their maxima")
+
+# %%
+# 5. Other layouts
+# ----------------
+# ``layout`` takes the matrix of any sensor, for any number of fingers, and
+# ``layout=None`` takes trials that are images already. The images above give the same
+# codes as the electrodes.
+frames = np.moveaxis(images, 2, 0)
+of_images = STHMPTransformer(
+    n_atoms=10, layout=None, max_iter=0, dict_init=coder.components_
+)
+codes = of_images.fit_transform([frames])[0]
+expected = coder.transform([trial])[0]
+print("Largest difference of the codes:", f"{np.abs(codes - expected).max():.1g}")
+if matplotlib.get_backend().lower() != "agg":
+    plt.show()
