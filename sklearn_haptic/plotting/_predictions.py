@@ -20,7 +20,7 @@ from sklearn.utils.validation import (
 from .._typing import Trials
 from .._validation import check_ratings, check_regular
 from ..metrics import _cdf, _check_distributions, _proportions, pit_histogram
-from ._style import BLUE, axes_of
+from ._style import BLUE, axes_of, colours_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -682,16 +682,13 @@ class ReliabilityDisplay:
             If matplotlib is not installed.
         """
         ax = axes_of(ax, type(self).__name__)
-        from matplotlib import colormaps
-
         fullest = np.concatenate(self.n_trials).max()
-        colours = colormaps["viridis"](np.linspace(0, 0.85, len(self.predicted)))
         self.ax_, self.figure_ = ax, ax.figure
         (self.diagonal_,) = ax.plot(
             [0, 1], [0, 1], color="0.5", linestyle="--", linewidth=1, label="reliable"
         )
         self.curves_, self.points_, self.errorbars_ = [], [], []
-        for k, colour in enumerate(colours):
+        for k, colour in enumerate(colours_of(len(self.predicted))):
             x, y = self.predicted[k], self.observed[k]
             marker = _MARKERS[k % len(_MARKERS)]
             self.curves_ += ax.plot(
