@@ -43,11 +43,10 @@ def test_atoms_of_signals_are_waveforms_in_milliseconds():
     assert display.axes_[0].get_ylim()[1] > ksvd.components_.max()
     titles = [panel.get_title() for panel in display.axes_]
     assert titles == ["atom 0", *map(str, range(1, 7))]
-    # The lowest of each column of a 5 + 2 grid names the axis.
-    assert [panel.get_xlabel() for panel in display.axes_] == [""] * 2 + [
-        "time, ms"
-    ] * 5
-    assert display.axes_[5].get_ylabel() == "atom\n(no unit)"
+    # The lowest of each column of a 4 + 3 grid names the axis.
+    labels = [panel.get_xlabel() for panel in display.axes_]
+    assert labels == [""] * 3 + ["time, ms"] * 4
+    assert display.axes_[4].get_ylabel() == "atom\n(no unit)"
     assert len(display.figure_.axes) == 8
 
 

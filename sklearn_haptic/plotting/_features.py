@@ -156,8 +156,8 @@ class AtomsDisplay:
             If matplotlib is not installed.
         """
         n_atoms = len(self.atoms)
-        n_columns = min(n_atoms, 8 if n_atoms > 10 else 5)
-        n_rows = -(-n_atoms // n_columns)
+        n_rows = -(-n_atoms // (8 if n_atoms > 10 else 5))
+        n_columns = -(-n_atoms // n_rows)
         self.ax_, panels = panels_of(
             ax,
             type(self).__name__,
