@@ -203,7 +203,7 @@ class SignalsDisplay:
         return self
 
     def _plot_lines(self, panel, sensor, values, channels):
-        """Plot the channels over time, the first in front."""
+        """Plot the channels over time."""
         time = np.arange(len(values)) / self.sampling_rates[sensor]
         lines = [
             panel.plot(time, channel, color=colour, linewidth=0.8, label=name)[0]
