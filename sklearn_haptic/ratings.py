@@ -270,11 +270,17 @@ def interrater_agreement(counts: ArrayLike) -> NDArray[np.float64]:
     >>> interrater_agreement([[0, 0, 12, 0, 0], [6, 0, 0, 0, 6]]).round(3)
     array([ 1.   , -1.182])
     """
-    counts, levels = _check_counts(counts, None)
+    counts, _ = _check_counts(counts, None)
+    return _agreement(counts, "counts")
+
+
+def _agreement(counts, name):
+    """Return r_wg of each row of validated counts; errors call them by a name."""
+    levels = np.arange(1, counts.shape[1] + 1)
     n_ratings = counts.sum(axis=1)
     if (n_ratings < 2).any():
         raise ValueError(
-            f"counts has fewer than two ratings in row {np.argmax(n_ratings < 2)}; "
+            f"{name} has fewer than two ratings in row {np.argmax(n_ratings < 2)}; "
             "agreement needs two people or more, so remove that object."
         )
     deviation = levels - (counts @ levels / n_ratings)[:, None]

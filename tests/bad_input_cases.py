@@ -48,11 +48,14 @@ from sklearn_haptic.model_selection import (
     speed_accuracy_frontier,
 )
 from sklearn_haptic.plotting import (
+    AdjectiveCorrelationDisplay,
     AtomsDisplay,
     DistributionDisplay,
     FeatureMapDisplay,
+    InterraterAgreementDisplay,
     InverseCDFDisplay,
     PITHistogramDisplay,
+    RatingsDisplay,
     ReliabilityDisplay,
     SensorContributionsDisplay,
     SignalsDisplay,
@@ -1902,6 +1905,138 @@ def of_estimator(display, counts):
 PLOT_CASES = [
     *of_search(SpeedAccuracyDisplay.from_search),
     *of_summary(SensorContributionsDisplay.from_scores),
+    *(
+        case
+        for display in (RatingsDisplay, InterraterAgreementDisplay)
+        for case in cases(
+            f"{display.__name__}.from_counts",
+            *(
+                (
+                    given,
+                    ValueError,
+                    message,
+                    lambda _, d=display, r=ratings, o=objects: call(
+                        d.from_counts, r, objects=o
+                    ),
+                )
+                for given, message, ratings, objects in [
+                    (
+                        "no adjective",
+                        "^ratings is of no adjective; give the counts of one or more",
+                        {},
+                        None,
+                    ),
+                    (
+                        "an object that nobody rated",
+                        r"^ratings\['hard'\] has no ratings in trial 1; remove",
+                        {"hard": replaced(COUNTS, 0, 1)},
+                        None,
+                    ),
+                    (
+                        "adjectives with other levels",
+                        r"^ratings\['soft'\] has shape \(12, 2\), but ratings\['hard'\]"
+                        r" has \(12, 3\); give the same rows and levels",
+                        {"hard": COUNTS, "soft": COUNTS[:, :2]},
+                        None,
+                    ),
+                    (
+                        "trials of an object that differ",
+                        "^ratings has other counts in row 1 than in row 0, both of the "
+                        "object 0; give all rows of an object the same",
+                        COUNTS,
+                        OBJECTS,
+                    ),
+                    (
+                        "a trial without an object",
+                        "^objects has no object in row 2; name the object of every row",
+                        COUNTS[:3],
+                        ["foam", "tile", None],
+                    ),
+                    (
+                        "objects of another number",
+                        r"inconsistent numbers of samples: \[12, 6\]",
+                        COUNTS,
+                        OBJECTS[:6],
+                    ),
+                    (
+                        "counts as text",
+                        "^ratings is not an array of numbers .*text.*; convert it",
+                        text(COUNTS),
+                        None,
+                    ),
+                ]
+            ),
+        )
+    ),
+    *cases(
+        "RatingsDisplay.from_counts",
+        (
+            "levels of another number",
+            ValueError,
+            "^ratings has 3 columns of counts, but there are 2 levels",
+            lambda _: call(RatingsDisplay.from_counts, COUNTS, levels=[1, 2]),
+        ),
+    ),
+    *cases(
+        "InterraterAgreementDisplay.from_counts",
+        (
+            "one rating of an object",
+            ValueError,
+            "^ratings of 'hard' has fewer than two ratings in row 0; .* remove that",
+            lambda _: call(
+                InterraterAgreementDisplay.from_counts, {"hard": [[0, 1, 0]]}
+            ),
+        ),
+    ),
+    *cases(
+        "AdjectiveCorrelationDisplay.from_ratings",
+        *(
+            (
+                given,
+                ValueError,
+                message,
+                lambda _, r=ratings, o=options: call(
+                    AdjectiveCorrelationDisplay.from_ratings, r, **o
+                ),
+            )
+            for given, message, ratings, options in [
+                ("one adjective", "1 feature.* minimum of 2", X[:, :1], {}),
+                (
+                    "an adjective always rated the same",
+                    "^All ratings of 'x0' in the rows that have 'x1' too are equal, ",
+                    replaced(X, 1.0, (slice(None), 0)),
+                    {},
+                ),
+                (
+                    "a threshold above 1",
+                    "^The 'threshold' parameter of adjective_correlation must be",
+                    X,
+                    {"threshold": 1.5},
+                ),
+            ]
+        ),
+    ),
+    *cases(
+        "InverseCDFDisplay.from_counts",
+        (
+            "ratings of several objects",
+            ValueError,
+            "^counts has different ratings for different trials; give the trials",
+            lambda _: call(InverseCDFDisplay.from_counts, COUNTS),
+        ),
+        (
+            "an object that nobody rated",
+            ValueError,
+            "^counts has no ratings in trial 0; remove",
+            lambda _: call(InverseCDFDisplay.from_counts, [0, 0, 0]),
+        ),
+        (
+            "levels of another number",
+            ValueError,
+            "^counts has 3 columns of counts, but there are 2 levels",
+            lambda _: call(InverseCDFDisplay.from_counts, COUNTS[0], levels=[1, 2]),
+        ),
+    ),
     *of_one_object(InverseCDFDisplay),
     *of_one_object(DistributionDisplay),
     *of_calibration(PITHistogramDisplay),

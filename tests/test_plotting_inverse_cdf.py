@@ -31,6 +31,34 @@ def test_steps_lie_exactly_at_the_jumps_of_the_cdf():
     np.testing.assert_array_equal(edges, [0, 0.25, 0.75, 1])
 
 
+def test_ratings_alone():
+    display = InverseCDFDisplay.from_counts(COUNTS, levels=list("abcde"))
+    values, edges, _ = display.true_line_.get_data()
+    np.testing.assert_array_equal(values, [1, 2, 3, 4])
+    np.testing.assert_array_equal(edges, [0, 2 / 12, 8 / 12, 11 / 12, 1])
+    assert display.trial_lines_ == []
+    assert display.ax_.get_legend() is None
+    assert display.ax_.get_xlabel() == "position p in the population"
+    labels = [tick.get_text() for tick in display.ax_.get_yticklabels()]
+    assert labels == list("abcde")
+    of_trials = InverseCDFDisplay.from_counts(np.tile(COUNTS, (3, 1)))
+    np.testing.assert_array_equal(of_trials.counts, COUNTS)
+    display.figure_.canvas.draw()
+
+
+@pytest.mark.parametrize(
+    "counts, message",
+    [
+        ([[1, 2], [2, 1]], "counts has different ratings for different trials"),
+        ([0, 0], "counts has no ratings in trial 0"),
+        ([1, -1], "counts has a negative count in trial 0"),
+    ],
+)
+def test_errors_of_ratings_alone(counts, message):
+    with pytest.raises(ValueError, match=message):
+        InverseCDFDisplay.from_counts(counts)
+
+
 @pytest.mark.parametrize("n_trials", [1, 2, 10, 60])
 def test_lines_are_the_inverse_cdfs_within_half_a_level(n_trials):
     proba = np.random.default_rng(1).dirichlet(np.ones(5), size=n_trials)

@@ -689,6 +689,12 @@ def calls_of_functions(folder):
         model_selection.speed_accuracy_frontier: (SEARCH,),
         model_selection.cheapest_within_one_se: (SEARCH,),
         model_selection.contribution_summary: (scores,),
+        plotting.RatingsDisplay.from_counts: (COUNTS,),
+        plotting.InterraterAgreementDisplay.from_counts: (COUNTS,),
+        plotting.AdjectiveCorrelationDisplay.from_ratings: (
+            [[1, 5], [2, 4], [4, 3], [5, 1]],
+        ),
+        plotting.InverseCDFDisplay.from_counts: (COUNTS[0],),
         plotting.InverseCDFDisplay.from_predictions: (COUNTS[[0]], proba[:3]),
         plotting.InverseCDFDisplay.from_estimator: (model, NAMED[:3], COUNTS[[0] * 3]),
         plotting.SpeedAccuracyDisplay.from_search: (SEARCH,),

@@ -8,15 +8,23 @@ from ._predictions import (
     PITHistogramDisplay,
     ReliabilityDisplay,
 )
+from ._ratings import (
+    AdjectiveCorrelationDisplay,
+    InterraterAgreementDisplay,
+    RatingsDisplay,
+)
 from ._signals import SignalsDisplay
 from ._speed_accuracy import SpeedAccuracyDisplay
 
 __all__ = [
+    "AdjectiveCorrelationDisplay",
     "AtomsDisplay",
     "DistributionDisplay",
     "FeatureMapDisplay",
+    "InterraterAgreementDisplay",
     "InverseCDFDisplay",
     "PITHistogramDisplay",
+    "RatingsDisplay",
     "ReliabilityDisplay",
     "SensorContributionsDisplay",
     "SignalsDisplay",

@@ -11,7 +11,7 @@ from sklearn.base import BaseEstimator
 from .._typing import Trials
 from .._validation import check_ratings, check_regular
 from ..metrics import _check_distributions, macro_mae_per_trial
-from ._style import axes_of
+from ._style import BLUE, axes_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,16 +22,17 @@ _OFFSET, _MAX_OFFSET = 0.035, 0.4
 
 
 class InverseCDFDisplay:
-    """Inverse CDFs of ratings predicted from touches of one object, and the true one.
+    """Inverse CDF of people's ratings of one object, and those predicted from touches.
 
-    Use :meth:`from_predictions` or :meth:`from_estimator` to create a display.
+    Use :meth:`from_counts`, :meth:`from_predictions` or :meth:`from_estimator` to
+    create a display.
 
     Parameters
     ----------
     counts : ndarray of shape (n_levels,)
         How many people gave the object each rating.
     y_proba : ndarray of shape (n_trials, n_levels)
-        Probability of each rating, predicted from each trial.
+        Probability of each rating, predicted from each trial, if any.
     levels : ndarray of shape (n_levels,)
         The ordered levels.
     scores : ndarray of shape (n_trials,)
@@ -52,7 +53,7 @@ class InverseCDFDisplay:
     ----------
     B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
     distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
-    figure 11. :doi:`10.3389/fnbot.2019.00116`
+    figures 7 and 11. :doi:`10.3389/fnbot.2019.00116`
 
     Examples
     --------
@@ -76,6 +77,45 @@ class InverseCDFDisplay:
         self.y_proba = y_proba
         self.levels = levels
         self.scores = scores
+
+    @classmethod
+    def from_counts(
+        cls,
+        counts: ArrayLike,
+        *,
+        levels: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Plot the ratings of one object alone.
+
+        Parameters
+        ----------
+        counts : array-like of shape (n_levels,) or (n_trials, n_levels)
+            How many people gave the object each rating; one row a trial must be
+            the same row each time.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels; by default 1, 2, …, n_levels.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : InverseCDFDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If the rows of ``counts`` differ, or counts are negative, not finite or all
+            zero.
+        ImportError
+            If matplotlib is not installed.
+        """
+        counts, levels = _counts_of_one(counts, levels, "counts")
+        none = np.empty(0)
+        return cls(
+            counts, none.reshape(0, len(counts)), levels=levels, scores=none
+        ).plot(ax)
 
     @classmethod
     def from_estimator(
@@ -152,15 +192,9 @@ class InverseCDFDisplay:
         ImportError
             If matplotlib is not installed.
         """
-        y_true = np.atleast_2d(y_true)
-        counts, levels = check_ratings(y_true, levels, name="y_true")
-        if (counts != counts[0]).any():
-            raise ValueError(
-                "y_true has different ratings for different trials; give the trials "
-                "of one object only."
-            )
+        counts, levels = _counts_of_one(y_true, levels, "y_true")
         n_trials = len(np.atleast_1d(check_regular(y_proba, "y_proba")))
-        counts = np.broadcast_to(counts[:1], (n_trials, counts.shape[1]))
+        counts = np.broadcast_to(counts, (n_trials, len(counts)))
         counts, y_proba = _check_distributions(counts, y_proba, levels)
         scores = macro_mae_per_trial(counts, y_proba, average=False)
         return cls(counts[0], y_proba, levels=levels, scores=scores).plot(ax)
@@ -187,15 +221,15 @@ class InverseCDFDisplay:
         from matplotlib import colormaps
 
         n_trials = len(self.y_proba)
-        offset = min(_OFFSET, _MAX_OFFSET / n_trials)
+        offset = min(_OFFSET, _MAX_OFFSET / max(n_trials, 1))
         offsets = offset * (np.arange(n_trials) - (n_trials - 1) / 2)
         colours = colormaps["viridis"](np.linspace(0, 0.85, n_trials))
         self.ax_, self.figure_ = ax, ax.figure
         self.true_line_ = _draw(
             ax,
             self.counts,
-            color="0.7",
-            linewidth=5,
+            color="0.7" if n_trials else BLUE,
+            linewidth=5 if n_trials else 2,
             label="true ratings",
         )
         self.trial_lines_ = [
@@ -218,15 +252,27 @@ class InverseCDFDisplay:
             ylim=(-0.5, len(self.levels) - 0.5),
         )
         ax.set_yticks(range(len(self.levels)), labels=map(str, self.levels))
-        ax.legend(
-            title=f"mean MAE$^M$ {self.scores.mean():.2f}",
-            alignment="left",
-            ncols=1 + n_trials // 16,
-            loc="center left",
-            bbox_to_anchor=(1.01, 0.5),
-            frameon=False,
-        )
+        if n_trials:
+            ax.legend(
+                title=f"mean MAE$^M$ {self.scores.mean():.2f}",
+                alignment="left",
+                ncols=1 + n_trials // 16,
+                loc="center left",
+                bbox_to_anchor=(1.01, 0.5),
+                frameon=False,
+            )
         return self
+
+
+def _counts_of_one(y, levels, name):
+    """Validate the counts of one object, given once or a row a trial."""
+    counts, levels = check_ratings(np.atleast_2d(y), levels, name=name)
+    if (counts != counts[0]).any():
+        raise ValueError(
+            f"{name} has different ratings for different trials; give the trials of "
+            "one object only."
+        )
+    return counts[0], levels
 
 
 def _draw(ax, weights, offset=0.0, **style):

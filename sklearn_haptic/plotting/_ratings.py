@@ -1,0 +1,555 @@
+"""People's ratings: all of them, how far they agree, and how adjectives go together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.utils import Bunch
+from sklearn.utils.validation import check_consistent_length
+
+from ..ratings import (
+    _agreement,
+    _check_counts,
+    _check_objects,
+    adjective_correlation,
+)
+from ._style import BLUE, axes_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Counts: TypeAlias = Mapping[str, ArrayLike] | ArrayLike
+
+_BAR_LENGTH, _BAR_HEIGHT = 0.9, 0.85  # adjectives and objects are 1 apart
+
+
+class RatingsDisplay:
+    """Ratings of every object on every adjective, as stacked bars.
+
+    Use :meth:`from_counts` to create a display. A row is an object, a column an
+    adjective; the length of each part of a bar is proportional to how many people chose
+    the level, and the higher the level, the darker the part.
+
+    Parameters
+    ----------
+    counts : dict of str to ndarray of shape (n_objects, n_levels)
+        For each adjective, how many people gave each object each rating.
+    objects : sequence of str of length n_objects
+        Labels of the objects.
+    levels : ndarray of shape (n_levels,)
+        The ordered levels.
+
+    Attributes
+    ----------
+    ax_ : matplotlib Axes
+        Axes with the bars.
+    figure_ : matplotlib Figure
+        Figure that holds the axes.
+    bars_ : list of matplotlib BarContainer
+        The parts of all bars, a container a level, adjective by adjective.
+
+    References
+    ----------
+    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
+    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
+    figure 4. :doi:`10.3389/fnbot.2019.00116`
+
+    Examples
+    --------
+    >>> from sklearn_haptic.plotting import RatingsDisplay
+    >>> display = RatingsDisplay.from_counts(
+    ...     {"hard": [[8, 4, 0], [0, 3, 9]], "soft": [[1, 2, 9], [10, 2, 0]]},
+    ...     objects=["foam", "tile"],
+    ... )
+    >>> [label.get_text() for label in display.ax_.get_yticklabels()]
+    ['foam', 'tile']
+    """
+
+    def __init__(
+        self,
+        counts: dict[str, NDArray[np.float64]],
+        *,
+        objects: Sequence[str],
+        levels: np.ndarray,
+    ) -> None:
+        self.counts = counts
+        self.objects = objects
+        self.levels = levels
+
+    @classmethod
+    def from_counts(
+        cls,
+        ratings: Counts,
+        *,
+        objects: ArrayLike | None = None,
+        levels: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Plot how many people gave each object each rating.
+
+        Parameters
+        ----------
+        ratings : dict of str to array-like of shape (n_rows, n_levels), or array-like
+            For each adjective, how many people chose each level, such as the
+            ``ratings`` of a corpus; or the counts of one adjective.
+        objects : array-like of shape (n_rows,), default=None
+            The object of each row, in words or numbers that label it. Rows of one
+            object, such as its trials, must be equal and are drawn once, in the order
+            in which objects first occur. By default each row is an object.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels; by default 1, 2, …, n_levels.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure, as high as the number of
+            objects asks for.
+
+        Returns
+        -------
+        display : RatingsDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If counts are negative, not finite or all zero in a row, the tables differ
+            in shape, or rows of one object differ.
+        ImportError
+            If matplotlib is not installed.
+        """
+        counts, labels, levels = _counts_of_objects(ratings, objects, levels)
+        return cls(counts, objects=labels, levels=levels).plot(ax)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Plot the bars.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : RatingsDisplay
+            This display, with ``ax_`` and the other attributes set.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        names, n_objects = [*self.counts], len(self.objects)
+        ax = axes_of(ax, type(self).__name__, (6.4, 1.5 + 0.13 * n_objects))
+        from matplotlib import colormaps
+
+        tables = np.stack([*self.counts.values()])
+        most = tables.sum(axis=2).max()
+        lengths = _BAR_LENGTH * tables / most
+        ends = np.cumsum(lengths, axis=2)
+        middles = np.arange(len(names))
+        starts = middles[:, None, None] - _BAR_LENGTH / 2 + ends - lengths
+        colours = colormaps["YlGnBu"](np.linspace(0.12, 1, len(self.levels)))
+        self.ax_, self.figure_ = ax, ax.figure
+        self.bars_ = [
+            ax.barh(
+                np.tile(np.arange(n_objects), len(names)),
+                lengths[..., level].ravel(),
+                left=starts[..., level].ravel(),
+                height=_BAR_HEIGHT,
+                color=colour,
+                label=str(name),
+            )
+            for level, (name, colour) in enumerate(
+                zip(self.levels, colours, strict=True)
+            )
+        ]
+        ax.set(
+            xlabel=f"number of responses (a full bar is {most:g})",
+            ylabel="object",
+            xlim=(-0.55, len(names) - 0.45),
+            ylim=(n_objects - 0.4, -0.6),
+        )
+        ax.set_yticks(range(n_objects), labels=self.objects)
+        ax.set_xticks(middles, labels=names)
+        ax.tick_params(
+            length=0, labelsize="x-small", labelbottom=False, labeltop=True, pad=2
+        )
+        ax.spines[:].set_visible(False)
+        ax.legend(
+            title="rating",
+            loc="upper center",
+            bbox_to_anchor=(0.5, 0),
+            borderaxespad=2.5,  # below the label of the axis
+            ncols=len(self.levels),
+            frameon=False,
+            fontsize="small",
+        )
+        return self
+
+
+class InterraterAgreementDisplay:
+    """How far people agree on each adjective, as box plots over objects.
+
+    Use :meth:`from_counts` to create a display. A box plot is of r_wg over objects: the
+    quartiles, whiskers up to 1.5 times their distance, and the objects beyond. The
+    adjective with the highest median comes first. At the dotted line ratings scatter as
+    if drawn uniformly from the levels.
+
+    Parameters
+    ----------
+    agreement : dict of str to ndarray of shape (n_objects,)
+        Agreement r_wg on each object, for each adjective.
+
+    Attributes
+    ----------
+    ax_ : matplotlib Axes
+        Axes with the box plots.
+    figure_ : matplotlib Figure
+        Figure that holds the axes.
+    boxes_ : dict of str to list of matplotlib artists
+        What :meth:`matplotlib.axes.Axes.boxplot` returned.
+    zero_line_ : matplotlib Line2D
+        The line of no agreement.
+
+    See Also
+    --------
+    sklearn_haptic.ratings.interrater_agreement : The numbers.
+
+    References
+    ----------
+    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
+    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
+    figure 9. :doi:`10.3389/fnbot.2019.00116`
+
+    Examples
+    --------
+    >>> from sklearn_haptic.plotting import InterraterAgreementDisplay
+    >>> display = InterraterAgreementDisplay.from_counts(
+    ...     {"soft": [[4, 4, 4], [6, 2, 4]], "hard": [[8, 4, 0], [0, 3, 9]]}
+    ... )
+    >>> [label.get_text() for label in display.ax_.get_xticklabels()]
+    ['hard', 'soft']
+    """
+
+    def __init__(self, agreement: dict[str, NDArray[np.float64]]) -> None:
+        self.agreement = agreement
+
+    @classmethod
+    def from_counts(
+        cls,
+        ratings: Counts,
+        *,
+        objects: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Compute and plot the agreement of the people who rated each object.
+
+        Parameters
+        ----------
+        ratings : dict of str to array-like of shape (n_rows, n_levels), or array-like
+            For each adjective, how many people chose each level, such as the
+            ``ratings`` of a corpus; or the counts of one adjective.
+        objects : array-like of shape (n_rows,), default=None
+            The object of each row. Rows of one object, such as its trials, must be
+            equal and count once. By default each row is an object.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : InterraterAgreementDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If an object has fewer than two ratings, counts are negative or not finite,
+            the tables differ in shape, or rows of one object differ.
+        ImportError
+            If matplotlib is not installed.
+        """
+        counts, _, _ = _counts_of_objects(ratings, objects, None)
+        agreement = {
+            name: _agreement(table, f"ratings of {name!r}")
+            for name, table in counts.items()
+        }
+        by_median = sorted(agreement, key=lambda name: -np.median(agreement[name]))
+        return cls({name: agreement[name] for name in by_median}).plot(ax)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Plot the box plots.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : InterraterAgreementDisplay
+            This display, with ``ax_`` and the other attributes set.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        ax = axes_of(ax, type(self).__name__)
+        self.ax_, self.figure_ = ax, ax.figure
+        self.boxes_ = ax.boxplot(
+            [*self.agreement.values()],
+            tick_labels=[*self.agreement],
+            widths=0.6,
+            patch_artist=True,
+            boxprops={"facecolor": BLUE, "alpha": 0.45},
+            medianprops={"color": "black", "linewidth": 1.8},
+            flierprops={"marker": "o", "markersize": 3},
+        )
+        self.zero_line_ = ax.axhline(
+            0,
+            color="black",
+            linewidth=0.9,
+            linestyle=":",
+            zorder=1,
+            label="as if at random",
+        )
+        n_objects = len(next(iter(self.agreement.values())))
+        ax.set(
+            xlabel=f"adjective ({n_objects} objects each)",
+            ylabel="interrater agreement $r_{wg}$ (1: all agree)",
+        )
+        ax.set_ylim(top=1.05)
+        if len(self.agreement) > 6:
+            ax.tick_params(axis="x", labelrotation=45)
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), frameon=False)
+        return self
+
+
+class AdjectiveCorrelationDisplay:
+    """Rank correlation of the ratings of every pair of adjectives, as a matrix.
+
+    Use :meth:`from_ratings` to create a display. Synonyms and antonyms have a frame
+    and bold figures, correlations that are not significant grey ones.
+
+    Parameters
+    ----------
+    correlation : Bunch
+        What :func:`~sklearn_haptic.ratings.adjective_correlation` returned.
+    alpha : float, default=0.05
+        Its level of significance.
+    threshold : float, default=0.5
+        Its least strength of synonyms and antonyms.
+
+    Attributes
+    ----------
+    ax_ : matplotlib Axes
+        Axes with the matrix.
+    figure_ : matplotlib Figure
+        Figure that holds the axes.
+    image_ : matplotlib AxesImage
+        The matrix below its diagonal.
+    colorbar_ : matplotlib Colorbar
+        The scale of colours.
+    texts_ : list of matplotlib Text
+        The correlations, row by row.
+    frames_ : list of matplotlib Rectangle
+        Frames of synonyms and antonyms, row by row.
+
+    See Also
+    --------
+    sklearn_haptic.ratings.adjective_correlation : The numbers.
+
+    References
+    ----------
+    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
+    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
+    figure 10. :doi:`10.3389/fnbot.2019.00116`
+
+    Examples
+    --------
+    >>> from sklearn_haptic.plotting import AdjectiveCorrelationDisplay
+    >>> display = AdjectiveCorrelationDisplay.from_ratings(
+    ...     [[1, 5, 2], [2, 4, 2], [4, 2, 1], [5, 1, 2], [3, 2, 4]]
+    ... )
+    >>> [text.get_text() for text in display.texts_]
+    ['−.97', '−.22', '.00']
+    """
+
+    def __init__(
+        self, correlation: Bunch, *, alpha: float = 0.05, threshold: float = 0.5
+    ) -> None:
+        self.correlation = correlation
+        self.alpha = alpha
+        self.threshold = threshold
+
+    @classmethod
+    def from_ratings(
+        cls,
+        ratings: ArrayLike,
+        *,
+        alpha: float = 0.05,
+        threshold: float = 0.5,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Correlate the ratings of all pairs of adjectives and plot the matrix.
+
+        Parameters
+        ----------
+        ratings : array-like of shape (n_ratings, n_adjectives)
+            One person's ratings of one object a row, an adjective a column, such as the
+            ``rater_ratings`` of a corpus; missing ones are None, NaN or NA.
+        alpha : float, default=0.05
+            Level of significance.
+        threshold : float, default=0.5
+            Least strength of synonyms and antonyms.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : AdjectiveCorrelationDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If the ratings have no correlations; see
+            :func:`~sklearn_haptic.ratings.adjective_correlation`.
+        ImportError
+            If matplotlib is not installed.
+        """
+        correlation = adjective_correlation(ratings, alpha=alpha, threshold=threshold)
+        return cls(correlation, alpha=alpha, threshold=threshold).plot(ax)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Plot the matrix.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : AdjectiveCorrelationDisplay
+            This display, with ``ax_`` and the other attributes set.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        ax = axes_of(ax, type(self).__name__, (6.4, 5.2))
+        from matplotlib.patches import Rectangle
+
+        result, names = self.correlation, [*map(str, self.correlation.names)]
+        n = (
+            len(names) - 1
+        )  # rows from the second adjective, columns to the last but one
+        below = np.tri(n, dtype=bool)
+        self.ax_, self.figure_ = ax, ax.figure
+        self.image_ = ax.imshow(
+            np.ma.array(result.rho[1:, :-1], mask=~below),
+            cmap="RdBu_r",
+            vmin=-1,
+            vmax=1,
+            aspect="auto",
+        )
+        self.colorbar_ = self.figure_.colorbar(
+            self.image_, ax=ax, label="Spearman's ρ", shrink=0.8
+        )
+        self.texts_, self.frames_ = [], []
+        for row, column in np.argwhere(below):
+            pair = row + 1, column
+            related = result.relation[pair] != 0
+            if related:
+                frame = Rectangle(
+                    (column - 0.47, row - 0.47), 0.94, 0.94, fill=False, linewidth=1.6
+                )
+                self.frames_.append(ax.add_patch(frame))
+            significant = result.pvalue_holm[pair] <= self.alpha
+            text = ax.text(
+                column,
+                row,
+                _correlation(result.rho[pair]),
+                color=_ink(self.image_.to_rgba(result.rho[pair]))
+                if significant
+                else "0.5",
+                weight="bold" if related else "normal",
+                fontsize="small",
+                ha="center",
+                va="center",
+            )
+            self.texts_.append(text)
+        ax.set_xticks(range(n), labels=names[:-1], rotation=45, ha="right")
+        ax.set_yticks(range(n), labels=names[1:])
+        ax.tick_params(length=0)
+        ax.spines[:].set_visible(False)
+        legend = [
+            Rectangle((0, 0), 1, 1, fill=False, linewidth=1.6),
+            Rectangle((0, 0), 1, 1, color="0.5"),
+        ]
+        ax.legend(
+            legend,
+            [
+                "synonyms, antonyms:\n"
+                f"|ρ| ≥ {self.threshold:g}, p ≤ {self.alpha:g} (Holm)",
+                f"not significant: p > {self.alpha:g}",
+            ],
+            loc="upper right",
+            frameon=False,
+            fontsize="small",
+        )
+        return self
+
+
+def _counts_of_objects(
+    ratings: Counts, objects: ArrayLike | None, levels: ArrayLike | None
+) -> tuple[dict[str, NDArray[np.float64]], list[str], np.ndarray]:
+    """Return the counts of each adjective, a row an object, its labels and levels."""
+    tables: Mapping[str, Any] = {"ratings": ratings}
+    called = {"ratings": "ratings"}
+    if isinstance(ratings, Mapping):
+        tables, called = ratings, {name: f"ratings[{name!r}]" for name in ratings}
+    if not tables:
+        raise ValueError("ratings is of no adjective; give the counts of one or more.")
+    counts = {}
+    for name, table in tables.items():
+        counts[name], levels_of_all = _check_counts(table, levels, called[name])
+    first_name, first_table = next(iter(counts.items()))
+    for name, table in counts.items():
+        if table.shape != first_table.shape:
+            raise ValueError(
+                f"{called[name]} has shape {table.shape}, but {called[first_name]} has "
+                f"{first_table.shape}; give the same rows and levels for each."
+            )
+    if objects is None:
+        return counts, [*map(str, range(len(first_table)))], levels_of_all
+    objects = _check_objects(objects)
+    check_consistent_length(first_table, objects)
+    _, first, which = np.unique(objects, return_index=True, return_inverse=True)
+    for name, table in counts.items():
+        differs = (table != table[first][which]).any(axis=1)
+        if differs.any():
+            row = int(np.argmax(differs))
+            raise ValueError(
+                f"{called[name]} has other counts in row {row} than in row "
+                f"{first[which[row]]}, both of the object {objects[row].item()!r}; "
+                "give all rows of an object the same counts."
+            )
+    rows = np.sort(first)
+    labels = [*map(str, objects[rows])]
+    return {name: table[rows] for name, table in counts.items()}, labels, levels_of_all
+
+
+def _correlation(rho):
+    """Write a correlation without the 0 before its point."""
+    return f"{rho:z.2f}".replace("0.", ".").replace("-", "−")
+
+
+def _ink(background):
+    """Black or white, whichever is better to read on a colour."""
+    return (
+        "white" if np.dot(background[:3], [0.2126, 0.7152, 0.0722]) < 0.5 else "black"
+    )

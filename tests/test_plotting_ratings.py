@@ -1,0 +1,267 @@
+"""Figures of people's ratings: what is drawn beside numbers computed elsewhere."""
+
+import re
+import sys
+from itertools import pairwise
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import polars as pl
+import pytest
+from matplotlib.colors import to_rgb
+from scipy.stats import spearmanr
+
+from sklearn_haptic.plotting import (
+    AdjectiveCorrelationDisplay,
+    InterraterAgreementDisplay,
+    RatingsDisplay,
+)
+
+NAMES = ["hard", "soft", "rough"]
+LUMINANCE = [0.2126, 0.7152, 0.0722]
+
+
+@pytest.fixture
+def ratings():
+    """Counts of twelve people for six objects."""
+    rng = np.random.default_rng(0)
+    return {name: rng.multinomial(12, rng.dirichlet(np.ones(5), 6)) for name in NAMES}
+
+
+@pytest.fixture
+def answers():
+    """Ratings of 200 people: hard and soft opposed, rough on its own."""
+    rng = np.random.default_rng(0)
+    hard = rng.integers(1, 6, size=200)
+    soft = np.clip(6 - hard + rng.integers(-1, 2, size=200), 1, 5)
+    return pd.DataFrame(
+        {"hard": hard, "soft": soft, "rough": rng.integers(1, 6, size=200)}
+    )
+
+
+def texts(labels):
+    return [label.get_text() for label in labels]
+
+
+# All ratings
+
+
+def test_bars_are_as_long_as_there_are_responses(ratings):
+    ratings["rough"][2] = [0, 1, 0, 2, 3]  # half as many people
+    display = RatingsDisplay.from_counts(ratings)
+    scale = 12 / display.bars_[0][0].get_width() * ratings["hard"][0, 0]
+    lengths = np.array([[bar.get_width() for bar in bars] for bars in display.bars_])
+    expected = np.concatenate([*ratings.values()]).T
+    np.testing.assert_allclose(lengths * scale, 12 * expected, atol=1e-9)
+    for level, bars in enumerate(display.bars_):
+        for i, bar in enumerate(bars):
+            column, row = divmod(i, 6)
+            before = expected[:level, i].sum() / 12 * 0.9
+            assert bar.get_x() == pytest.approx(column - 0.45 + before)
+            assert bar.get_y() + bar.get_height() / 2 == pytest.approx(row)
+
+
+def test_rows_of_one_object_are_drawn_once_in_the_order_they_occur(ratings):
+    order = np.array([4, 4, 0, 2, 0, 4])
+    trials = {name: counts[order] for name, counts in ratings.items()}
+    objects = np.array(["tile", "?", "cork", "?", "foam"])[order]
+    display = RatingsDisplay.from_counts(trials, objects=objects)
+    assert texts(display.ax_.get_yticklabels()) == ["foam", "tile", "cork"]
+    np.testing.assert_array_equal(display.counts["soft"], ratings["soft"][[4, 0, 2]])
+    as_numbers = RatingsDisplay.from_counts(trials, objects=order)
+    assert texts(as_numbers.ax_.get_yticklabels()) == ["4", "0", "2"]
+
+
+def test_levels_adjectives_and_units_are_named(ratings):
+    levels = ["not", "slightly", "somewhat", "yes", "very"]
+    display = RatingsDisplay.from_counts(ratings, levels=levels)
+    ax = display.ax_
+    assert texts(ax.get_xticklabels()) == NAMES
+    assert texts(ax.get_yticklabels()) == list("012345")
+    assert ax.get_xlabel() == "number of responses (a full bar is 12)"
+    assert ax.get_ylabel() == "object"
+    assert texts(ax.get_legend().get_texts()) == levels
+    assert ax.yaxis_inverted()  # the first object on top
+    display.figure_.canvas.draw()
+
+
+def test_higher_levels_are_darker(ratings):
+    display = RatingsDisplay.from_counts(ratings)
+    colours = np.array([bars[0].get_facecolor()[:3] for bars in display.bars_])
+    assert (np.diff(colours @ LUMINANCE) < -0.05).all()
+
+
+def test_figure_grows_with_the_objects_and_labels_keep_apart(ratings):
+    many = {name: np.tile(counts, (10, 1)) for name, counts in ratings.items()}
+    few = RatingsDisplay.from_counts(ratings).figure_
+    display = RatingsDisplay.from_counts(many)
+    assert few.get_figheight() < 3 < 8 < display.figure_.get_figheight() < 10
+    display.figure_.draw_without_rendering()
+    boxes = [label.get_window_extent() for label in display.ax_.get_yticklabels()]
+    assert not any(a.overlaps(b) for a, b in pairwise(boxes))
+
+
+def test_one_table_is_enough(ratings):
+    display = RatingsDisplay.from_counts(pd.DataFrame(ratings["hard"]))
+    assert texts(display.ax_.get_xticklabels()) == ["ratings"]
+    np.testing.assert_array_equal(display.counts["ratings"], ratings["hard"])
+
+
+# Agreement
+
+
+def test_boxes_are_quartiles_of_the_agreement_sorted_by_median(ratings):
+    display = InterraterAgreementDisplay.from_counts(ratings)
+    expected = {}
+    for name, counts in ratings.items():
+        people = [np.repeat(np.arange(1, 6), row) for row in counts]
+        expected[name] = np.array([1 - np.var(each, ddof=1) / 2 for each in people])
+    order = sorted(NAMES, key=lambda name: -np.median(expected[name]))
+    assert texts(display.ax_.get_xticklabels()) == order == [*display.agreement]
+    for i, name in enumerate(order):
+        np.testing.assert_allclose(display.agreement[name], expected[name])
+        median = display.boxes_["medians"][i].get_ydata()
+        np.testing.assert_allclose(median, np.median(expected[name]))
+        box = display.boxes_["boxes"][i].get_path().vertices[:, 1]
+        quartiles = np.percentile(expected[name], [25, 75])
+        np.testing.assert_allclose([box.min(), box.max()], quartiles)
+
+
+def test_trials_of_an_object_count_once(ratings):
+    trials = {name: np.repeat(counts, 7, axis=0) for name, counts in ratings.items()}
+    display = InterraterAgreementDisplay.from_counts(
+        trials, objects=np.repeat(np.arange(6), 7)
+    )
+    alone = InterraterAgreementDisplay.from_counts(ratings)
+    for name in NAMES:
+        np.testing.assert_array_equal(display.agreement[name], alone.agreement[name])
+    assert display.ax_.get_xlabel() == "adjective (6 objects each)"
+
+
+def test_zero_is_marked_and_shown(ratings):
+    for each in (ratings, {"hard": [[12, 0, 0, 0, 0], [11, 1, 0, 0, 0]]}):
+        display = InterraterAgreementDisplay.from_counts(each)
+        assert set(display.zero_line_.get_ydata()) == {0}
+        low, high = display.ax_.get_ylim()
+        assert low < 0 and high > 1
+        assert "r_{wg}" in display.ax_.get_ylabel()
+        assert texts(display.ax_.get_legend().get_texts()) == ["as if at random"]
+        display.figure_.canvas.draw()
+
+
+# Correlation
+
+
+@pytest.mark.parametrize("frame", [pd.DataFrame, pl.DataFrame])
+def test_cells_hold_the_correlations_below_the_diagonal(answers, frame):
+    display = AdjectiveCorrelationDisplay.from_ratings(frame(dict(answers)))
+    rho = spearmanr(answers).statistic
+    drawn = display.image_.get_array()
+    np.testing.assert_array_equal(drawn.mask, [[False, True], [False, False]])
+    np.testing.assert_allclose(drawn.compressed(), rho[[1, 2, 2], [0, 0, 1]])
+    written = [float(text.replace("−", "-")) for text in texts(display.texts_)]
+    np.testing.assert_allclose(written, drawn.compressed(), atol=0.005)
+    assert [text.get_position() for text in display.texts_] == [(0, 0), (0, 1), (1, 1)]
+    assert texts(display.ax_.get_xticklabels()) == ["hard", "soft"]
+    assert texts(display.ax_.get_yticklabels()) == ["soft", "rough"]
+    assert display.image_.get_clim() == (-1, 1)
+    assert display.colorbar_.ax.get_ylabel() == "Spearman's ρ"
+    display.figure_.canvas.draw()
+
+
+def test_antonyms_are_framed_and_what_is_not_significant_is_grey(answers):
+    display = AdjectiveCorrelationDisplay.from_ratings(answers)
+    (frame,) = display.frames_
+    assert frame.get_center() == pytest.approx((0, 0))
+    assert [text.get_weight() for text in display.texts_] == ["bold", *["normal"] * 2]
+    assert [text.get_color() for text in display.texts_] == ["white", "0.5", "0.5"]
+    loose = AdjectiveCorrelationDisplay.from_ratings(answers, alpha=0.99, threshold=0)
+    assert len(loose.frames_) == (loose.correlation.relation != 0).sum() / 2 > 1
+    legend = texts(loose.ax_.get_legend().get_texts())
+    assert "|ρ| ≥ 0, p ≤ 0.99 (Holm)" in legend[0]
+
+
+def test_figures_can_be_read_on_their_cells():
+    rng = np.random.default_rng(0)
+    base = rng.normal(size=300)
+    mixed = [
+        w * base + (1 - abs(w)) * rng.normal(size=300) for w in np.linspace(-1, 1, 9)
+    ]
+    display = AdjectiveCorrelationDisplay.from_ratings(np.transpose([base, *mixed]))
+    values = display.image_.get_array().compressed()
+    for value, text in zip(values, display.texts_, strict=True):
+        ink, paper = to_rgb(text.get_color()), display.image_.to_rgba(value)[:3]
+        if text.get_color() in ("black", "white"):
+            assert abs(np.dot(LUMINANCE, np.subtract(ink, paper))) > 0.45
+
+
+@pytest.mark.parametrize(
+    "rho, text", [(-0.714, "−.71"), (1, "1.00"), (-1, "−1.00"), (-0.004, ".00")]
+)
+def test_how_a_correlation_is_written(rho, text):
+    from sklearn_haptic.plotting._ratings import _correlation
+
+    assert _correlation(rho) == text
+
+
+# All three
+
+
+@pytest.mark.parametrize(
+    "counts, objects, message",
+    [
+        ({}, None, "ratings is of no adjective"),
+        ({"hard": [[1, 2]], "soft": [[1, 2, 3]]}, None, "ratings['soft'] has shape"),
+        ({"hard": [[1, 2], [0, 0]]}, None, "ratings['hard'] has no ratings in trial 1"),
+        ([[1, -2]], None, "ratings has a negative count in trial 0"),
+        ([1, 2], None, "Expected 2D array"),
+        (
+            {"hard": [[1, 2], [2, 1], [2, 1]]},
+            ["foam", "tile", "foam"],
+            "ratings['hard'] has other counts in row 2 than in row 0, both of the "
+            "object 'foam'; give",
+        ),
+        ([[1, 2], [2, 1]], [7, 7], "both of the object 7"),
+        ([[1, 2], [2, 1]], ["foam"], "inconsistent numbers of samples"),
+        ([[1, 2], [2, 1]], ["foam", None], "objects has no object in row 1"),
+    ],
+)
+@pytest.mark.parametrize("display", [RatingsDisplay, InterraterAgreementDisplay])
+def test_errors(display, counts, objects, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        display.from_counts(counts, objects=objects)
+
+
+def test_agreement_of_a_single_rating():
+    with pytest.raises(ValueError, match="ratings of 'soft' has fewer than two"):
+        InterraterAgreementDisplay.from_counts({"hard": [[1, 2]], "soft": [[1, 0]]})
+
+
+def draw(display, ratings, answers, **options):
+    if display is AdjectiveCorrelationDisplay:
+        return display.from_ratings(answers, **options)
+    return display.from_counts(ratings, **options)
+
+
+DISPLAYS = [RatingsDisplay, InterraterAgreementDisplay, AdjectiveCorrelationDisplay]
+
+
+@pytest.mark.parametrize("display", DISPLAYS)
+def test_given_axes_are_used_and_no_figure_is_made(display, ratings, answers):
+    figure = matplotlib.figure.Figure()
+    ax = figure.subplots()
+    drawn = draw(display, ratings, answers, ax=ax)
+    assert drawn.ax_ is ax
+    assert drawn.figure_ is figure
+    assert plt.get_fignums() == []
+    assert drawn.plot() is drawn
+    assert drawn.ax_ is not ax
+
+
+@pytest.mark.parametrize("display", DISPLAYS)
+def test_without_matplotlib_the_extra_is_named(display, ratings, answers, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(ImportError, match=r"pip install 'sklearn_haptic\[plot\]'"):
+        draw(display, ratings, answers)
