@@ -151,6 +151,12 @@ def test_zero_is_marked_and_shown(ratings):
         display.figure_.canvas.draw()
 
 
+def test_labels_of_many_adjectives_are_turned(ratings):
+    many = {f"{name} {i}": ratings[name] for i in range(4) for name in NAMES}
+    display = InterraterAgreementDisplay.from_counts(many)
+    assert {label.get_rotation() for label in display.ax_.get_xticklabels()} == {45}
+
+
 # Correlation
 
 
