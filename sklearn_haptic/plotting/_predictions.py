@@ -20,6 +20,7 @@ from sklearn.utils.validation import (
 from .._typing import Trials
 from .._validation import check_ratings, check_regular
 from ..metrics import _cdf, _check_distributions, _proportions, pit_histogram
+from ._inverse_cdf import _counts_of_one
 from ._style import BLUE, axes_of, colours_of
 
 if TYPE_CHECKING:
@@ -159,17 +160,11 @@ class DistributionDisplay:
         ImportError
             If matplotlib is not installed.
         """
-        counts, levels = check_ratings(np.atleast_2d(y_true), levels, name="y_true")
-        if (counts != counts[0]).any():
-            raise ValueError(
-                "y_true has different ratings for different trials; give the trials "
-                "of one object only."
-            )
-        if len(counts) == 1:
-            n_trials = len(np.atleast_1d(check_regular(y_proba, "y_proba")))
-            counts = np.repeat(counts, n_trials, axis=0)
-        counts, y_proba = _check_distributions(counts, y_proba, levels)
-        return cls(counts[0], y_proba, levels=levels).plot(ax)
+        counts, levels = _counts_of_one(y_true, levels, "y_true")
+        n_trials = len(np.atleast_1d(check_regular(y_proba, "y_proba")))
+        rows = np.broadcast_to(counts, (n_trials, len(counts)))
+        _, y_proba = _check_distributions(rows, y_proba, levels)
+        return cls(counts, y_proba, levels=levels).plot(ax)
 
     def plot(self, ax: Axes | None = None) -> Self:
         """Plot the bars.
