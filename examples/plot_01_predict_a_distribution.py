@@ -16,8 +16,8 @@ or in the environment variables ``SKLEARN_HAPTIC_PHAC2`` and
 """
 
 # %%
-# Recordings and ratings
-# ----------------------
+# 1. Recordings and ratings
+# -------------------------
 # One row a trial, one column a sensor; each cell is an array of samples over
 # time. Every trial of an object carries that object's ratings.
 import os
@@ -64,8 +64,8 @@ else:
     corpus = make_haptic_corpus(procedure="slow_slide", random_state=0)
 
 # %%
-# Features, learnt from the training objects without their ratings
-# ----------------------------------------------------------------
+# 2. Features, learnt from the training objects without their ratings
+# -------------------------------------------------------------------
 # A dictionary a sensor, sparse codes over sliding windows or electrode patches, their
 # maxima over stretches of time: the first steps of `make_haptic_pipeline`. Rotating
 # the features to as many axes as there are trials loses nothing, and every later fit
@@ -83,8 +83,8 @@ X_test = features.transform(corpus.trials.iloc[test])
 say(f"{features[0].get_feature_names_out().size} features a trial.")
 
 # %%
-# One model an adjective
-# ----------------------
+# 3. One model an adjective
+# -------------------------
 # The penalty is chosen by cross-validation over training objects, all trials of
 # an object kept together. The two baselines ignore the features.
 search = GridSearchCV(
@@ -121,8 +121,8 @@ cells = "".join(f"{m:8.3f}{a:7.3f}{b:7.3f}" for m, a, b in np.mean(results, axis
 print(f"{'mean':<12}{cells}")
 
 # %%
-# What the model says about one new object
-# ----------------------------------------
+# 4. What the model says about one new object
+# -------------------------------------------
 # The crowd's inverse CDF and the one predicted from each of ten touches: the
 # rating of the person at each position in the population (Figure 11 of the
 # paper).

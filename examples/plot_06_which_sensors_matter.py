@@ -100,7 +100,5 @@ _, (above, below) = plt.subplots(2, 1, figsize=(6.4, 7), layout="constrained")
 display = SensorContributionsDisplay.from_scores(scores, metric="rps", ax=above)
 SensorContributionsDisplay.from_scores(scores, by="threshold", ax=below)
 above.set_title(f"“{adjective}”, as a whole and by threshold")
-display.figure_.savefig("which_sensors_matter.png", dpi=150)
-print("Figure saved as which_sensors_matter.png")
 if matplotlib.get_backend().lower() != "agg":
     plt.show()
