@@ -1,7 +1,7 @@
 """Settings of the documentation, built by `python -m sphinx -W docs docs/_build/html`.
 
 No network is needed. `-D plot_gallery=0` leaves the examples unexecuted; `git clean
--dfX docs` removes all that a build makes.
+-dfX docs examples` removes all that a build makes.
 """
 
 import warnings
