@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from joblib.externals.loky import get_reusable_executor
 from test_annotations import public_objects
 from test_phac2 import REST, STATES, write_trial
 from test_ratings_file import save_v7
@@ -13,6 +14,8 @@ from test_ratings_file import save_v7
 from sklearn_haptic.datasets._ratings_file import ADJECTIVES
 
 h5py = pytest.importorskip("h5py")
+pytest.importorskip("distributed")
+pytest.importorskip("rich")
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -56,6 +59,7 @@ def run(tmp_path, monkeypatch, one_thread, capsys):
 
     write_phac2(tmp_path)
     monkeypatch.chdir(tmp_path)
+    get_reusable_executor().shutdown()  # workers know "cache" from where they started
     return run
 
 

@@ -1,8 +1,5 @@
 """Searches give the same numbers with any backend, and with a cache or without."""
 
-import re
-from pathlib import Path
-
 import joblib
 import numpy as np
 import pandas
@@ -27,8 +24,6 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:Persisting input arguments took:UserWarning"),
     pytest.mark.usefixtures("one_thread"),
 ]
-
-GUIDE = Path(__file__).parents[1] / "docs" / "scaling.md"
 
 
 @pytest.fixture(scope="module")
@@ -127,14 +122,3 @@ def test_caches(corpus, reference, tmp_path, caches, n_jobs):
     memory = {cache: str(tmp_path / cache) for cache in caches}
     for _ in range(2):  # an empty cache, then a full one
         assert_same(fitted_search(corpus, n_jobs=n_jobs, **memory), reference, corpus)
-
-
-def test_examples_of_the_guide(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("distributed")
-    pytest.importorskip("rich")
-    monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"^```python\n(.*?)^```", GUIDE.read_text("utf-8"), re.M | re.S)
-    namespace = {}
-    for block in blocks:
-        exec(block, namespace)
-    assert len(blocks) > 1
