@@ -757,7 +757,5 @@ def test_agreement_equals_exact_arithmetic(counts):
 def test_correlation_of_the_largest_numbers():
     ratings = [[1e308, TINY], [-1e308, 2 * TINY], [0, 0]]
     np.testing.assert_allclose(adjective_correlation(ratings).rho[0, 1], -0.5)
-    with pytest.raises(
-        ValueError, match="All ratings of 'x1' in the rows .* are equal"
-    ):
+    with pytest.raises(ValueError, match=r"All ratings of 'x1' .* are equal"):
         adjective_correlation([[1e308, 1e308], [-1e308, 1e308], [0, 1e308]])
