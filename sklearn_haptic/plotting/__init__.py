@@ -1,13 +1,9 @@
 """Figures of ratings, recordings, features and predictions."""
 
+from ._calibration import PITHistogramDisplay, ReliabilityDisplay
 from ._contributions import SensorContributionsDisplay
 from ._features import AtomsDisplay, FeatureMapDisplay
-from ._inverse_cdf import InverseCDFDisplay
-from ._predictions import (
-    DistributionDisplay,
-    PITHistogramDisplay,
-    ReliabilityDisplay,
-)
+from ._one_object import DistributionDisplay, InverseCDFDisplay
 from ._ratings import (
     AdjectiveCorrelationDisplay,
     InterraterAgreementDisplay,

@@ -1,8 +1,8 @@
-"""Inverse CDFs of ratings, predicted and true."""
+"""Ratings of one object, true and predicted: inverse CDFs and distributions."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 # Levels by which neighbouring trials, and all together, are set apart, so that
 # equal predictions both show.
 _OFFSET, _MAX_OFFSET = 0.035, 0.4
+_BAR_WIDTH = 0.38  # levels are 1 apart
 
 
 class InverseCDFDisplay:
@@ -192,10 +193,7 @@ class InverseCDFDisplay:
         ImportError
             If matplotlib is not installed.
         """
-        counts, levels = _counts_of_one(y_true, levels, "y_true")
-        n_trials = len(np.atleast_1d(check_regular(y_proba, "y_proba")))
-        counts = np.broadcast_to(counts, (n_trials, len(counts)))
-        counts, y_proba = _check_distributions(counts, y_proba, levels)
+        counts, y_proba, levels = _check_trials_of_one(y_true, y_proba, levels)
         scores = macro_mae_per_trial(counts, y_proba, average=False)
         return cls(counts[0], y_proba, levels=levels, scores=scores).plot(ax)
 
@@ -262,6 +260,215 @@ class InverseCDFDisplay:
                 frameon=False,
             )
         return self
+
+
+class DistributionDisplay:
+    """Distribution of ratings predicted from touches of one object, beside the true.
+
+    Use :meth:`from_predictions` or :meth:`from_estimator` to create a display. Bars are
+    proportions, predicted ones the mean over trials; dots are the trials in order.
+
+    Parameters
+    ----------
+    counts : ndarray of shape (n_levels,)
+        How many people gave the object each rating.
+    y_proba : ndarray of shape (n_trials, n_levels)
+        Probability of each rating, predicted from each trial.
+    levels : ndarray of shape (n_levels,)
+        The ordered levels.
+
+    Attributes
+    ----------
+    ax_ : matplotlib Axes
+        Axes with the bars.
+    figure_ : matplotlib Figure
+        Figure that holds the axes.
+    true_bars_ : matplotlib BarContainer
+        Proportion of people who gave each rating.
+    predicted_bars_ : matplotlib BarContainer
+        Predicted probability of each rating, the mean over trials.
+    trial_points_ : matplotlib Line2D or None
+        What each trial predicts; None for a single trial.
+
+    See Also
+    --------
+    InverseCDFDisplay : The same as inverse CDFs, a line a trial.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.plotting import DistributionDisplay
+    >>> display = DistributionDisplay.from_predictions(
+    ...     [0, 3, 6, 3, 0], [[0, 0.4, 0.4, 0.2, 0], [0.2, 0.2, 0.4, 0.1, 0.1]]
+    ... )
+    >>> [round(float(bar.get_height()), 2) for bar in display.predicted_bars_]
+    [0.1, 0.3, 0.4, 0.15, 0.05]
+    """
+
+    def __init__(
+        self,
+        counts: NDArray[np.float64],
+        y_proba: NDArray[np.float64],
+        *,
+        levels: np.ndarray,
+    ) -> None:
+        self.counts = counts
+        self.y_proba = y_proba
+        self.levels = levels
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: BaseEstimator,
+        X: Trials,
+        y: ArrayLike,
+        *,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Predict the distribution of each trial of one object and plot it.
+
+        Parameters
+        ----------
+        estimator : object
+            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
+        X : array-like of length n_trials
+            The object's trials.
+        y : array-like of shape (n_levels,) or (n_trials, n_levels)
+            How many people gave the object each rating; one row a trial must be
+            the same row each time.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : DistributionDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If the rows of ``y`` differ, or do not fit the estimator's levels.
+        ImportError
+            If matplotlib is not installed.
+        """
+        return cls.from_predictions(
+            y, estimator.predict_proba(X), levels=estimator.classes_, ax=ax
+        )
+
+    @classmethod
+    def from_predictions(
+        cls,
+        y_true: ArrayLike,
+        y_proba: ArrayLike,
+        *,
+        levels: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Plot the distributions predicted from the trials of one object.
+
+        Parameters
+        ----------
+        y_true : array-like of shape (n_levels,) or (n_trials, n_levels)
+            How many people gave the object each rating; one row a trial must be
+            the same row each time.
+        y_proba : array-like of shape (n_trials, n_levels)
+            Probability of each rating, predicted from each trial.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels; by default 1, 2, …, n_levels.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : DistributionDisplay
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If a row of ``y_proba`` is no distribution, the rows of ``y_true``
+            differ, or the shapes do not fit.
+        ImportError
+            If matplotlib is not installed.
+        """
+        counts, y_proba, levels = _check_trials_of_one(y_true, y_proba, levels)
+        return cls(counts[0], y_proba, levels=levels).plot(ax)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Plot the bars.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : DistributionDisplay
+            This display, with ``ax_`` and the other attributes set.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        ax = axes_of(ax, type(self).__name__)
+        n_trials, n_levels = self.y_proba.shape
+        x = np.arange(n_levels)
+        self.ax_, self.figure_ = ax, ax.figure
+        self.true_bars_ = ax.bar(
+            x - _BAR_WIDTH / 2,
+            self.counts / self.counts.sum(),
+            _BAR_WIDTH,
+            color="0.8",
+            edgecolor="black",
+            linewidth=0.8,
+            label="true ratings",
+        )
+        self.predicted_bars_ = ax.bar(
+            x + _BAR_WIDTH / 2,
+            self.y_proba.mean(axis=0),
+            _BAR_WIDTH,
+            color=BLUE,
+            edgecolor="black",
+            linewidth=0.8,
+            label="predicted",
+        )
+        handles: list[Any] = [self.true_bars_, self.predicted_bars_]
+        self.trial_points_ = None
+        if n_trials > 1:
+            self.predicted_bars_.set_label(f"predicted, mean of {n_trials} trials")
+            within = np.linspace(0.1, 0.9, n_trials)[:, None] * _BAR_WIDTH
+            (self.trial_points_,) = ax.plot(
+                (x + within).ravel(),
+                self.y_proba.ravel(),
+                linestyle="",
+                marker="o",
+                markersize=3,
+                markerfacecolor="white",
+                markeredgecolor="black",
+                markeredgewidth=0.6,
+                label="each trial",
+            )
+            handles.append(self.trial_points_)
+        ax.set(xlabel="rating", ylabel="proportion of people", ylim=(0, None))
+        ax.set_xticks(x, labels=map(str, self.levels))
+        ax.legend(
+            handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False
+        )
+        return self
+
+
+def _check_trials_of_one(y_true, y_proba, levels):
+    """Validate the counts of one object and what is predicted from its trials.
+
+    Returns the counts a row a trial, the distributions and the levels.
+    """
+    n_rows = len(np.atleast_2d(y_true))
+    counts, levels = _counts_of_one(y_true, levels, "y_true")
+    if n_rows == 1:
+        n_rows = len(np.atleast_1d(check_regular(y_proba, "y_proba")))
+    counts = np.broadcast_to(counts, (n_rows, len(counts)))
+    return *_check_distributions(counts, y_proba, levels), levels
 
 
 def _counts_of_one(y, levels, name):

@@ -1,4 +1,4 @@
-"""InverseCDFDisplay: steps at the jumps, and what a reader sees."""
+"""InverseCDFDisplay, DistributionDisplay: steps and bars, and what a reader sees."""
 
 import sys
 
@@ -9,10 +9,11 @@ import pytest
 from sklearn.linear_model import LogisticRegression
 
 from sklearn_haptic.metrics import macro_mae_per_trial
-from sklearn_haptic.plotting import InverseCDFDisplay
+from sklearn_haptic.plotting import DistributionDisplay, InverseCDFDisplay
 from sklearn_haptic.ratings import inverse_cdf
 
 COUNTS = np.array([0, 2, 6, 3, 1])
+DISPLAYS = [InverseCDFDisplay, DistributionDisplay]
 
 
 @pytest.fixture
@@ -102,43 +103,97 @@ def test_trials_in_greyscale_print_grow_lighter(proba):
     assert (np.diff(colours @ [0.2126, 0.7152, 0.0722]) > 0).all()
 
 
-def test_given_axes_are_used_and_no_figure_is_made(proba):
+# Bars
+
+
+def test_bars_are_proportions_and_means_and_points_the_trials(proba):
+    display = DistributionDisplay.from_predictions(COUNTS, proba)
+    heights = [bar.get_height() for bar in display.true_bars_]
+    np.testing.assert_allclose(heights, [0, 2 / 12, 6 / 12, 3 / 12, 1 / 12])
+    heights = [bar.get_height() for bar in display.predicted_bars_]
+    np.testing.assert_allclose(heights, [column.mean() for column in proba.T])
+    x, y = display.trial_points_.get_data()
+    np.testing.assert_allclose(y.reshape(10, 5), proba)
+    for points, bar in zip(x.reshape(10, 5).T, display.predicted_bars_):
+        assert (np.diff(points) > 0).all()
+        assert bar.get_x() < points[0] < points[-1] < bar.get_x() + bar.get_width()
+
+
+def test_bars_of_a_level_stand_side_by_side_at_its_label(proba):
+    levels = ["not at all", "slightly", "somewhat", "rough", "very"]
+    display = DistributionDisplay.from_predictions(COUNTS, proba, levels=levels)
+    for x, true, predicted in zip(
+        display.ax_.get_xticks(), display.true_bars_, display.predicted_bars_
+    ):
+        assert true.get_x() + true.get_width() == pytest.approx(x)
+        assert predicted.get_x() == pytest.approx(x)
+    labels = [label.get_text() for label in display.ax_.get_xticklabels()]
+    assert labels == levels
+    assert display.ax_.get_xlabel() == "rating"
+    assert display.ax_.get_ylabel() == "proportion of people"
+    texts = [text.get_text() for text in display.ax_.get_legend().get_texts()]
+    assert texts == ["true ratings", "predicted, mean of 10 trials", "each trial"]
+    display.figure_.canvas.draw()
+
+
+def test_a_single_trial_has_bars_alone(proba):
+    display = DistributionDisplay.from_predictions(COUNTS, proba[:1])
+    assert display.trial_points_ is None
+    assert len(display.ax_.lines) == 0
+    texts = [text.get_text() for text in display.ax_.get_legend().get_texts()]
+    assert texts == ["true ratings", "predicted"]
+
+
+def test_a_row_a_trial_equals_one_row(proba):
+    rows = DistributionDisplay.from_predictions(np.tile(COUNTS, (10, 1)), proba)
+    np.testing.assert_array_equal(rows.counts, COUNTS)
+
+
+# Both
+
+
+@pytest.mark.parametrize("display", DISPLAYS)
+def test_given_axes_are_used_and_no_figure_is_made(display, proba):
     figure = matplotlib.figure.Figure()
     ax = figure.subplots()
-    display = InverseCDFDisplay.from_predictions(COUNTS, proba, ax=ax)
-    assert display.ax_ is ax
-    assert display.figure_ is figure
+    drawn = display.from_predictions(COUNTS, proba, ax=ax)
+    assert drawn.ax_ is ax
+    assert drawn.figure_ is figure
     assert plt.get_fignums() == []
-    assert display.plot() is display
-    assert display.ax_ is not ax
+    assert drawn.plot() is drawn
+    assert drawn.ax_ is not ax
 
 
-def test_from_estimator_equals_from_predictions():
+@pytest.mark.parametrize("display", DISPLAYS)
+def test_from_estimator_equals_from_predictions(display):
     rng = np.random.default_rng(2)
     X, y = rng.normal(size=(60, 3)), rng.permutation(np.repeat([1, 2, 3], 20))
     model = LogisticRegression().fit(X, y)
     rows = np.tile([3, 6, 3], (5, 1))
-    display = InverseCDFDisplay.from_estimator(model, X[:5], rows)
-    np.testing.assert_allclose(display.y_proba, model.predict_proba(X[:5]), rtol=1e-15)
-    np.testing.assert_array_equal(display.counts, [3, 6, 3])
-    np.testing.assert_array_equal(display.levels, [1, 2, 3])
+    drawn = display.from_estimator(model, X[:5], rows)
+    np.testing.assert_allclose(drawn.y_proba, model.predict_proba(X[:5]), rtol=1e-15)
+    np.testing.assert_array_equal(drawn.counts, [3, 6, 3])
+    np.testing.assert_array_equal(drawn.levels, [1, 2, 3])
 
 
+@pytest.mark.parametrize("display", DISPLAYS)
 @pytest.mark.parametrize(
     "y_true, y_proba, message",
     [
         ([[1, 2], [2, 1]], [[0.5, 0.5]] * 2, "trials of one object only"),
         ([1, 2, 3], [[0.5, 0.5]], "y_proba has 2 columns, but y_true has 3"),
+        ([[1, 2]] * 3, [[0.5, 0.5]] * 2, "y_true has 3 trials, but y_proba has 2"),
         ([1, 2], [[0.5, 0.6]], "no distribution in trial 0"),
         ([0, 0], [[0.5, 0.5]], "no ratings in trial 0"),
     ],
 )
-def test_errors(y_true, y_proba, message):
+def test_errors(display, y_true, y_proba, message):
     with pytest.raises(ValueError, match=message):
-        InverseCDFDisplay.from_predictions(y_true, y_proba)
+        display.from_predictions(y_true, y_proba)
 
 
-def test_without_matplotlib_the_extra_is_named(proba, monkeypatch):
+@pytest.mark.parametrize("display", DISPLAYS)
+def test_without_matplotlib_the_extra_is_named(display, proba, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(ImportError, match=r"pip install 'sklearn_haptic\[plot\]'"):
-        InverseCDFDisplay.from_predictions(COUNTS, proba)
+        display.from_predictions(COUNTS, proba)

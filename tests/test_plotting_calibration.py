@@ -1,4 +1,4 @@
-"""Displays of predicted distributions: the artists' data by other means."""
+"""PITHistogramDisplay, ReliabilityDisplay: the artists' data by other means."""
 
 import sys
 
@@ -13,13 +13,12 @@ from sklearn.linear_model import LogisticRegression
 from sklearn_haptic import NNPOM
 from sklearn_haptic.metrics import pit_histogram
 from sklearn_haptic.plotting import (
-    DistributionDisplay,
     PITHistogramDisplay,
     ReliabilityDisplay,
 )
 
-COUNTS = np.array([0, 2, 6, 3, 1])
-DISPLAYS = [DistributionDisplay, PITHistogramDisplay, ReliabilityDisplay]
+COUNTS = np.tile([0, 2, 6, 3, 1], (10, 1))
+DISPLAYS = [PITHistogramDisplay, ReliabilityDisplay]
 
 
 @pytest.fixture
@@ -47,66 +46,6 @@ def touches(n_objects, n_trials, *, width=1.0, seed=0):
     counts = (ratings[..., None] == np.arange(5)).sum(axis=1)
     groups = np.repeat(np.arange(n_objects), n_trials)
     return counts[groups], np.diff(edges), groups
-
-
-# One object
-
-
-def test_bars_are_proportions_and_means_and_points_the_trials(proba):
-    display = DistributionDisplay.from_predictions(COUNTS, proba)
-    heights = [bar.get_height() for bar in display.true_bars_]
-    np.testing.assert_allclose(heights, [0, 2 / 12, 6 / 12, 3 / 12, 1 / 12])
-    heights = [bar.get_height() for bar in display.predicted_bars_]
-    np.testing.assert_allclose(heights, [column.mean() for column in proba.T])
-    x, y = display.trial_points_.get_data()
-    np.testing.assert_allclose(y.reshape(10, 5), proba)
-    for points, bar in zip(x.reshape(10, 5).T, display.predicted_bars_):
-        assert (np.diff(points) > 0).all()
-        assert bar.get_x() < points[0] < points[-1] < bar.get_x() + bar.get_width()
-
-
-def test_bars_of_a_level_stand_side_by_side_at_its_label(proba):
-    levels = ["not at all", "slightly", "somewhat", "rough", "very"]
-    display = DistributionDisplay.from_predictions(COUNTS, proba, levels=levels)
-    for x, true, predicted in zip(
-        display.ax_.get_xticks(), display.true_bars_, display.predicted_bars_
-    ):
-        assert true.get_x() + true.get_width() == pytest.approx(x)
-        assert predicted.get_x() == pytest.approx(x)
-    labels = [label.get_text() for label in display.ax_.get_xticklabels()]
-    assert labels == levels
-    assert display.ax_.get_xlabel() == "rating"
-    assert display.ax_.get_ylabel() == "proportion of people"
-    texts = [text.get_text() for text in display.ax_.get_legend().get_texts()]
-    assert texts == ["true ratings", "predicted, mean of 10 trials", "each trial"]
-    display.figure_.canvas.draw()
-
-
-def test_a_single_trial_has_bars_alone(proba):
-    display = DistributionDisplay.from_predictions(COUNTS, proba[:1])
-    assert display.trial_points_ is None
-    assert len(display.ax_.lines) == 0
-    texts = [text.get_text() for text in display.ax_.get_legend().get_texts()]
-    assert texts == ["true ratings", "predicted"]
-
-
-def test_a_row_a_trial_equals_one_row(proba):
-    rows = DistributionDisplay.from_predictions(np.tile(COUNTS, (10, 1)), proba)
-    np.testing.assert_array_equal(rows.counts, COUNTS)
-
-
-@pytest.mark.parametrize(
-    "y_true, y_proba, message",
-    [
-        ([[1, 2], [2, 1]], [[0.5, 0.5]] * 2, "trials of one object only"),
-        ([1, 2, 3], [[0.5, 0.5]], "y_proba has 2 columns, but y_true has 3"),
-        ([1, 2], [[0.5, 0.6]], "no distribution in trial 0"),
-        ([0, 0], [[0.5, 0.5]], "no ratings in trial 0"),
-    ],
-)
-def test_errors_of_one_object(y_true, y_proba, message):
-    with pytest.raises(ValueError, match=message):
-        DistributionDisplay.from_predictions(y_true, y_proba)
 
 
 # PIT histogram
@@ -250,7 +189,7 @@ def test_a_bin_of_one_object_says_nothing_against_the_diagonal():
 
 
 def test_thresholds_are_named_and_differ_in_lightness_and_marker(proba):
-    counts = np.tile(COUNTS, (10, 1))
+    counts = COUNTS
     display = ReliabilityDisplay.from_predictions(counts, proba, levels=[*"abcde"])
     texts = [text.get_text() for text in display.ax_.get_legend().get_texts()]
     assert texts == ["reliable", *(f"rating above {level}" for level in "abcd")]
@@ -264,18 +203,14 @@ def test_thresholds_are_named_and_differ_in_lightness_and_marker(proba):
     display.figure_.canvas.draw()
 
 
-# All three
-
-
-def ratings_for(display):
-    return COUNTS if display is DistributionDisplay else np.tile(COUNTS, (10, 1))
+# Both
 
 
 @pytest.mark.parametrize("display", DISPLAYS)
 def test_given_axes_are_used_and_no_figure_is_made(display, proba):
     figure = matplotlib.figure.Figure()
     ax = figure.subplots()
-    drawn = display.from_predictions(ratings_for(display), proba, ax=ax)
+    drawn = display.from_predictions(COUNTS, proba, ax=ax)
     assert drawn.ax_ is ax
     assert drawn.figure_ is figure
     assert plt.get_fignums() == []
@@ -289,18 +224,18 @@ def test_from_estimator_equals_from_predictions(display):
     X, y = rng.normal(size=(60, 3)), rng.permutation(np.repeat([1, 2, 4], 20))
     model = LogisticRegression().fit(X, y)
     rows = np.tile([3, 6, 3], (60, 1))
-    options = {} if display is DistributionDisplay else {"n_bins": 3, "groups": y}
+    options = {"n_bins": 3, "groups": y}
     drawn = display.from_estimator(model, X, rows, **options)
     expected = display.from_predictions(
         rows, model.predict_proba(X), levels=[1, 2, 4], **options
     )
     assert vars(drawn).keys() == vars(expected).keys()
-    for name in ("counts", "y_proba", "levels", "heights", "half_widths", "predicted"):
+    for name in ("levels", "heights", "half_widths", "predicted"):
         if hasattr(expected, name):
             np.testing.assert_array_equal(getattr(drawn, name), vars(expected)[name])
 
 
-@pytest.mark.parametrize("display", [PITHistogramDisplay, ReliabilityDisplay])
+@pytest.mark.parametrize("display", DISPLAYS)
 def test_ratings_may_be_labels(display):
     X, y = np.arange(12.0)[:, None] % 5, np.tile([1, 2, 4], 4)
     model = NNPOM(n_hidden=0, levels=[1, 2, 3, 4]).fit(X, y)
@@ -312,7 +247,7 @@ def test_ratings_may_be_labels(display):
             np.testing.assert_array_equal(getattr(drawn, name), vars(expected)[name])
 
 
-@pytest.mark.parametrize("display", [PITHistogramDisplay, ReliabilityDisplay])
+@pytest.mark.parametrize("display", DISPLAYS)
 @pytest.mark.parametrize(
     "options, error, message",
     [
@@ -325,11 +260,11 @@ def test_ratings_may_be_labels(display):
 )
 def test_errors_of_bins_and_groups(display, options, error, message, proba):
     with pytest.raises(error, match=message):
-        display.from_predictions(np.tile(COUNTS, (10, 1)), proba, **options)
+        display.from_predictions(COUNTS, proba, **options)
 
 
 @pytest.mark.parametrize("display", DISPLAYS)
 def test_without_matplotlib_the_extra_is_named(display, proba, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(ImportError, match=r"pip install 'sklearn_haptic\[plot\]'"):
-        display.from_predictions(ratings_for(display), proba)
+        display.from_predictions(COUNTS, proba)
