@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from numbers import Integral
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.stats import kruskal, wilcoxon
 from sklearn.base import clone, is_classifier
@@ -26,16 +26,13 @@ from sklearn.utils.parallel import Parallel, delayed
 from ._distributional import DistributionalOrdinalRegressor
 from ._fusion import SensorFusionNNPOM
 from ._typing import CrossValidator, RandomState, Trials, validate_params
-from ._validation import check_numbers, check_ratings, import_pandas
+from ._validation import check_numbers, check_ratings
 from .metrics import (
     earth_movers_distance,
     log_score,
     macro_mae_per_trial,
     ranked_probability_score,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # What `held_out` is for the full model.
 FULL_MODEL = "none"
@@ -225,8 +222,6 @@ def sensor_contributions(
         If ``model`` does not end in a regressor of a ``SensorFusionNNPOM``.
     ValueError
         If ``model`` holds a sensor out already, or a sensor is called "none".
-    ImportError
-        If pandas is not installed.
 
     See Also
     --------
@@ -266,7 +261,6 @@ def sensor_contributions(
     >>> (summary["difference"] > 0.05).to_dict()
     {'pac': True, 'tdc': False}
     """
-    pd = import_pandas("sensor_contributions")
     features, regressor = _split_model(model)
     X, y, groups = indexable(X, y, groups)
     counts, _ = check_ratings(y, regressor.levels)
@@ -339,8 +333,6 @@ def _score_start(
     regressor, X_train, X_test, y_train, y_test, *, random_state, groups, **columns
 ):
     """Scores of the full model and the holdouts of one start on one fold."""
-    import pandas as pd
-
     models = fit_holdouts(
         regressor, X_train, y_train, random_state=random_state, groups=groups
     )
@@ -450,7 +442,6 @@ def contribution_summary(
       held_out  full  holdout  difference  p_objects
     0      pac  0.45     0.75         0.3        0.5
     """
-    pd = import_pandas("contribution_summary")
     if not hasattr(scores, "columns"):
         raise TypeError(
             f"scores is a {type(scores).__name__}; give a DataFrame, as "

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Literal, Self
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.callback import CallbackSupportMixin
@@ -252,9 +253,8 @@ class TemporalMaxPool(
         index = row_index(X)
         if index is None or _get_output_config("transform", self)["dense"] != "pandas":
             return pooled
-        from pandas import DataFrame  # scikit-learn adds the names, but knows no index
-
-        return DataFrame(pooled, index=index)
+        # scikit-learn adds the names, but knows no index.
+        return pd.DataFrame(pooled, index=index)
 
     def get_feature_names_out(
         self, input_features: Names | None = None

@@ -17,6 +17,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from sklearn.base import BaseEstimator
 
 _SETTINGS = "study.json"
@@ -302,10 +303,8 @@ def _from_bytes(suffix, data):
     if suffix == ".npz":
         with np.load(buffer, allow_pickle=False) as arrays:
             return dict(arrays)
-    from pandas import read_csv
-
     # Parsed here, as pandas itself may err in the last digit of a number.
-    table = read_csv(buffer, dtype=str, keep_default_na=False)
+    table = pd.read_csv(buffer, dtype=str, keep_default_na=False)
     for name in table.columns.difference(_NAMES, sort=False):
         table[name] = _parse(np.asarray(table[name], dtype=object))
     return table

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from scipy import linalg
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
@@ -301,8 +302,6 @@ class Study:
 
 def compute_trials(study, procedure):
     """Return a table of trials: name, object and how many people gave each rating."""
-    import pandas as pd
-
     corpus = study.corpus(procedure=procedure, sensors=study.sensors[:1])
     if not corpus.ratings:
         raise ValueError(
@@ -418,8 +417,6 @@ def predict_holdouts(study, name, combined, X, counts, parts):
 
 def compute_models(study, procedure, adjective, fold):
     """Return a table of scores, of the combined model and its holdouts, of one fold."""
-    import pandas as pd
-
     name = procedure, adjective, fold
     trials, _ = read_unit(study.folder, ("trials", procedure))
     objects, counts = trials["object"].to_numpy(), counts_of(trials, adjective)

@@ -527,15 +527,3 @@ def _check_samples(i, shape, expected, where):
             f"Trial {i} of X has {_samples(shape)}, but {_samples(expected)} "
             f"{'is' if expected == (1,) else 'are'} expected, as in {where}."
         )
-
-
-def import_pandas(caller, *, extra="plot"):
-    """Return pandas, or say which extra of the package a function needs for it."""
-    try:
-        import pandas as pd
-    except ImportError as error:
-        raise ImportError(
-            f"{caller} requires pandas; install it with "
-            f"`pip install sklearn_haptic[{extra}]`."
-        ) from error
-    return pd

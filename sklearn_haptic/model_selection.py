@@ -18,6 +18,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.stats import rankdata
 from sklearn.base import clone, is_classifier
@@ -31,10 +32,8 @@ from sklearn.utils.validation import check_is_fitted
 
 from ._contributions import contribution_summary, sensor_contributions
 from ._typing import CrossValidator, Scorer, Trials
-from ._validation import import_pandas
 
 if TYPE_CHECKING:
-    import pandas as pd
     from sklearn.model_selection._search import BaseSearchCV
 
 __all__ = [
@@ -167,7 +166,7 @@ def speed_accuracy_frontier(
 
     A candidate is on the frontier if no other is as fast and scores as well, and
     is better in one of the two. Every other candidate can be replaced by one of
-    these at no loss. Requires pandas: ``pip install sklearn_haptic[plot]``.
+    these at no loss.
 
     Parameters
     ----------
@@ -195,8 +194,6 @@ def speed_accuracy_frontier(
     ValueError
         If the metric is unknown or not given among several, there are fewer than
         two splits, or no score is finite.
-    ImportError
-        If pandas is not installed.
 
     See Also
     --------
@@ -225,7 +222,6 @@ def speed_accuracy_frontier(
     0               0      1.0  -0.50      0.25
     1              10      3.0  -0.25      0.00
     """
-    pd = import_pandas("speed_accuracy_frontier")
     candidates = read_candidates(search, metric)
     params = getattr(search, "cv_results_", search)["params"]
     on_frontier = np.flatnonzero(is_non_dominated(candidates.seconds, candidates.score))
@@ -507,8 +503,6 @@ def _side_by_side(parts):
     """Features of several sensors as a ColumnTransformer puts them together."""
     if isinstance(parts[0], np.ndarray):
         return np.hstack(parts)
-    import pandas as pd
-
     return pd.concat(parts, axis=1)
 
 

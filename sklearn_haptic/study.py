@@ -15,6 +15,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Literal
 
+import pandas as pd
 from joblib import effective_n_jobs
 from sklearn.metrics import check_scoring
 from sklearn.utils import Bunch
@@ -38,7 +39,6 @@ from ._typing import (
     _threadpool_controller_decorator,
     validate_params,
 )
-from ._validation import import_pandas
 from .datasets._phac2 import PROCEDURE_STATES, SENSORS, choose
 
 __all__ = ["read_study", "run_study"]
@@ -169,8 +169,7 @@ def run_study(
 
     Whatever is finished is in ``folder`` at once and is never computed again: call
     this function again after an interruption, or with more adjectives or procedures.
-    The results are the same, bit for bit, as those of one uninterrupted run. Requires
-    pandas: ``pip install sklearn_haptic[plot]``.
+    The results are the same, bit for bit, as those of one uninterrupted run.
 
     Parameters
     ----------
@@ -236,8 +235,6 @@ def run_study(
     ValueError
         If ``folder`` holds a study with other settings, the corpus has no ratings or
         lacks an adjective, or a parameter does not fit.
-    ImportError
-        If pandas is not installed.
 
     See Also
     --------
@@ -283,7 +280,6 @@ def run_study(
     >>> study.scores.groupby("held_out").size().to_dict()
     {'none': 4, 'pdc': 4, 'tdc': 4}
     """
-    import_pandas("run_study")
     if regressor is None:
         network = NNPOM(early_stopping=True, max_iter=200, n_iter_no_change=30)
         regressor = DistributionalOrdinalRegressor(network)
@@ -329,8 +325,6 @@ def run_study(
 def read_study(folder: str | PathLike[str]) -> Bunch:
     """Read what `run_study` has finished so far; nothing is computed or executed.
 
-    Requires pandas: ``pip install sklearn_haptic[plot]``.
-
     Parameters
     ----------
     folder : str or path-like
@@ -358,8 +352,6 @@ def read_study(folder: str | PathLike[str]) -> Bunch:
     ------
     ValueError
         If there is no study, or none of its models is finished, or a file is damaged.
-    ImportError
-        If pandas is not installed.
 
     Examples
     --------
@@ -367,7 +359,6 @@ def read_study(folder: str | PathLike[str]) -> Bunch:
     >>> study = read_study("study")  # doctest: +SKIP
     >>> study.scores.groupby("adjective")["rps"].mean()  # doctest: +SKIP
     """
-    pd = import_pandas("read_study")
     folder = Path(folder)
     read_settings(folder)
     units = read_finished(folder, "models")

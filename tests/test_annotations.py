@@ -10,6 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Literal, get_args, get_origin, get_type_hints
 
+import pandas as pd
 import pytest
 from sklearn.base import BaseEstimator
 from sklearn.utils._param_validation import StrOptions, make_constraint
@@ -101,8 +102,7 @@ def validated_parameters():
     ("function", "parameter", "allowed"), [*validated_parameters()]
 )
 def test_annotations_allow_what_validation_allows(function, parameter, allowed):
-    pandas = pytest.importorskip("pandas")
-    hint = get_type_hints(function, localns={"pd": pandas})[parameter]
+    hint = get_type_hints(function, localns={"pd": pd})[parameter]
     parts = [hint] if get_origin(hint) is Literal else get_args(hint) or [hint]
     options = {o for c in allowed if isinstance(c, StrOptions) for o in c.options}
     literals = [get_args(part) for part in parts if get_origin(part) is Literal]

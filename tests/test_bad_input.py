@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("h5py")
-pytest.importorskip("pandas")
 pytest.importorskip("matplotlib").use("agg")
 
 from bad_input_cases import CASES, DAMAGED, LARGE_CASES, write_corpus  # noqa: E402

@@ -1,7 +1,5 @@
 """Sensor holdouts, their table, and what its summary says about it."""
 
-import sys
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -460,18 +458,6 @@ def test_unknown_columns(by):
 def test_by_what_is_compared(by):
     with pytest.raises(ValueError, match=r"by has .*leave it out"):
         contribution_summary(hand_made_table(), metric="emd", by=by)
-
-
-def test_without_pandas_the_extra_is_named(touches, monkeypatch):
-    X, y, _ = touches
-    table = hand_made_table()
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    for call in (
-        lambda: sensor_contributions(make_regressor(), X, y),
-        lambda: contribution_summary(table),
-    ):
-        with pytest.raises(ImportError, match=r"pip install sklearn_haptic\[plot\]"):
-            call()
 
 
 # What it finds ------------------------------------------------------------------------

@@ -1,5 +1,4 @@
 import pickle
-import sys
 import warnings
 from functools import partial
 
@@ -186,13 +185,6 @@ def test_errors(function, results, metric, message):
 def test_search_must_be_fitted(function):
     with pytest.raises(NotFittedError):
         function(GridSearchCV(LogisticRegression(), {}))
-
-
-def test_without_pandas_the_extra_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(ImportError, match=r"pip install sklearn_haptic\[plot\]"):
-        speed_accuracy_frontier(RESULTS)
-    assert cheapest_within_one_se(RESULTS) == 0
 
 
 @pytest.fixture(scope="module")

@@ -208,12 +208,6 @@ def test_bad_arguments(arguments, message):
         make_haptic_corpus(**arguments)
 
 
-def test_pandas_is_required(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "pandas", None)
-    with pytest.raises(ImportError, match=r"sklearn_haptic\[plot\]"):
-        make_haptic_corpus(1, 1)
-
-
 def test_documented_defaults():
     text = make_haptic_corpus.__doc__
     for name, parameter in inspect.signature(make_haptic_corpus).parameters.items():

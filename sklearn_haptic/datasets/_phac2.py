@@ -10,11 +10,11 @@ from difflib import get_close_matches
 from typing import Literal, TypeAlias
 
 import numpy as np
+import pandas as pd
 from sklearn.utils import Bunch
 from sklearn.utils._param_validation import StrOptions
 
 from sklearn_haptic._typing import Names, validate_params
-from sklearn_haptic._validation import import_pandas
 from sklearn_haptic.datasets._hdf5 import (
     check_stored,
     get_node,
@@ -83,8 +83,8 @@ def load_phac2(
     """Load one exploratory procedure of the PHAC-2 corpus.
 
     Only the sensors, trials and rows asked for are read. Download the files from
-    https://doi.org/10.17617/3.0C79KW (CC BY-SA 4.0). Requires h5py and pandas:
-    ``pip install sklearn_haptic[phac2]``.
+    https://doi.org/10.17617/3.0C79KW (CC BY-SA 4.0). Requires h5py:
+    ``pip install "sklearn_haptic[phac2]"``.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def load_phac2(
     Raises
     ------
     ImportError
-        If h5py or pandas is not installed.
+        If h5py is not installed.
     FileNotFoundError
         If a file is missing.
     OSError
@@ -183,7 +183,6 @@ def load_phac2(
     ... # doctest: +SKIP
     (500, 38)
     """
-    pd = import_pandas("load_phac2", extra="phac2")
     sensors = choose(sensors, list(SENSORS), "sensor", "the corpus")
     with open_hdf5(path) as file:
         parsed = _parse_trial_names(file)

@@ -11,6 +11,7 @@ from itertools import permutations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from scipy.io import loadmat
 
 from sklearn_haptic.datasets._hdf5 import (
@@ -108,8 +109,6 @@ def _rater_ratings(array, ids, names):
 
     Whoever rated an object on no adjective has no row for it.
     """
-    import pandas as pd
-
     n_raters = array.shape[2]
     answers = np.where(np.isin(array, LEVELS), array, np.nan)
     rows = [ids, range(1, n_raters + 1)]

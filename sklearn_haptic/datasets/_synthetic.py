@@ -8,11 +8,11 @@ can feel, how people rate the objects (:mod:`._crowd`).
 from numbers import Integral
 
 import numpy as np
+import pandas as pd
 from sklearn.utils import Bunch, check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 
 from sklearn_haptic._typing import Names, RandomState, validate_params
-from sklearn_haptic._validation import import_pandas
 from sklearn_haptic.datasets._crowd import (
     ADJECTIVES,
     LEVELS,
@@ -85,7 +85,6 @@ def make_haptic_corpus(
     texture, friction, ...) drive both the signals of five sensors in each of two
     BioTac fingers and a crowd's ratings on ten adjectives. What the robot can feel
     tells much of hardness and cold, and little of texture, as in the real corpus.
-    Requires pandas: ``pip install sklearn_haptic[plot]``.
 
     Parameters
     ----------
@@ -148,8 +147,6 @@ def make_haptic_corpus(
 
     Raises
     ------
-    ImportError
-        If pandas is not installed.
     ValueError
         If a number is below 1, or a procedure or sensor is unknown.
 
@@ -187,7 +184,6 @@ def make_haptic_corpus(
     >>> corpus.ratings["hard"].shape
     (40, 5)
     """
-    pd = import_pandas("make_haptic_corpus")
     sensors = choose(sensors, list(SENSORS), "sensor", "the corpus")
     seed = int(check_random_state(random_state).randint(np.iinfo(np.int32).max))
 
