@@ -443,7 +443,8 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
             images are too small for a patch.
         """
         self._codes_trials = not is_table(X)
-        vars(self).pop("spatial_cells_", None)
+        if hasattr(self, "spatial_cells_"):
+            del self.spatial_cells_
         self.layout_ = self._check_layout()
         return self._learn(X, y)
 
@@ -502,7 +503,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         positions = patches(trials[0][:1]).shape[1:3]
         cells = check_cells(self.spatial_cells, "spatial_cells")
         self.spatial_cells_ = spatial_grids(positions, cells)
-        self._imaging = {"layout": layout, "patch_size": patch_size, "step": step}
+        self._patching = {"layout": layout, "patch_size": patch_size, "step": step}
 
         def observe(trial, indices):
             frame, row, column = np.unravel_index(indices, (len(trial), *positions))
@@ -527,7 +528,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
             encode_frames,
             row_index(X),
             grids=self.spatial_cells_,
-            **self._imaging,
+            **self._patching,
         )
 
     def _check_patch_size(self):

@@ -131,7 +131,7 @@ class AtomsDisplay:
             order = np.argsort(-usage, kind="stable")
             usage = usage[order]
         if isinstance(coder, STHMPTransformer) and coder._codes_trials:
-            atoms = atoms.reshape(-1, *coder.patch_size)
+            atoms = atoms.reshape(-1, *coder._patching["patch_size"])
         return cls(
             atoms[order], names=order, usage=usage, sampling_rate=sampling_rate
         ).plot(ax)
