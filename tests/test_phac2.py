@@ -6,6 +6,7 @@ import pytest
 from scipy.io import savemat
 from sklearn.utils._param_validation import InvalidParameterError
 
+from sklearn_haptic import make_haptic_pipeline
 from sklearn_haptic.datasets import load_phac2
 
 h5py = pytest.importorskip("h5py")
@@ -109,6 +110,34 @@ def test_values_and_dtype(path):
                         np.testing.assert_array_equal(
                             cell[:, finger], raw[finger].ravel()
                         )
+
+
+@pytest.mark.parametrize("there", [0, 1])
+def test_one_finger(path, there):
+    both = load_phac2(path)
+
+    def change(file):
+        for name in both.trials.index:
+            del file[f"{name}/biotacs/finger_{1 - there}"]
+
+    edit(path, change)
+    one = load_phac2(path)
+    for sensor in SENSORS:
+        for cell, expected in zip(one.trials[sensor], both.trials[sensor]):
+            width = 19 if sensor == "electrodes" else 1
+            np.testing.assert_array_equal(cell, np.split(expected, 2, axis=1)[there])
+            assert cell.shape == (len(expected), width)
+
+
+@pytest.mark.parametrize("name", ["sponge_114_02", "cup__602_01"])
+def test_fingers_of_one_trial_missing(path, name):
+    edit(path, lambda file: file.pop(f"{name}/biotacs/finger_1"))
+    with pytest.raises(ValueError, match=r"Trial '.*corpus\.h5 has finger_0.*trials="):
+        load_phac2(path)
+    assert len(load_phac2(path, trials=[name]).trials) == 1
+    edit(path, lambda file: file.pop(f"{name}/biotacs/finger_0"))
+    with pytest.raises(ValueError, match=f"/{name}/biotacs of .* has no 'finger_0'"):
+        load_phac2(path, trials=[name])
 
 
 def test_baseline_is_the_mean_at_rest(path):
@@ -487,6 +516,23 @@ def test_real_recordings(bolt_pilot, procedure):
                         rtol=1e-6,
                         atol=1e-4,
                     )
+
+
+def test_real_recordings_of_one_finger(bolt_pilot, tmp_path):
+    both, path = bolt_pilot / "bolt_pilot_phac2_layout.h5", tmp_path / "one.h5"
+    names = list(load_phac2(both, sensors=["tdc"]).trials.index[::5])
+    with h5py.File(both) as source, h5py.File(path, "w") as copy:
+        for name in names:
+            for part in ("state", "biotacs/finger_1"):
+                source.copy(f"{name}/{part}", copy, name=f"{name}/{part}")
+    corpus = load_phac2(path, procedure="slow_slide")
+    two = load_phac2(both, procedure="slow_slide", trials=names)
+    for sensor in SENSORS:
+        for cell, expected in zip(corpus.trials[sensor], two.trials[sensor]):
+            np.testing.assert_array_equal(cell, np.split(expected, 2, axis=1)[1])
+    levels = np.unique(corpus.objects, return_inverse=True)[1]
+    model = make_haptic_pipeline(random_state=0).fit(corpus.trials, levels)
+    assert model.predict_proba(corpus.trials).shape == (len(names), 5)
 
 
 @pytest.mark.parametrize(

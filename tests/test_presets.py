@@ -1,9 +1,11 @@
 """Whole models in one call: what they are made of, and that they work."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.base import clone
-from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
 
 from sklearn_haptic import (
     DummyDistribution,
@@ -12,7 +14,7 @@ from sklearn_haptic import (
     make_haptic_pipeline,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.metrics import ranked_probability_score
+from sklearn_haptic.metrics import neg_rps_scorer, ranked_probability_score
 
 SENSORS = ["pac", "pdc", "tac", "tdc", "electrodes"]
 
@@ -25,6 +27,21 @@ def part(model, sensor, step=0):
 @pytest.fixture(scope="module")
 def corpus():
     return make_haptic_corpus(n_objects=12, n_trials=3, random_state=0)
+
+
+@pytest.fixture(scope="module")
+def biotac_slides(shared_data):
+    """Trials, materials and runs of real slides of one finger."""
+    with np.load(shared_data / "biotac_slides" / "biotac_slides.npz") as arrays:
+        slides = np.split(
+            arrays["frames"].astype(np.float32), np.cumsum(arrays["length"])[:-1]
+        )
+        materials, runs = arrays["material"], arrays["run"]
+    columns = {"tdc": slice(1), "tac": slice(1, 2), "pdc": slice(2, 3)}
+    columns |= {"pac": slice(3, 25), "electrodes": slice(25, 44)}
+    trials = {s: [slide[:, columns[s]] for slide in slides] for s in SENSORS}
+    trials["pac"] = [trial.reshape(-1, 1) for trial in trials["pac"]]
+    return pd.DataFrame(trials), materials, runs
 
 
 @pytest.mark.parametrize("preset", ["fast", "balanced", "accurate"])
@@ -71,6 +88,61 @@ def test_presets_grow():
             assert values == sorted(values)
         cells = [sum(part(m, sensor, 1).cells) for m in (fast, balanced, accurate)]
         assert cells == sorted(cells) and cells[0] < cells[2]
+
+
+def test_real_slides_of_one_finger(biotac_slides):
+    """Materials felt by a single finger, from slides recorded later."""
+    trials, materials, runs = biotac_slides
+    assert len(trials) == 300
+    assert trials["electrodes"][0].shape[1] == 19
+    model = make_haptic_pipeline(random_state=0).set_params(
+        model=LogisticRegression(max_iter=1000)
+    )
+    model.fit(trials[runs <= 10], materials[runs <= 10])
+    names = model[:-1].get_feature_names_out()
+    assert len(set(names)) == len(names) == model[-1].n_features_in_
+    assert model.score(trials[runs > 10], materials[runs > 10]) > 0.9
+
+
+def test_real_slides_of_any_length(biotac_slides):
+    """A touch of one window is enough to fit and to predict."""
+    trials, _, _ = biotac_slides
+    short = trials[::15].copy()
+    for i, row in enumerate(short.index):
+        for sensor in SENSORS:
+            n_frames = min(50 + 40 * i, len(short.at[row, "pdc"]))
+            per_frame = 22 if sensor == "pac" else 1
+            short.at[row, sensor] = short.at[row, sensor][: n_frames * per_frame]
+    model = make_haptic_pipeline(random_state=0)
+    few = np.arange(20) % 3
+    model.fit(short, few)
+    assert np.isfinite(model.predict_proba(short)).all()
+    model.fit(trials[::15], few)
+    assert np.isfinite(model.predict_proba(short)).all()
+
+
+def test_folds_whose_touches_differ_in_length():
+    """Touches shorter than any of training, and than the pyramid."""
+    corpus = make_haptic_corpus(
+        15, 4, procedure="fast_slide", sensors=["pdc"], random_state=11
+    )
+    model = make_haptic_pipeline("pdc", preset="accurate", random_state=0)
+    folds = GroupKFold(5)
+    lengths = np.array([len(trial) for trial in corpus.trials["pdc"]])
+    assert any(
+        lengths[test].min() < lengths[train].min()
+        for train, test in folds.split(lengths, groups=corpus.objects)
+    )
+    scores = cross_val_score(
+        model,
+        corpus.trials,
+        corpus.ratings["hard"],
+        groups=corpus.objects,
+        cv=folds,
+        scoring=neg_rps_scorer,
+        error_score="raise",
+    )
+    assert np.isfinite(scores).all()
 
 
 def test_only_the_sensors_asked_for(corpus, tmp_path):

@@ -9,7 +9,7 @@ from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic import _sthmp
+from sklearn_haptic import _ksvd, _sthmp
 from sklearn_haptic._ksvd import KSVDTransformer, encode
 from sklearn_haptic._pooling import TemporalMaxPool
 from sklearn_haptic._sthmp import (
@@ -18,6 +18,7 @@ from sklearn_haptic._sthmp import (
     electrode_images,
     image_patches,
     normalise_frames,
+    spatial_grids,
     spatial_max_pool,
 )
 from sklearn_haptic._validation import Sequences
@@ -155,7 +156,7 @@ def test_cells_of_patches_equal_the_authors(reference, level):
     cell = reference["cell_of_patch"][:, level - 1].reshape(4, 5).T
     # A code for each position: one there, zero elsewhere.
     codes = np.eye(20).reshape(5, 4, 20, 1)
-    pooled = spatial_max_pool(codes, (level,))[..., 0]
+    pooled = spatial_max_pool(codes, [(level, level)])[..., 0]
     np.testing.assert_array_equal(pooled.argmax(axis=0).reshape(5, 4), cell)
     np.testing.assert_array_equal(pooled.sum(axis=0), 1)
 
@@ -168,15 +169,38 @@ def test_spatial_cells_are_exact_for_any_size(size):
             [-(-x * n // length) - 1 for x in range(1, length + 1)] for length in size
         )
         expected = np.add.outer(np.multiply(row, n), column)
-        pooled = spatial_max_pool(codes, (n,))[..., 0]
+        pooled = spatial_max_pool(codes, [(n, n)])[..., 0]
         np.testing.assert_array_equal(pooled.argmax(axis=0).reshape(size), expected)
         assert pooled.any(axis=1).all()  # no cell is empty
 
 
+@pytest.mark.parametrize("positions", [(5, 4), (5, 1), (1, 5), (2, 2), (2, 3), (1, 1)])
+@pytest.mark.parametrize("cells", [(3, 2, 1), (1, 3), (9,), (16, 4, 3, 2)])
+def test_no_side_has_more_cells_than_positions(positions, cells):
+    """A cell for each place that the cells of a level give to any position."""
+    places = [
+        tuple(
+            len({-(-x * min(n, length) // length) for x in range(1, length + 1)})
+            for length in positions
+        )
+        for n in cells
+    ]
+    grids = spatial_grids(positions, cells)
+    assert list(grids) == sorted(set(places), key=places.index)
+    codes = np.eye(positions[0] * positions[1]).reshape(*positions, -1, 1)
+    pooled = spatial_max_pool(codes, grids)
+    assert len(pooled) == sum(rows * columns for rows, columns in grids)
+    levels = np.split(pooled, np.cumsum([rows * columns for rows, columns in grids]))
+    for level in levels[:-1]:  # each position in one cell, none empty
+        np.testing.assert_array_equal(level.sum(axis=0), 1)
+        assert level.any(axis=1).all()
+
+
 def test_spatial_levels_come_in_the_order_given():
     codes = np.random.default_rng(0).normal(size=(5, 4, 7, 3))
-    pooled = spatial_max_pool(codes, (3, 1, 2))
-    parts = [spatial_max_pool(codes, (n,)) for n in (3, 1, 2)]
+    grids = [(3, 3), (1, 1), (2, 2)]
+    pooled = spatial_max_pool(codes, grids)
+    parts = [spatial_max_pool(codes, [grid]) for grid in grids]
     np.testing.assert_array_equal(pooled, np.concatenate(parts))
 
 
@@ -241,7 +265,8 @@ def test_codes_and_pooled_codes_equal_the_authors(reference, authors, variant, s
     scale = np.abs(theirs).max(axis=(1, 2, 3), initial=1, keepdims=True)
     np.testing.assert_allclose(codes / 3 / scale, theirs / scale, atol=1e-12)
 
-    pooled = np.moveaxis(spatial_max_pool(np.moveaxis(codes, 0, -1), (1, 2, 3)), -1, 0)
+    grids = [(1, 1), (2, 2), (3, 3)]
+    pooled = np.moveaxis(spatial_max_pool(np.moveaxis(codes, 0, -1), grids), -1, 0)
     raw = reference[f"{variant}_{seq}_frame_vectors_raw"]
     if len(raw) == len(reference[seq]):
         raw = raw[picked]
@@ -368,6 +393,48 @@ def test_images_and_electrodes_agree():
         np.testing.assert_allclose(frames, wanted, atol=1e-12)
 
 
+def test_one_finger_has_a_column_of_positions():
+    trials = electrodes(n_fingers=1)
+    estimator = small(sign="absolute").fit(trials)
+    assert estimator.spatial_cells_ == ((3, 1), (2, 1), (1, 1))
+    names = estimator.get_feature_names_out()
+    assert len(set(names)) == len(names) == 6 * 6
+    assert names[[0, 6, 18, 35]].tolist() == [
+        "s1of3_atom0",
+        "s2of3_atom0",
+        "s1of2_atom0",
+        "s1of1_atom5",
+    ]
+    for trial, frames in zip(trials, estimator.transform(trials)):
+        patches = np.einsum("te,hwe->thw", trial, LAYOUT)
+        codes = np.array(
+            [
+                encode(
+                    patches[:, row : row + 3].reshape(-1, 9),
+                    estimator.components_,
+                    estimator.n_nonzero_coefs,
+                    sign="absolute",
+                )
+                for row in range(5)
+            ]
+        )
+        cells = [(0, 1), (1, 3), (3, 5), (0, 2), (2, 5), (0, 5)]
+        pooled = np.hstack([codes[top:end].max(axis=0) for top, end in cells])
+        norms = np.linalg.norm(pooled, axis=1, keepdims=True)
+        np.testing.assert_allclose(frames, pooled / norms, atol=1e-12)
+
+
+def test_parameters_set_after_fit_wait_for_the_next_fit():
+    trials = electrodes()
+    model = make_pipeline(small(), TemporalMaxPool((2, 1))).fit(trials)
+    expected, names = model.transform(trials), model.get_feature_names_out()
+    model[0].set_params(
+        layout=None, patch_size=(2, 2), step=2, spatial_cells=(1,), max_train_windows=1
+    )
+    np.testing.assert_array_equal(model.transform(trials), expected)
+    np.testing.assert_array_equal(model.get_feature_names_out(), names)
+
+
 def test_custom_layout():
     rng = np.random.default_rng(0)
     trials = [rng.normal(size=(n, 32)) for n in (20, 30)]
@@ -400,6 +467,28 @@ def test_dictionary_is_learned_from_patches(limit):
     np.testing.assert_allclose(components, expected.components_, atol=1e-10)
 
 
+@pytest.mark.parametrize("n_fingers", [1, 2])
+@pytest.mark.parametrize("limit", [1, 20, 500])
+def test_most_trials_give_no_patch(n_fingers, limit):
+    """As many patches as asked for, each drawn once, of far more trials."""
+    trials = electrodes([2] * 700, n_fingers)
+    seen = []
+
+    def learn(observations, n_atoms, *_, **__):
+        seen.append(observations)
+        return observations[:1].repeat(n_atoms, axis=0), 0, 0.0
+
+    estimator = small(max_train_windows=limit)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(_ksvd, "learn_dictionary", learn)
+        estimator.fit(trials)
+    patches = [image_patches(electrode_images(t, LAYOUT), (3, 3)) for t in trials]
+    known = {patch.round(6).tobytes() for patch in np.reshape(patches, (-1, 9))}
+    drawn = {patch.round(6).tobytes() for patch in seen[0]}
+    assert len(drawn) == len(seen[0]) == limit
+    assert drawn <= known
+
+
 @pytest.mark.parametrize("step", [1, 2])
 def test_more_steps_and_rectangles_compose(step):
     estimator = small(patch_size=[4, 2], step=step, spatial_cells=(2,))
@@ -407,10 +496,11 @@ def test_more_steps_and_rectangles_compose(step):
 
 
 def test_refit_on_trials_forgets_a_table():
-    estimator = small().fit(
-        pd.DataFrame(np.random.default_rng(0).normal(size=(60, 9))).rename(columns=str)
-    )
+    table = pd.DataFrame(np.random.default_rng(0).normal(size=(60, 9)))
+    estimator = small().fit(table.rename(columns=str))
+    assert not hasattr(estimator, "spatial_cells_")
     assert not hasattr(estimator.fit(electrodes()), "feature_names_in_")
+    assert not hasattr(estimator.fit(table), "spatial_cells_")
 
 
 # Composition
@@ -505,7 +595,6 @@ def test_cached_rows_depend_on_every_parameter(tmp_path):
         ({"patch_size": (8, 3)}, electrodes(), r"does not fit images of 7 × 6 pixels"),
         ({"patch_size": (3, 0)}, electrodes(), "patch_size=.*two positive integers"),
         ({"patch_size": (3,)}, electrodes(), "patch_size=.*two positive integers"),
-        ({"spatial_cells": (5, 1)}, electrodes(), r"5 cells along a side.*5 × 4 patch"),
         ({"spatial_cells": ()}, electrodes(), "spatial_cells=.*positive integers"),
         ({"layout": np.eye(19)}, electrodes(), r"layout has shape \(19, 19\)"),
         ({"layout": None}, electrodes(), r"Trial 0 .*\(n_times, height, width\)"),

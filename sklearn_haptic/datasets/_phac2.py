@@ -39,6 +39,7 @@ FRAME_RATE = 100
 SENSORS = {"pac": (22, 1), "pdc": (1, 1), "tac": (1, 1), "tdc": (1, 1)}
 SENSORS["electrodes"] = (1, 19)
 
+FINGERS = ["finger_0", "finger_1"]
 NOT_TRIALS = ("adjectives", "train_test", "validation")
 
 DESCR = """\
@@ -125,7 +126,8 @@ def load_phac2(
             A row a trial, a column a sensor, the index the trials' names. Each cell
             is a float32 array in counts of the 12-bit converter, with n frames of
             10 ms: pac ``(22 * n, 2)``; pdc, tac and tdc ``(n, 2)``, a column a finger;
-            electrodes ``(n, 38)``, the 19 of finger 0, then those of finger 1.
+            electrodes ``(n, 38)``, the 19 of finger 0, then those of finger 1. Of
+            trials with a single finger, ``(22 * n, 1)``, ``(n, 1)`` and ``(n, 19)``.
         objects : ndarray of shape (n_trials,)
             The id of each trial's object, for grouped cross-validation.
         object_names : ndarray of shape (n_trials,)
@@ -156,8 +158,9 @@ def load_phac2(
         If a file is not of its format, is cut short or is damaged.
     ValueError
         If a name is unknown; if a trial lacks the procedure or a sensor, or holds
-        data of another shape or type; if the file links elsewhere; or if the ratings
-        are not found, are ambiguous or lack an object.
+        data of another shape or type; if some trials have one finger and others two;
+        if the file links elsewhere; or if the ratings are not found, are ambiguous or
+        lack an object.
 
     Notes
     -----
@@ -195,7 +198,16 @@ def load_phac2(
         cells = {sensor: np.empty(len(names), dtype=object) for sensor in sensors}
         for i, name in enumerate(names):
             trial = get_node(file, name)
-            signals = _read_trial(trial, procedure, sensors, remove_baseline)
+            fingers = _fingers(trial)
+            if i == 0:
+                first = fingers
+            elif fingers != first:
+                raise ValueError(
+                    f"Trial {name!r} of {path} has {' and '.join(fingers)}, but trial "
+                    f"{names[0]!r} has {' and '.join(first)}; load the ones apart from "
+                    "the others through trials=."
+                )
+            signals = _read_trial(trial, fingers, procedure, sensors, remove_baseline)
             for sensor, signal in signals.items():
                 cells[sensor][i] = signal
     return Bunch(
@@ -250,7 +262,14 @@ def _parse_trial_names(file):
     return parsed
 
 
-def _read_trial(trial, procedure, sensors, remove_baseline):
+def _fingers(trial):
+    """Return which fingers a trial has: both, or the one there is."""
+    biotacs = get_node(trial, "biotacs")
+    there = names_in(biotacs) if hasattr(biotacs, "keys") else []
+    return [finger for finger in FINGERS if finger in there] or FINGERS[:1]
+
+
+def _read_trial(trial, fingers, procedure, sensors, remove_baseline):
     """Return {sensor: array of shape (n_times, n_channels)} of one procedure."""
     dataset = get_node(trial, "state/controller_detail_state")
     check_stored(dataset, "S")
@@ -271,7 +290,7 @@ def _read_trial(trial, procedure, sensors, remove_baseline):
         sensor: np.hstack(
             [
                 _read_finger(trial, finger, sensor, len(states), rows, rest)
-                for finger in (0, 1)
+                for finger in fingers
             ]
         )
         for sensor in sensors
@@ -299,7 +318,7 @@ def _stretches(mask):
 
 def _read_finger(trial, finger, sensor, n_frames, rows, rest):
     """Return one finger's signal, less its mean at rest, as (n_times, n_channels)."""
-    dataset = get_node(trial, f"biotacs/finger_{finger}/{sensor}")
+    dataset = get_node(trial, f"biotacs/{finger}/{sensor}")
     check_stored(dataset, "iuf")
     n_samples, n_channels = SENSORS[sensor]
     width = n_samples * n_channels
