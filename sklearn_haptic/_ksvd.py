@@ -21,6 +21,7 @@ from sklearn.utils.validation import (
 from ._dictionary_learning import initial_atoms, ksvd
 from ._documentation import DocumentedEstimator
 from ._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows
+from ._threads import one_blas_thread
 from ._typing import FloatArray, Memory, Names, RandomState, Trials, _fit_context
 from ._validation import (
     Sequences,
@@ -321,6 +322,7 @@ class _DictionaryCoder(
         "random_state": ["random_state"],
     }
 
+    @one_blas_thread
     def _learn(self, X, y):
         """Learn the dictionary from a table or, if `_codes_trials`, from trials."""
         context = self._init_callback_context(max_subtasks=self.max_iter)
@@ -391,6 +393,7 @@ class _DictionaryCoder(
         atoms = range(len(self.components_))
         return [f"atom{j}{suffix}" for suffix in suffixes for j in atoms]
 
+    @one_blas_thread
     def transform(self, X):
         """Code the rows of a table; see :class:`_UnwrappedSequences`."""
         X = check_table(self, X, dtype=[np.float64, np.float32], reset=False)
