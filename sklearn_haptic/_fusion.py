@@ -26,6 +26,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ._documentation import DocumentedEstimator
 from ._nnpom import NNPOM
+from ._threads import one_blas_thread
 from ._typing import (
     FloatArray,
     Observations,
@@ -465,6 +466,7 @@ class SensorFusionNNPOM(
         """Thresholds between the levels, of the combined network."""
         return self.final_network_.thresholds_
 
+    @one_blas_thread
     def _activations(self, X, positions=None):
         """Activations of all sensors side by side, zero for the one held out."""
         shape = (len(X),) if positions is None else (len(X), np.shape(positions)[-1])

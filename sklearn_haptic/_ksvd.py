@@ -21,6 +21,7 @@ from sklearn.utils.validation import (
 from ._dictionary_learning import initial_atoms, ksvd
 from ._documentation import DocumentedEstimator
 from ._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows
+from ._threads import one_blas_thread
 from ._typing import FloatArray, Memory, Names, RandomState, Trials, _fit_context
 from ._validation import (
     Sequences,
@@ -278,7 +279,8 @@ class _UnwrappedSequences:
         Parameters
         ----------
         X : array-like of shape (n_samples, n_features) or collection of trials
-            Data of the kind given to `fit`.
+            Data of the kind given to `fit`. Parameters that were set after `fit` take
+            effect with the next one.
 
         Returns
         -------
@@ -300,9 +302,11 @@ class _DictionaryCoder(
     """What transformers with a learned dictionary share; codes tables.
 
     A subclass takes the parameters below, puts :class:`_UnwrappedSequences`
-    before this class, and provides `_codes_trials` (whether the fitted
-    transformer takes trials), `_draw_from_trials`, `_transform_trials` and, for
-    trials, its own `get_feature_names_out`.
+    before this class, sets `_codes_trials` in `fit` (whether it takes trials), and
+    provides `_draw_from_trials`, `_transform_trials` and, for trials, its own
+    `get_feature_names_out`. How observations are coded is settled by `fit` and
+    kept in `_coding`, keyword arguments of :func:`encode`; a subclass keeps what
+    else its codes depend on in the same way.
     """
 
     _parameter_constraints = {  # noqa: RUF012
@@ -319,6 +323,7 @@ class _DictionaryCoder(
         "random_state": ["random_state"],
     }
 
+    @one_blas_thread
     def _learn(self, X, y):
         """Learn the dictionary from a table or, if `_codes_trials`, from trials."""
         context = self._init_callback_context(max_subtasks=self.max_iter)
@@ -330,7 +335,9 @@ class _DictionaryCoder(
             return task.call_on_fit_task_end(estimator=self, X=X, y=y)
 
         rng = check_random_state(self.random_state)
+        n_nonzero_coefs = check_sparsity(self.n_nonzero_coefs, self.n_atoms)
         if self._codes_trials:
+            vars(self).pop("feature_names_in_", None)  # of an earlier fit to a table
             observations = self._draw_from_trials(X, rng)
         else:
             rows = check_table(self, X, dtype=[np.float64, np.float32])
@@ -343,7 +350,7 @@ class _DictionaryCoder(
         self.components_, self.n_iter_, self.reconstruction_error_ = learn(
             observations,
             self.n_atoms,
-            check_sparsity(self.n_nonzero_coefs, self.n_atoms),
+            n_nonzero_coefs,
             dict_init=self._check_dict_init(observations),
             remove_mean=self.remove_mean,
             update=self.update,
@@ -353,6 +360,12 @@ class _DictionaryCoder(
             seed=rng.randint(np.iinfo(np.int32).max),
             callback=end_iteration if watched else None,
         )
+        # What `transform` does is settled here, whatever is set after.
+        self._coding = {
+            "n_nonzero_coefs": n_nonzero_coefs,
+            "remove_mean": self.remove_mean,
+            "sign": self.sign,
+        }
         context.call_on_fit_task_end(
             estimator=self, X=X, y=y, reconstruction_attributes={}
         )
@@ -363,9 +376,7 @@ class _DictionaryCoder(
         encode_trial = partial(
             encode_trial,
             atoms=self.components_,
-            n_nonzero_coefs=self.n_nonzero_coefs,
-            remove_mean=self.remove_mean,
-            sign=self.sign,
+            **self._coding,
             **options,
         )
         return Sequences(
@@ -379,20 +390,15 @@ class _DictionaryCoder(
     @property
     def _code_names(self):
         """Names of the columns of :func:`encode`."""
-        suffixes = ["+", "-"] if self.sign == "split" else [""]
+        suffixes = ["+", "-"] if self._coding["sign"] == "split" else [""]
         atoms = range(len(self.components_))
         return [f"atom{j}{suffix}" for suffix in suffixes for j in atoms]
 
+    @one_blas_thread
     def transform(self, X):
         """Code the rows of a table; see :class:`_UnwrappedSequences`."""
         X = check_table(self, X, dtype=[np.float64, np.float32], reset=False)
-        return encode(
-            X,
-            self.components_,
-            self.n_nonzero_coefs,
-            remove_mean=self.remove_mean,
-            sign=self.sign,
-        )
+        return encode(X, self.components_, **self._coding)
 
     def get_feature_names_out(
         self, input_features: Names | None = None
@@ -599,6 +605,8 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
         self : KSVDTransformer
             The fitted transformer.
         """
+        self._codes_trials = self.window is not None
+        self._windows = {"window": self.window, "overlap": self.overlap}
         if not self._codes_trials and not is_table(X):
             raise ValueError(
                 "X is a collection of trials, but window=None codes the rows of a "
@@ -622,31 +630,27 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
             ``atom0+``, …, ``atom0-``, … with `sign="split"`, else ``atom0``, …;
             for trials the same for each channel, as in ``ch0_atom0+``.
         """
+        check_is_fitted(self)
         if not self._codes_trials:
             return super().get_feature_names_out(input_features)
-        check_is_fitted(self)
         channels = range(self.n_features_in_)
         return np.asarray(
             [f"ch{c}_{name}" for c in channels for name in self._code_names],
             dtype=object,
         )
 
-    @property
-    def _codes_trials(self):
-        return self.window is not None
-
     def _check_windowed(self, X, n_channels=None):
         if is_table(X):
             check_numbers(X, "X")
             X = check_array(X, dtype=[np.float64, np.float32])
-        return check_trials(X, n_channels=n_channels, min_times=self.window)
+        return check_trials(X, n_channels=n_channels, min_times=self._windows["window"])
 
     def _draw_from_trials(self, X, rng):
         trials = self._check_windowed(X)
         self.n_features_in_ = trials[0].shape[1]
 
         def observe(trial, indices):
-            windows = sliding_windows(trial, self.window, self.overlap)
+            windows = sliding_windows(trial, **self._windows)
             return windows[np.unravel_index(indices, windows.shape[:2])]
 
         counts = [n * self.n_features_in_ for n in self._lengths(trials)]
@@ -659,12 +663,9 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
             self._lengths(trials),
             encode_windows,
             row_index(X),
-            window=self.window,
-            overlap=self.overlap,
+            **self._windows,
         )
 
     def _lengths(self, trials):
         """Return the number of windows in each trial."""
-        return [
-            len(sliding_windows(trial, self.window, self.overlap)) for trial in trials
-        ]
+        return [len(sliding_windows(trial, **self._windows)) for trial in trials]

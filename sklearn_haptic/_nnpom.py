@@ -12,7 +12,6 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.model_selection import GroupShuffleSplit
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.parallel import _threadpool_controller_decorator
 from sklearn.utils.validation import (
     check_consistent_length,
     check_is_fitted,
@@ -35,6 +34,7 @@ from ._proportional_odds import (
     unpack,
 )
 from ._solvers import Monitor, irprop_plus, lbfgs
+from ._threads import one_blas_thread
 from ._typing import (
     FloatArray,
     Observations,
@@ -367,8 +367,7 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
         context.call_on_fit_task_end(estimator=self, X=X, reconstruction_attributes={})
         return self
 
-    # The products are small: several threads would mostly wait for each other.
-    @_threadpool_controller_decorator(limits=1, user_api="blas")
+    @one_blas_thread
     def _minimise(
         self, X, positions, level, weight, validation, rng, monotone, context
     ):
@@ -638,6 +637,7 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
         output = self.coefs_[1] if self.n_hidden else self.intercepts_
         return self.coefs_[0], self.intercepts_, output
 
+    @one_blas_thread
     def _apply(self, X, positions):
         with np.errstate(over="ignore", invalid="ignore"):
             latent, hidden = forward(X, positions, *self._weights)

@@ -17,6 +17,7 @@ from sklearn.utils.validation import (
 )
 
 from ._documentation import DocumentedEstimator
+from ._threads import one_blas_thread
 from ._typing import FloatArray, Memory, Names, Trials, _fit_context
 from ._validation import (
     Sequences,
@@ -245,6 +246,7 @@ class TemporalMaxPool(
         )
         return self
 
+    @one_blas_thread  # sequences are coded as they are pooled
     def transform(self, X: Trials) -> FloatArray:
         """Pool sequences.
 

@@ -23,6 +23,7 @@ from sklearn.utils.validation import (
     validate_data,
 )
 
+from ._threads import one_blas_thread
 from ._typing import FloatArray, Names
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ class Sequences(Sequence[FloatArray]):
     def __getitem__(self, key: int | slice) -> FloatArray | Sequences:
         if not isinstance(key, slice):
             trial = self._trials[key]
-            return trial if self._encode is None else self._encode(trial)
+            return trial if self._encode is None else self._code(trial)
         return Sequences(
             self._trials[key],
             self.feature_names,
@@ -83,6 +84,10 @@ class Sequences(Sequence[FloatArray]):
             encode=self._encode,
             lengths=self.lengths[key],
         )
+
+    @one_blas_thread
+    def _code(self, trial: Any) -> FloatArray:
+        return self._encode(trial)  # type: ignore[misc]
 
     def __repr__(self) -> str:
         return f"<Sequences: {len(self)} trials, {len(self.feature_names)} columns>"

@@ -33,19 +33,15 @@ from ._study_store import (
     write_unit,
 )
 from ._study_units import COMPUTE, Study, adjectives_of
-from ._typing import (
-    Names,
-    Scorer,
-    _threadpool_controller_decorator,
-    validate_params,
-)
+from ._threads import one_blas_thread
+from ._typing import Names, Scorer, validate_params
 from .datasets._phac2 import PROCEDURE_STATES, SENSORS, choose
 
 __all__ = ["read_study", "run_study"]
 
 
 # Sums in another order would differ in the last digit.
-@_threadpool_controller_decorator(limits=1, user_api="blas")
+@one_blas_thread
 def complete_unit(study, unit):
     """Compute a unit and write it; return its name and the seconds it took."""
     started = perf_counter()
@@ -145,7 +141,7 @@ def complete_units(study, units, *, n_jobs, report=None):
     prefer_skip_nested_validation=False,
 )
 # Threads share what they limit, so it stays limited until the last has ended.
-@_threadpool_controller_decorator(limits=1, user_api="blas")
+@one_blas_thread
 def run_study(
     corpus: Callable[..., Bunch],
     folder: str | PathLike[str],

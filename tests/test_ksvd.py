@@ -6,6 +6,7 @@ import re
 import joblib
 import numpy as np
 import pandas as pd
+import polars as pl
 import pytest
 from cached_rows import assert_an_entry_each
 from callback_recorder import Recorder
@@ -74,11 +75,11 @@ def test_fit_at_extreme_scales(dtype, factors, update):
 )
 def test_degenerate_data(X, remove_mean, update):
     model = KSVDTransformer(
-        15, 8, remove_mean=remove_mean, update=update, random_state=0
+        15, 8, remove_mean=remove_mean, update=update, sign="none", random_state=0
     ).fit(X)
     assert np.isfinite(model.components_).all()
     np.testing.assert_allclose(np.linalg.norm(model.components_, axis=1), 1)
-    codes = model.set_params(sign="none").transform(X)
+    codes = model.transform(X)
     signals = X - X.mean(axis=1, keepdims=True) if remove_mean else X
     np.testing.assert_allclose(codes @ model.components_, signals, atol=1e-12)
     if not np.ptp(X, axis=1).any() and remove_mean:
@@ -110,11 +111,11 @@ def test_signs():
     X = np.random.default_rng(0).normal(size=(50, 8))
     model = KSVDTransformer(10, 3, sign="none", random_state=0)
     codes = model.fit_transform(X)
-    split = model.set_params(sign="split").transform(X)
+    split = model.set_params(sign="split").fit_transform(X)
     np.testing.assert_array_equal(
         split, np.hstack([np.maximum(codes, 0), np.maximum(-codes, 0)])
     )
-    absolute = model.set_params(sign="absolute").transform(X)
+    absolute = model.set_params(sign="absolute").fit_transform(X)
     np.testing.assert_array_equal(absolute, np.abs(codes))
     largest = np.abs(model.components_).argmax(axis=1)
     assert (model.components_[np.arange(10), largest] > 0).all()
@@ -435,3 +436,48 @@ def test_errors_name_the_mend():
         model.set_params(dict_init=np.ones((4, 3))).fit(trials)
     with pytest.warns(UserWarning, match="n_nonzero_coefs=9 exceeds n_atoms=4"):
         KSVDTransformer(4, 9, random_state=0).fit(np.eye(8))
+
+
+TABLE = np.random.default_rng(0).normal(size=(40, 6))
+FORMS = {
+    "table": ({}, TABLE),
+    "named table": ({}, pd.DataFrame(TABLE[:, :5]).add_prefix("x")),
+    "polars table": ({}, pl.DataFrame(TABLE[:, :4])),
+    "trials": ({"window": 20}, make_trials()),
+    "series": ({"window": 10, "sign": "none"}, pd.Series(make_trials())),
+    "rows": ({"window": 3}, TABLE),
+    "named rows": ({"window": 3}, pd.DataFrame(TABLE).add_prefix("t")),
+}
+
+
+@pytest.mark.parametrize("first", FORMS)
+@pytest.mark.parametrize("then", FORMS)
+def test_nothing_is_left_of_an_earlier_fit(first, then):
+    model = KSVDTransformer(3, 2, max_iter=2, random_state=0)
+    (before, X), (after, Y) = FORMS[first], FORMS[then]
+    fresh = clone(model).set_params(**after).fit(Y)
+    again = clone(model).set_params(**before).fit(X)
+    again = again.set_params(**{"window": None, "sign": "split"} | after).fit(Y)
+    assert vars(again).keys() == vars(fresh).keys()
+    assert joblib.hash(vars(again)) == joblib.hash(vars(fresh))
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_parameters_set_after_fit_wait_for_the_next(form):
+    params, X = FORMS[form]
+    model = KSVDTransformer(3, 2, max_iter=2, random_state=0, **params).fit(X)
+    names = model.get_feature_names_out().tolist()
+    codes = [np.array(each) for each in model.transform(X)]
+    for changed in [
+        {"window": None if params else 3},
+        {"window": 2},
+        {"overlap": 0.9},
+        {"sign": "absolute"},
+        {"n_nonzero_coefs": 1},
+        {"remove_mean": False},
+        {"n_atoms": 9, "dict_init": np.ones((9, 9))},
+    ]:
+        model.set_params(**changed)
+        assert model.get_feature_names_out().tolist() == names
+        for before, after in zip(codes, model.transform(X), strict=True):
+            np.testing.assert_array_equal(before, after)

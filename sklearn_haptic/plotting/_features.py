@@ -126,7 +126,7 @@ class AtomsDisplay:
             usage = _usage(
                 codes if coder._codes_trials else [codes],
                 len(atoms),
-                split=coder.sign == "split",
+                split=coder._coding["sign"] == "split",
             )
             order = np.argsort(-usage, kind="stable")
             usage = usage[order]
@@ -346,8 +346,9 @@ class FeatureMapDisplay:
         codes = sequences[0]
         first, step, code_unit = 0.0, 1, "no unit; each frame has norm 1"
         if isinstance(coder, KSVDTransformer):
-            step = window_step(coder.window, coder.overlap)
-            first = (coder.window - step) / 2  # so that codes lie at their windows
+            window, overlap = coder._windows.values()
+            step = window_step(window, overlap)
+            first = (window - step) / 2  # so that codes lie at their windows
             code_unit = "unit of the signal × √samples"
         edges = (first + step * np.arange(len(codes) + 1)) / rate
         pooled, level_edges = [], []
