@@ -33,7 +33,7 @@ class DummyDistribution(DocumentedEstimator, ClassifierMixin, BaseEstimator):
         median of theirs at each level, their Wasserstein-1 barycentre, hard to
         beat by absolute error.
     levels : array-like of shape (n_levels,), default=None
-        All ordered levels. By default those found by ``fit``.
+        All ordered levels, by default as for `DistributionalOrdinalRegressor`.
 
     Attributes
     ----------
@@ -96,8 +96,8 @@ class DummyDistribution(DocumentedEstimator, ClassifierMixin, BaseEstimator):
             The fitted baseline.
         """
         validate_data(self, X, skip_check_array=True)
-        check_consistent_length(X, y)
         counts, self.levels_ = check_ratings(y, self.levels)
+        check_consistent_length(X, counts)
         self.classes_ = self.levels_
         share = counts / counts.sum(axis=1, keepdims=True)
         if self.strategy == "marginal":

@@ -40,6 +40,7 @@ from ._positions import (
 from ._typing import RandomState, _fit_context
 from ._validation import (
     check_attributes,
+    check_groups,
     check_numbers,
     check_table,
     check_weights,
@@ -117,7 +118,10 @@ class DistributionalOrdinalRegressor(
         for the rule "argmax" alone; see the Notes.
     levels : array-like of shape (n_levels,), default=None
         All ordered levels, so that one absent from the training data keeps its
-        column. By default 1, 2, … for counts, the levels found for labels.
+        column. By default they are what ``y`` is labelled with: the categories of an
+        ordered categorical, or the columns of a table of counts, numbers sorted and
+        words in the order of the columns. Without labels they are 1, 2, … for counts
+        and the sorted ratings that occur.
     random_state : int, RandomState instance or None, default=None
         Random positions, validation trials, and the ``random_state`` of
         ``estimator``, which is left as it is if this is None.
@@ -270,11 +274,11 @@ class DistributionalOrdinalRegressor(
         """
         X, counts, self.levels_ = validate_rated_trials(self, X, y, self.levels)
         self.classes_ = self.levels_
-        check_consistent_length(X, groups)
+        groups = check_groups(groups, X)
         sample_weight = check_weights(sample_weight, X)
         used = sample_weight > 0
         X, counts = X[used], counts[used]
-        groups = None if groups is None else np.asarray(groups)[used]
+        groups = None if groups is None else groups[used]
         rng = check_random_state(self.random_state)
         self.estimator_ = self._make_estimator(rng)
         validation = self._check_validation(X_val, y_val)

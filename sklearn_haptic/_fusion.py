@@ -34,7 +34,7 @@ from ._typing import (
     _fit_context,
     with_callbacks,
 )
-from ._validation import check_regular, check_table
+from ._validation import check_table
 
 _Network: TypeAlias = NNPOM | FrozenEstimator
 _NETWORK = HasMethods(["fit_with_positions", "hidden_activations_with_positions"])
@@ -253,7 +253,8 @@ class SensorFusionNNPOM(
         X : array-like of shape (n_trials, n_features)
             Features of each trial.
         y : array-like of shape (n_trials,) or (n_trials, n_levels)
-            One rating a trial, or how many people gave each rating.
+            One rating a trial, or how many people gave each rating. Labels say what
+            the levels are, as for `NNPOM`.
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial; 2 equals the trial given twice.
         groups : array-like of shape (n_trials,), default=None
@@ -264,8 +265,7 @@ class SensorFusionNNPOM(
         self : SensorFusionNNPOM
             The fitted networks.
         """
-        check_regular(y, "y")
-        X, y = check_table(self, X, y=y, dtype=np.float64, multi_output=True)
+        X = check_table(self, X, dtype=np.float64)
         names = getattr(self, "feature_names_in_", None)
         self.sensors_ = resolve_sensors(self.sensors, names, X.shape[1])
         self._has_position = False

@@ -13,7 +13,6 @@ from sklearn.model_selection import GroupShuffleSplit
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import (
-    check_consistent_length,
     check_is_fitted,
 )
 
@@ -42,7 +41,13 @@ from ._typing import (
     _fit_context,
     with_callbacks,
 )
-from ._validation import check_table, check_weights, validate_rated_trials, weighted
+from ._validation import (
+    check_groups,
+    check_table,
+    check_weights,
+    validate_rated_trials,
+    weighted,
+)
 from .metrics import _macro_mae
 
 # Differences between latent responses and thresholds stay finite.
@@ -149,7 +154,10 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
         for early stopping.
     levels : array-like of shape (n_levels,), default=None
         All ordered levels, so that one absent from the training data keeps its
-        column. By default the levels found by ``fit``.
+        column. By default they are what ``y`` is labelled with: the categories of an
+        ordered categorical, or the columns of a table of counts, numbers sorted and
+        words in the order of the columns. Without labels they are 1, 2, … for counts
+        and the sorted ratings that occur.
     random_state : int, RandomState instance or None, default=None
         Start values of the weights and the validation trials. Without hidden
         units and early stopping nothing is random.
@@ -283,7 +291,7 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
             The fitted network.
         """
         X, counts, self.levels_ = validate_rated_trials(self, X, y, self.levels)
-        check_consistent_length(X, groups)
+        groups = check_groups(groups, X)
         sample_weight = check_weights(sample_weight, X)
         used = sample_weight > 0
         X, weight = X[used], weighted(counts[used], sample_weight[used])
@@ -291,7 +299,7 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
         rng = check_random_state(self.random_state)
         if not self.early_stopping:
             return self._fit(X, None, level, weight, None, rng)
-        groups = None if groups is None else np.asarray(groups)[used]
+        groups = None if groups is None else groups[used]
         train, held_out = validation_split(
             len(X), groups, self.validation_fraction, rng
         )

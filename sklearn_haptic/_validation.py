@@ -9,12 +9,14 @@ scikit-learn's ordinary two-dimensional input; every transformer takes both.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from datetime import date, timedelta
+from numbers import Real
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from scipy import sparse
-from sklearn.utils.multiclass import check_classification_targets
+from sklearn.utils._missing import is_pandas_na
 from sklearn.utils.validation import (
     _check_sample_weight,
     check_array,
@@ -23,11 +25,20 @@ from sklearn.utils.validation import (
     validate_data,
 )
 
+from ._levels import (
+    levels_of_columns,
+    levels_of_ratings,
+    lossless_array,
+    names_levels,
+)
 from ._threads import one_blas_thread
 from ._typing import FloatArray, Names
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+_TEXT_OR_DATE = (str, bytes, date, timedelta, np.datetime64, np.timedelta64)
 
 
 class Sequences(Sequence[FloatArray]):
@@ -216,13 +227,27 @@ def check_numbers(values, name):
         If a value is text, a date, complex or masked, or rows differ in length.
     """
     array = check_regular(values, name)
-    if array.dtype.kind in "SUMm" or (
+    columns = getattr(values, "columns", ())
+    dtypes = values.dtypes if len(columns) else ()
+    odd = [  # dates of polars, which become numbers in an array
+        column
+        for column, dtype in zip(columns, dtypes)
+        if getattr(dtype, "is_temporal", bool)()
+    ]
+    if not odd and not _holds_text_or_dates(array):
+        return
+    odd = odd or [c for c in columns if _holds_text_or_dates(np.asarray(values[c]))]
+    where = f"its column {odd[0]!r}" if odd else "it"
+    raise ValueError(
+        f"{name} is not an array of numbers ({where} holds text or dates); convert it."
+    )
+
+
+def _holds_text_or_dates(array):
+    return array.dtype.kind in "SUTMm" or (
         array.dtype.kind == "O"
-        and any(isinstance(value, (str, bytes)) for value in array.flat)
-    ):
-        raise ValueError(
-            f"{name} is not an array of numbers (it holds text or dates); convert it."
-        )
+        and any(isinstance(value, _TEXT_OR_DATE) for value in array.flat)
+    )
 
 
 def check_regular(values, name):
@@ -287,6 +312,59 @@ def weighted(counts, sample_weight):
     return weight
 
 
+def check_objects(objects, *, name="objects"):
+    """Validate the object of each row; return an array in which none is missing.
+
+    Raises
+    ------
+    ValueError
+        If an object is missing, or text is mixed with something else; the message
+        names the row.
+    """
+    objects, named = drop_missing(objects, name)
+    if not named.all():
+        raise ValueError(
+            f"{name} has no object in row {np.argmin(named)}; name the object of every "
+            "row or remove the row."
+        )
+    return objects
+
+
+def check_groups(groups, X):
+    """Validate the object of each trial, None if there are none."""
+    if groups is None:
+        return None
+    check_consistent_length(X, groups)
+    return check_objects(groups, name="groups")
+
+
+def drop_missing(values, name):
+    """Return the values of a column that are there, and where they are."""
+    if isinstance(values, np.ndarray) and values.dtype.kind in "biuU" and len(values):
+        check_regular(values, name)
+        return column_or_1d(values), np.ones(len(values), dtype=bool)
+    values = column_or_1d(missing_to_none(values, name), dtype=None)
+    given = np.array([value is not None for value in values], dtype=bool)
+    if not given.any():
+        raise ValueError(f"{name} holds no values at all; at least one is required.")
+    values = values[given].tolist()
+    if len({isinstance(value, str) for value in values}) > 1:
+        raise ValueError(f"{name} mixes text with something else; convert it.")
+    return lossless_array(values), given
+
+
+def missing_to_none(values, name):
+    """Return an array of objects in which None stands for each missing value."""
+    if hasattr(values, "isna"):  # of pandas, whose own arrays look masked to NumPy
+        values = values.to_numpy(dtype=object, na_value=None)
+    check_regular(values, name)
+    values = np.array(values, dtype=object)
+    for i, value in enumerate(values.flat):
+        if is_pandas_na(value) or value != value:
+            values.flat[i] = None
+    return values
+
+
 def check_sparsity(n_nonzero_coefs, n_atoms):
     """Clip the number of atoms a code may use to the number there are."""
     if n_nonzero_coefs > n_atoms:
@@ -308,8 +386,7 @@ def check_ratings(y, levels=None, *, name="y"):
         One rating a trial, or how many people chose each level. Counts may be
         any non-negative weights.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels. By default the sorted labels of one-dimensional
-        ``y``, and 1, 2, …, n_levels for counts.
+        The ordered levels; by default as `_levels` says.
     name : str, default="y"
         What error messages call ``y``.
 
@@ -327,21 +404,23 @@ def check_ratings(y, levels=None, *, name="y"):
         the number of columns is not that of the levels, or a trial has no
         ratings at all; the message names the trial.
     """
-    if check_regular(y, name).ndim == 0:
+    array = check_regular(y, name)
+    if array.ndim == 0:
         raise ValueError(
-            f"{name} is no array; give one rating or one row of counts a trial."
+            f"{name} is no array but {_kind(y)}; give one rating or one row of counts "
+            "a trial."
         )
-    y = check_array(y, ensure_2d=False, dtype=None, input_name=name)
-    if y.ndim == 2 and y.shape[1] == 1:
-        y = column_or_1d(y, warn=True)
     if levels is not None:
-        levels = _check_levels(levels)
-    if y.ndim == 1:
-        if levels is None:  # else it is known whether a rating is one
-            check_classification_targets(y)
-        return _count_labels(y, levels, name)
+        levels = check_levels(levels)
+    if array.ndim == 1 or array.shape[1:] == (1,):
+        known = levels is not None or names_levels(y)
+        values = _check_values(y, array, known, name)
+        return _count_values(values, levels_of_ratings(values, y, levels, name), name)
+    levels, columns = levels_of_columns(y, levels, name)
     check_numbers(y, name)
     counts = check_array(y, dtype=np.float64, input_name=name)
+    if columns is not None:
+        counts = np.pad(counts, ((0, 0), (0, 1)))[:, columns]  # the last is of 0
     if levels is None:
         levels = np.arange(1, counts.shape[1] + 1)
     if counts.shape[1] != len(levels):
@@ -399,11 +478,9 @@ def validate_rated_trials(estimator, X, y, levels=None):
     ValueError
         As scikit-learn's validation and `check_ratings` do.
     """
-    check_regular(y, "y")
-    if getattr(y, "ndim", None) == 3:
-        X = check_table(estimator, X, dtype=np.float64)
-    else:
-        X, y = check_table(estimator, X, y=y, dtype=np.float64, multi_output=True)
+    # Not `y` itself: what it is turned into no longer says what its levels are.
+    required = None if y is None else "no_validation"
+    X = check_table(estimator, X, y=required, dtype=np.float64)
     counts, levels = check_attributes(y, levels)
     check_consistent_length(X, counts)
     return X, counts, levels
@@ -415,6 +492,7 @@ def check_attributes(y, levels=None, *, name="y"):
     Counts of several attributes are an array of shape (n_trials, n_attributes,
     n_levels), and so are the counts returned.
     """
+    check_regular(y, name)
     if getattr(y, "ndim", None) != 3:
         return check_ratings(y, levels, name=name)
     if y.shape[1] == 0:
@@ -428,7 +506,8 @@ def check_attributes(y, levels=None, *, name="y"):
     return np.stack([counts for counts, _ in each], axis=1), each[0][1]
 
 
-def _check_levels(levels):
+def check_levels(levels):
+    """Validate levels that are given: an array of distinct values, lowest first."""
     levels = check_regular(levels, "levels")
     if levels.ndim != 1:
         raise ValueError(
@@ -442,16 +521,70 @@ def _check_levels(levels):
     return levels
 
 
-def _count_labels(y, levels, name):
-    if levels is None:
-        levels = np.unique(y)
-    matches = y[:, None] == levels
+def _kind(y):
+    """Say what is given instead of an array."""
+    of = f" of {[*y]}" if isinstance(y, Mapping) else ""
+    return f"of the type {type(y).__name__}{of}"
+
+
+def _check_values(y, array, known, name):
+    """Validate ratings, one a trial; return an array of numbers or of words.
+
+    Unless their levels are known, they must be text or whole numbers.
+    """
+    if isinstance(y, (list, tuple)):  # of numbers beside text NumPy makes text
+        array = np.array(y, dtype=object)
+    if array.ndim == 2:
+        array = column_or_1d(array, warn=True)
+    if array.dtype.kind not in "biufSU":
+        array = _plain_values(array.astype(object), name)
+    array = check_array(array, ensure_2d=False, dtype=None, input_name=name)
+    if not known and array.dtype.kind == "f" and (array % 1 != 0).any():
+        trial = int(np.argmax(array % 1 != 0))
+        raise ValueError(
+            f"Unknown label type: {name} has continuous ratings, such as "
+            f"{array[trial].item()} in trial {trial}, but levels are needed: bin the "
+            "ratings, for instance by numpy.digitize, give counts of people per level, "
+            "or, if these values are the levels, list all of them in levels=."
+        )
+    return array
+
+
+def _plain_values(array, name):
+    """Return ratings that are objects as an array of numbers or of text."""
+    values = array.tolist()
+    for trial, value in enumerate(values):
+        if _is_missing(value):
+            raise ValueError(
+                f"{name} contains NaN or None: trial {trial} has no rating; remove it."
+            )
+        if not isinstance(value, (str, Real)) or (
+            isinstance(value, str) != isinstance(values[0], str)
+        ):
+            raise ValueError(
+                f"{name} has {value!r} in trial {trial}: give numbers only or words "
+                "only, one rating a trial, or an array of counts with one row a trial."
+            )
+    return lossless_array(values)
+
+
+def _is_missing(value):
+    return (
+        value is None
+        or is_pandas_na(value)
+        or (isinstance(value, Real) and value != value)
+    )
+
+
+def _count_values(values, levels, name):
+    matches = values[:, None] == levels
     known = matches.any(axis=1)
     if not known.all():
         trial = int(np.argmin(known))
         raise ValueError(
-            f"{name} has the rating {y.tolist()[trial]!r} in trial {trial}, which is "
-            f"not among levels={levels.tolist()}; add it to levels or mend the rating."
+            f"{name} has the rating {values.tolist()[trial]!r} in trial {trial}, which "
+            f"is not among levels={levels.tolist()}; add it to levels or mend the "
+            "rating."
         )
     return matches.astype(np.float64), levels
 

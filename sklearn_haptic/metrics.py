@@ -16,6 +16,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_array
 
+from ._levels import levels_of_columns, names_levels
 from ._typing import Trials, validate_params
 from ._validation import check_numbers, check_ratings, check_weights
 from .ratings import _level_index
@@ -78,8 +79,10 @@ def macro_mae_per_trial(
     average : bool, default=True
         Whether to return the weighted mean rather than one score a trial.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels, which say what column a rating in one-dimensional
-        ``y_true`` belongs to; by default the sorted ratings that occur.
+        The ordered levels, to which ratings and labelled columns are matched. By
+        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
+        categories or columns. Without labels they are the columns of counts, and the
+        sorted ratings that occur.
     n_quantiles : int, default=99
         Number of positions p in the population at which ratings are compared.
 
@@ -123,7 +126,7 @@ def macro_mae_per_trial(
     >>> macro_mae_per_trial([[3, 0, 1]], [[0.75, 0.25, 0]])
     0.5
     """
-    counts, proba = _check_distributions(y_true, y_proba, levels)
+    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
     p = np.arange(1, n_quantiles + 1) / (n_quantiles + 1)
     errors = _macro_mae(_level_index(proba, p), _level_index(counts, p))
     return _summarise(errors, sample_weight, average)
@@ -169,8 +172,10 @@ def ranked_probability_score(
     average : bool, default=True
         Whether to return the weighted mean rather than one score a trial.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels, which say what column a rating in one-dimensional
-        ``y_true`` belongs to; by default the sorted ratings that occur.
+        The ordered levels, to which ratings and labelled columns are matched. By
+        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
+        categories or columns. Without labels they are the columns of counts, and the
+        sorted ratings that occur.
 
     Returns
     -------
@@ -209,7 +214,7 @@ def ranked_probability_score(
     >>> ranked_probability_score([[1, 1, 2]], [[0.25, 0.25, 0.5]])
     0.4375
     """
-    counts, proba = _check_distributions(y_true, y_proba, levels)
+    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
     true, predicted = _cdf(counts), _cdf(proba)
     scores = ((predicted - true) ** 2 + true * (1 - true)).sum(axis=1)
     return _summarise(scores, sample_weight, average)
@@ -255,8 +260,10 @@ def earth_movers_distance(
     average : bool, default=True
         Whether to return the weighted mean rather than one score a trial.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels, which say what column a rating in one-dimensional
-        ``y_true`` belongs to; by default the sorted ratings that occur.
+        The ordered levels, to which ratings and labelled columns are matched. By
+        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
+        categories or columns. Without labels they are the columns of counts, and the
+        sorted ratings that occur.
 
     Returns
     -------
@@ -287,7 +294,7 @@ def earth_movers_distance(
     >>> earth_movers_distance([[0, 0, 4]], [[0.25, 0.25, 0.5]])
     0.75
     """
-    counts, proba = _check_distributions(y_true, y_proba, levels)
+    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
     scores = np.abs(_cdf(proba) - _cdf(counts)).sum(axis=1)
     return _summarise(scores, sample_weight, average)
 
@@ -332,8 +339,10 @@ def log_score(
     average : bool, default=True
         Whether to return the weighted mean rather than one score a trial.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels, which say what column a rating in one-dimensional
-        ``y_true`` belongs to; by default the sorted ratings that occur.
+        The ordered levels, to which ratings and labelled columns are matched. By
+        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
+        categories or columns. Without labels they are the columns of counts, and the
+        sorted ratings that occur.
 
     Returns
     -------
@@ -365,7 +374,7 @@ def log_score(
     >>> round(log_score([[1, 1, 0]], [[0.5, 0.5, 0]]), 4)
     0.6931
     """
-    counts, proba = _check_distributions(y_true, y_proba, levels)
+    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
     scores = -xlogy(_proportions(counts), proba).sum(axis=1)
     return _summarise(scores + 0.0, sample_weight, average)  # -0.0 becomes 0.0
 
@@ -398,8 +407,10 @@ def pit_histogram(
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels, which say what column a rating in one-dimensional
-        ``y_true`` belongs to; by default the sorted ratings that occur.
+        The ordered levels, to which ratings and labelled columns are matched. By
+        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
+        categories or columns. Without labels they are the columns of counts, and the
+        sorted ratings that occur.
 
     Returns
     -------
@@ -435,7 +446,7 @@ def pit_histogram(
     >>> pit_histogram([[2, 0, 2]], [[0.25, 0.5, 0.25]], n_bins=4)
     array([2., 0., 0., 2.])
     """
-    counts, proba = _check_distributions(y_true, y_proba, levels)
+    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
     proportions = _proportions(counts)
     edges = np.pad(_cdf(proba), ((0, 0), (1, 1)), constant_values=((0, 0), (0, 1)))
     lower, width = edges[:, :-1], np.diff(edges, axis=1)
@@ -471,8 +482,10 @@ def dispersion(
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels, which say what column a rating in one-dimensional
-        ``y_true`` belongs to; by default the sorted ratings that occur.
+        The ordered levels, to which ratings and labelled columns are matched. By
+        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
+        categories or columns. Without labels they are the columns of counts, and the
+        sorted ratings that occur.
 
     Returns
     -------
@@ -506,7 +519,7 @@ def dispersion(
     >>> dispersion([[2, 0, 2]], [[0.25, 0.5, 0.25]])
     0.5
     """
-    counts, proba = _check_distributions(y_true, y_proba, levels)
+    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
     steps = np.arange(proba.shape[1])
     squares = (steps - (proba @ steps)[:, None]) ** 2
     spread = _mean((proba * squares).sum(axis=1), sample_weight)
@@ -615,9 +628,15 @@ def _score_estimator(score, estimator, X, y, sample_weight):
 
 
 def _check_distributions(y_true, y_proba, levels):
-    """Validate ratings and predictions; return counts and what sums to 1."""
+    """Validate ratings and predictions; return counts, what sums to 1, and levels."""
+    if levels is None and not names_levels(y_true):  # the predictions may name them
+        levels, _ = levels_of_columns(y_proba, None, "y_proba")
+    counts, levels = check_ratings(y_true, levels, name="y_true")
+    _, columns = levels_of_columns(y_proba, levels, "y_proba")
     check_numbers(y_proba, "y_proba")
     proba = check_array(y_proba, dtype=np.float64, input_name="y_proba")
+    if columns is not None:
+        proba = proba[:, columns]
     bad = (proba < 0).any(axis=1) | (np.abs(proba.sum(axis=1) - 1) > 1e-6)
     if bad.any():
         trial = np.argmax(bad)
@@ -625,7 +644,6 @@ def _check_distributions(y_true, y_proba, levels):
             f"y_proba is no distribution in trial {trial} ({proba[trial].tolist()}): "
             "give probabilities of 0 or more that sum to 1."
         )
-    counts, levels = check_ratings(y_true, levels, name="y_true")
     if counts.shape[1] != proba.shape[1]:
         raise ValueError(
             f"y_proba has {proba.shape[1]} columns, but y_true has {counts.shape[1]} "
@@ -636,7 +654,7 @@ def _check_distributions(y_true, y_proba, levels):
             f"y_true has {len(counts)} trials, but y_proba has {len(proba)}; give one "
             "row a trial in both."
         )
-    return counts, _proportions(proba)
+    return counts, _proportions(proba), levels
 
 
 def _proportions(counts):

@@ -1,7 +1,8 @@
 """Ratings given by people: counts per level, CDFs, agreement, correlation.
 
 People rate an object on an ordered scale, so an object's ratings are a table of
-*counts*: how many people chose each level. Everything else follows from it.
+*counts*: how many people chose each level. Everything else follows from it. The
+columns of a labelled table of counts are put in the order of the levels.
 """
 
 from numbers import Real
@@ -10,12 +11,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import spearmanr
 from sklearn.utils import Bunch
-from sklearn.utils._missing import is_pandas_na
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_array, check_consistent_length, column_or_1d
 
+from ._levels import levels_of_ratings
 from ._typing import validate_params
-from ._validation import _check_levels, check_numbers, check_ratings, check_regular
+from ._validation import (
+    check_levels,
+    check_numbers,
+    check_objects,
+    check_ratings,
+    drop_missing,
+    missing_to_none,
+)
 
 # A row of `adjective_correlation(ratings).pairs`.
 _PAIR = [
@@ -25,9 +33,77 @@ _PAIR = [
 ]
 
 
+class RatingTable(Bunch):
+    """How many people gave each object each rating; made by `rating_counts`.
+
+    Parameters
+    ----------
+    counts : ndarray of shape (n_objects, n_levels)
+        Number of people who chose each level.
+    objects : ndarray of shape (n_objects,)
+        The object of each row, sorted.
+    levels : ndarray of shape (n_levels,)
+        The level of each column. Give them to a model as its ``levels``, unless they
+        are 1, 2, …, n_levels.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.ratings import rating_counts
+    >>> table = rating_counts([1, 2, 2], ["foam", "foam", "tile"])
+    >>> table.counts_for(["tile", "foam", "foam"])
+    array([[0, 1],
+           [1, 1],
+           [1, 1]])
+    """
+
+    counts: NDArray[np.int64]
+    objects: np.ndarray
+    levels: np.ndarray
+
+    def __init__(
+        self, counts: NDArray[np.int64], objects: np.ndarray, levels: np.ndarray
+    ) -> None:
+        super().__init__(counts=counts, objects=objects, levels=levels)
+
+    def counts_for(self, objects: ArrayLike) -> NDArray[np.int64]:
+        """Return the counts of the object of each trial.
+
+        Parameters
+        ----------
+        objects : array-like of shape (n_trials,)
+            The object of each trial, by the ids of ``self.objects``.
+
+        Returns
+        -------
+        counts : ndarray of shape (n_trials, n_levels)
+            Row by row the counts of ``objects``.
+
+        Raises
+        ------
+        ValueError
+            If an object is missing or has no ratings in this table.
+        """
+        objects = check_objects(objects)
+        row = {each: i for i, each in enumerate(self.objects.tolist())}
+        unknown = [each for each in np.unique(objects).tolist() if each not in row]
+        if unknown:
+            known = next(iter(row))
+            hint = "leave their trials out, or count their ratings too"
+            if isinstance(known, str) != isinstance(unknown[0], str):
+                hint = (
+                    f"its objects are of another type, such as {known!r}: convert with "
+                    f"numpy.asarray(objects).astype({type(known).__name__})"
+                )
+            raise ValueError(
+                f"The table has no ratings of objects {unknown[:5]}"
+                f"{' and more' * (len(unknown) > 5)}; {hint}."
+            )
+        return self.counts[[row[each] for each in objects.tolist()]]
+
+
 def rating_counts(
     ratings: ArrayLike, objects: ArrayLike, *, levels: ArrayLike | None = None
-) -> Bunch:
+) -> "RatingTable":
     """Count how many people gave each object each rating.
 
     Parameters
@@ -40,20 +116,18 @@ def rating_counts(
         The object that each rating is of.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels; by default the categories of an ordered categorical
-        column of pandas, else the sorted ratings that occur. Give them if a level
-        may have been chosen by nobody.
+        column of pandas or of an Enum of polars, else the sorted ratings that occur.
+        Give them if a level may have been chosen by nobody.
 
     Returns
     -------
-    result : :class:`~sklearn.utils.Bunch`
-        With the attributes
+    table : RatingTable
+        The counts of each object, with the objects and levels that they are of.
 
-        counts : ndarray of shape (n_objects, n_levels)
-            Number of people who chose each level.
-        objects : ndarray of shape (n_objects,)
-            The object of each row, sorted.
-        levels : ndarray of shape (n_levels,)
-            The level of each column.
+    Warns
+    -----
+    UserWarning
+        If the ratings are words that nothing orders.
 
     Raises
     ------
@@ -74,14 +148,20 @@ def rating_counts(
            [0, 0, 2, 0, 0]])
     >>> table.objects
     array(['foam', 'tile'], dtype='<U4')
+
+    To give a model the counts of each trial's object:
+
+    >>> table.counts_for(["tile", "tile", "foam"])
+    array([[0, 0, 2, 0, 0],
+           [0, 0, 2, 0, 0],
+           [1, 2, 0, 0, 0]])
     """
     check_consistent_length(ratings, objects)
-    if levels is None:
-        levels = _ordered_categories(ratings)
-    ratings, given = _drop_missing(ratings, "ratings")
-    objects = _check_objects(objects)
-    values, column = np.unique(ratings, return_inverse=True)
-    levels = values if levels is None else _check_levels(levels)
+    values, given = drop_missing(ratings, "ratings")
+    objects = check_objects(objects)
+    levels = None if levels is None else check_levels(levels)
+    levels = levels_of_ratings(values, ratings, levels, "ratings")
+    values, column = np.unique(values, return_inverse=True)
     matches = values[:, None] == levels
     if not matches.any(axis=1).all():
         unknown = values[np.argmin(matches.any(axis=1))].item()
@@ -99,7 +179,7 @@ def rating_counts(
             f"Nobody rated the object {unrated!r}; remove its rows from ratings and "
             "objects."
         )
-    return Bunch(counts=counts, objects=objects, levels=levels)
+    return RatingTable(counts=counts, objects=objects, levels=levels)
 
 
 def rating_distribution(counts: ArrayLike) -> NDArray[np.float64]:
@@ -177,7 +257,7 @@ def inverse_cdf(
     p : float or array-like of shape (n_p,)
         Positions in the population, from 0 (lowest rating) to 1 (highest).
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels; by default 1, 2, …, n_levels.
+        The ordered levels; by default the labels of the columns, else 1, 2, ….
 
     Returns
     -------
@@ -387,7 +467,7 @@ def adjective_correlation(
     with np.errstate(invalid="ignore"):  # of missing categories, cast by pandas
         check_numbers(ratings, "ratings")
     ratings = check_array(
-        _missing_to_none(ratings),
+        missing_to_none(ratings, "ratings"),
         dtype=np.float64,
         ensure_all_finite="allow-nan",
         ensure_min_samples=3,
@@ -493,49 +573,5 @@ def _level_index(counts, p):
 def _check_counts(counts, levels, name="counts"):
     """Validate a table of counts, which unlike ratings is always two-dimensional."""
     check_numbers(counts, name)
-    counts = check_array(
-        counts, dtype=np.float64, ensure_min_features=2, input_name=name
-    )
+    check_array(counts, dtype=np.float64, ensure_min_features=2, input_name=name)
     return check_ratings(counts, levels, name=name)
-
-
-def _check_objects(objects):
-    """Return the object of each row, of which none may be missing."""
-    objects, named = _drop_missing(objects, "objects")
-    if not named.all():
-        raise ValueError(
-            f"objects has no object in row {np.argmin(named)}; name the object of "
-            "every row or remove the row."
-        )
-    return objects
-
-
-def _ordered_categories(column):
-    """Return the categories of an ordered categorical column, None of any other."""
-    dtype = getattr(column, "dtype", None)
-    return dtype.categories if getattr(dtype, "ordered", False) else None
-
-
-def _drop_missing(values, name):
-    """Return the values of a column that are there, and where they are."""
-    values = _missing_to_none(values, name)
-    values = column_or_1d(values, dtype=None)
-    given = np.array([value is not None for value in values], dtype=bool)
-    if not given.any():
-        raise ValueError(f"{name} holds no values at all; at least one is required.")
-    values = values[given].tolist()
-    if len({isinstance(value, str) for value in values}) > 1:
-        raise ValueError(f"{name} mixes text with something else; convert it.")
-    return np.array(values), given
-
-
-def _missing_to_none(values, name="ratings"):
-    """Return an array of objects in which None stands for each missing value."""
-    if hasattr(values, "isna"):  # of pandas, whose own arrays look masked to NumPy
-        values = values.to_numpy(dtype=object, na_value=None)
-    check_regular(values, name)
-    values = np.array(values, dtype=object)
-    for i, value in enumerate(values.flat):
-        if is_pandas_na(value) or value != value:
-            values.flat[i] = None
-    return values

@@ -428,8 +428,56 @@ NOT_RATINGS = {
         lambda: replaced(LABELS, np.nan, 1),
     ),
     "continuous labels": (
-        "Unknown label type: continuous|not among levels",
+        "^Unknown label type: .* has continuous ratings, .*: bin .*, give counts .*or",
         lambda: X[:, 0],
+    ),
+    "ratings as words and numbers": (
+        "has 1 in trial 1: give numbers only or words only, one rating a trial",
+        lambda: ["soft", *LABELS.tolist()[:-2], 1],
+    ),
+    "ratings of which one is None": (
+        "contains NaN or None: trial 1 has no rating; remove it",
+        lambda: replaced(LABELS, None, 1, dtype=object),
+    ),
+    "a list in each trial": (
+        r"has \[1, 2\] in trial 0: give .* or an array of counts with one row a trial",
+        lambda: pd.Series([[1, 2]] * N),
+    ),
+    "dates as ratings": (
+        r"has datetime.* in trial 0: give numbers only or words only",
+        lambda: dates(LABELS),
+    ),
+    "a dict of ratings": (
+        "no array but of the type dict of \\['rough'\\]; give one rating or|array-like",
+        lambda: {"rough": COUNTS},
+    ),
+    "an iterator": (
+        "is no array but of the type list_iterator; give one rating or|array-like",
+        lambda: iter(LABELS.tolist()),
+    ),
+    "a column of objects beside columns of counts": (
+        r"columns of y(_true)? are \['object', 1, 2, 3\]; label .* leave out columns",
+        lambda: pd.DataFrame(COUNTS, columns=[1, 2, 3]).reset_index(names="object"),
+    ),
+    "a column of text beside columns of counts": (
+        r"is not an array of numbers \(its column 'object' holds text or dates\)",
+        lambda: pd.DataFrame(COUNTS, columns=["lo", "mid", "hi"]).assign(object="foam"),
+    ),
+    "a column of dates beside columns of counts": (
+        r"is not an array of numbers \(its column 'day' holds text or dates\)",
+        lambda: pd.DataFrame(COUNTS, columns=["lo", "mid", "hi"]).assign(
+            day=pd.Series([pd.Timestamp("2020-01-01")] * N, dtype=object)
+        ),
+    ),
+    "two columns of one level": (
+        "has two columns 2; give one column a level",
+        lambda: pd.DataFrame(COUNTS, columns=[1, 2, "2"]),
+    ),
+    "columns with labels in two rows": (
+        r"columns of y(_true)? are \[\('soft', 1\), .*label them with the levels",
+        lambda: pd.DataFrame(
+            COUNTS, columns=pd.MultiIndex.from_product([["soft"], [1, 2, 3]])
+        ),
     ),
     "a trial less": (
         r"inconsistent numbers of samples: \[12, 11\]|give one row a trial in both",
@@ -441,7 +489,7 @@ NOT_RATINGS = {
         lambda: np.ones((N, 1, 1, 3)),
     ),
     "nothing": (
-        "is no array; give one rating or|target y is None|array-like. Got None",
+        "is no array but .*; give one rating or|target y is None|array-like. Got None",
         lambda: None,
     ),
 }
@@ -535,6 +583,11 @@ FIT_ROWS = {
         r"inconsistent numbers of samples: \[12, 11\]",
         fitting(fit={"groups": OBJECTS[1:]}),
     ),
+    "groups of which one is None": (
+        ValueError,
+        "^groups has no object in row 1; name the object of every row",
+        fitting(fit={"groups": ["a", None, *"bcdefghijk"]}),
+    ),
     "no groups": (
         ValueError,
         r"inconsistent numbers of samples: \[12, 0\]",
@@ -551,6 +604,11 @@ LEVEL_ROWS = {
         ValueError,
         "^y has 3 columns of counts, but there are 2 levels: give one column a level",
         fitting(levels=[1, 2]),
+    ),
+    "counts with columns of other levels": (
+        ValueError,
+        r"^The columns of y are \[1, 2, 4\], but the levels are \[1, 2, 3\]; label one",
+        fitting(pd.DataFrame(COUNTS, columns=[1, 2, 4]), levels=[1, 2, 3]),
     ),
     "levels twice the same": (
         ValueError,
@@ -1023,6 +1081,16 @@ SETTING_CASES = [
     ),
     *cases(
         "DistributionalOrdinalRegressor.score",
+        (
+            "y with columns of other levels",
+            ValueError,
+            r"^The columns of y_true are \[1, 2, 4\], but the levels are \[1, 2, 3\]",
+            lambda _: call(
+                fitted("DistributionalOrdinalRegressor").score,
+                X,
+                pd.DataFrame(COUNTS, columns=[1, 2, 4]),
+            ),
+        ),
         (
             "y of other levels",
             ValueError,
@@ -1505,6 +1573,45 @@ FUNCTION_CASES = [
             lambda _: call(rating_counts, [1, 3], ["a", "b"], levels=[1, 2]),
         ),
     ),
+    *cases(
+        "RatingTable.counts_for",
+        *(
+            (
+                given,
+                ValueError,
+                message,
+                lambda _, o=objects, ids=ids: call(
+                    rating_counts([1, 2, 2], ids or [3, 3, 5]).counts_for, o
+                ),
+            )
+            for given, message, objects, ids in [
+                (
+                    "an object that nobody rated",
+                    r"^The table has no ratings of objects \[4\]; leave their",
+                    [3, 4, 5],
+                    None,
+                ),
+                (
+                    "objects as text",
+                    r"no ratings of objects \['3'\]; .* such as 3: convert .*int\)",
+                    ["3"],
+                    None,
+                ),
+                (
+                    "objects as numbers",
+                    r"no ratings of objects \[3\]; .* such as '3': convert .*str\)",
+                    [3],
+                    ["3", "3", "5"],
+                ),
+                (
+                    "an object without a name",
+                    "^objects has no object in row 1; name the object of every row",
+                    [3, None],
+                    None,
+                ),
+            ]
+        ),
+    ),
     *(
         case
         for function in (
@@ -1852,7 +1959,7 @@ def of_calibration(display):
                     ),
                     (
                         "a missing object",
-                        "^Input groups contains NaN",
+                        "^groups has no object in row 0; name the object of every",
                         (COUNTS, PROBA),
                         {"groups": [np.nan, *range(len(COUNTS) - 1)]},
                     ),
@@ -2462,6 +2569,11 @@ MATLAB_CASES = cases(
                 "ratings in fractions",
                 "has no ratings that can be told by shape",
                 {"a": RATINGS / 2},
+            ),
+            (
+                "counts that 64 bits do not hold",
+                "has a count of 1e\\+19, which no 64-bit .*; divide the counts by",
+                {"a": np.eye(5)[None, [0, 1] * 5].repeat(2, axis=0) * 1e19},
             ),
             (
                 "infinite ratings",

@@ -71,7 +71,8 @@ def test_every_public_estimator_is_here():
 
 
 # The checks' data are not scaled, so 10 hidden units take long to converge on some.
-# Their columns have no names of sensors.
+# Their columns have no names of sensors, and their words no order.
+@pytest.mark.filterwarnings("ignore:y has words, which have no order of their own")
 @pytest.mark.filterwarnings("ignore:X has no column names to tell sensors by")
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
 @parametrize_with_checks([*TRANSFORMERS, *PREDICTORS])

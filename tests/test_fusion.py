@@ -154,7 +154,9 @@ def test_fitted_networks_are_shared():
 def test_without_positions_it_combines_networks_of_trials():
     X, counts, _ = touches()
     weight = np.random.default_rng(0).uniform(0.5, 2, len(X))
-    for y in (counts, counts.argmax(axis=1), np.array(list("abcde"))[counts.argmax(1)]):
+    level = counts.argmax(axis=1)
+    words = pd.Categorical.from_codes(level, list("edcba"), ordered=True)
+    for y in (counts, level, words):
         model = fusion().fit(X, y, weight)
         hidden = []
         for sensor, columns in SENSORS.items():

@@ -116,7 +116,7 @@ def test_sparsity_is_clipped_with_a_warning():
 
 
 def test_ratings_in_either_form():
-    counts, levels = check_ratings(["b", "a", "b"])
+    counts, levels = check_ratings(np.array(["b", "a", "b"]), levels=["a", "b"])
     assert counts.tolist() == [[0, 1], [1, 0], [0, 1]]
     assert levels.tolist() == ["a", "b"]
     counts, levels = check_ratings([[1, 0, 2]])
@@ -136,7 +136,7 @@ def test_ratings_in_either_form():
         ([[1, 2]], [1, 2, 3], "2 columns of counts, but there are 3 levels"),
         ([1, 2], [1, 2, 2], "distinct"),
         ([1, 2], [], "at least one"),
-        ([0.5, 1.7], None, "Unknown label type"),
+        ([0.5, 1.7], None, "Unknown label type: y has continuous ratings, such as 0.5"),
         ([1.0, np.nan], None, "contains NaN"),
     ],
 )

@@ -74,6 +74,11 @@ def read_ratings(path, known_objects, objects):
         ids = np.asarray(known_objects)
         assumed.append("objects (assumed: ids ascending)")
     array, kind = _find_array(path, variables, len(ids))
+    if kind == "counts" and array.max() >= 2**63:
+        raise ValueError(
+            f"{path} has a count of {array.max():.3g}, which no 64-bit integer holds; "
+            "divide the counts by a constant."
+        )
     counts = (_count_levels(array) if kind == "ratings" else array).astype(np.int64)
     if assumed:
         warnings.warn(

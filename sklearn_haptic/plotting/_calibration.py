@@ -11,14 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaincinv
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
-from sklearn.utils.validation import (
-    check_array,
-    check_consistent_length,
-    column_or_1d,
-)
 
 from .._typing import Trials
-from .._validation import check_ratings
+from .._validation import check_groups
 from ..metrics import _cdf, _check_distributions, _proportions, pit_histogram
 from ._style import BLUE, axes_of, colours_of
 
@@ -175,8 +170,8 @@ class PITHistogramDisplay:
             The object of each trial, for the band of chance; without them there is
             none.
         levels : array-like of shape (n_levels,), default=None
-            The ordered levels; by default 1, 2, …, n_levels for counts, and the sorted
-            ratings that occur for ratings.
+            The ordered levels; by default ordered categories or labels of columns,
+            else 1, 2, …, n_levels for counts, and the sorted ratings that occur.
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure.
 
@@ -194,7 +189,7 @@ class PITHistogramDisplay:
         ImportError
             If matplotlib is not installed.
         """
-        counts, proba = _check_distributions(y_true, y_proba, levels)
+        counts, proba, _ = _check_distributions(y_true, y_proba, levels)
         heights = pit_histogram(counts, proba, n_bins)
         if groups is None:
             return cls(heights).plot(ax)
@@ -422,8 +417,8 @@ class ReliabilityDisplay:
             The object of each trial, for the bars of chance; without them there are
             none.
         levels : array-like of shape (n_levels,), default=None
-            The ordered levels; by default 1, 2, …, n_levels for counts, and the sorted
-            ratings that occur for ratings.
+            The ordered levels; by default ordered categories or labels of columns,
+            else 1, 2, …, n_levels for counts, and the sorted ratings that occur.
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure.
 
@@ -444,8 +439,7 @@ class ReliabilityDisplay:
             If matplotlib is not installed.
         """
         check_scalar(n_bins, "n_bins", Integral, min_val=1)
-        counts, levels = check_ratings(y_true, levels, name="y_true")
-        counts, proba = _check_distributions(counts, y_proba, levels)
+        counts, proba, levels = _check_distributions(y_true, y_proba, levels)
         objects = None if groups is None else _check_groups(groups, counts)
         curves = [
             _reliability(predicted, observed, n_bins, objects)
@@ -514,9 +508,7 @@ class ReliabilityDisplay:
 
 def _check_groups(groups, counts):
     """Validate the objects of trials; return the index of each, from 0."""
-    groups = check_array(groups, dtype=None, ensure_2d=False, input_name="groups")
-    check_consistent_length(counts, groups)
-    names, objects = np.unique(column_or_1d(groups), return_inverse=True)
+    names, objects = np.unique(check_groups(groups, counts), return_inverse=True)
     if len(names) == 1:
         raise ValueError(
             "groups has one object, but what chance does is only seen from several; "

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
+from sklearn.utils import _safe_indexing
 
 from .._typing import Trials
 from .._validation import check_ratings, check_regular
@@ -95,7 +96,7 @@ class InverseCDFDisplay:
             How many people gave the object each rating; one row a trial must be
             the same row each time.
         levels : array-like of shape (n_levels,), default=None
-            The ordered levels; by default 1, 2, …, n_levels.
+            The ordered levels; by default the labels of the columns, else 1, 2, ….
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure.
 
@@ -176,7 +177,7 @@ class InverseCDFDisplay:
         y_proba : array-like of shape (n_trials, n_levels)
             Probability of each rating, predicted from each trial.
         levels : array-like of shape (n_levels,), default=None
-            The ordered levels; by default 1, 2, …, n_levels.
+            The ordered levels; by default the labels of the columns, else 1, 2, ….
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure.
 
@@ -373,7 +374,7 @@ class DistributionDisplay:
         y_proba : array-like of shape (n_trials, n_levels)
             Probability of each rating, predicted from each trial.
         levels : array-like of shape (n_levels,), default=None
-            The ordered levels; by default 1, 2, …, n_levels.
+            The ordered levels; by default the labels of the columns, else 1, 2, ….
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure.
 
@@ -463,23 +464,35 @@ def _check_trials_of_one(y_true, y_proba, levels):
 
     Returns the counts a row a trial, the distributions and the levels.
     """
-    n_rows = len(np.atleast_2d(y_true))
-    counts, levels = _counts_of_one(y_true, levels, "y_true")
-    if n_rows == 1:
-        n_rows = len(np.atleast_1d(check_regular(y_proba, "y_proba")))
-    counts = np.broadcast_to(counts, (n_rows, len(counts)))
-    return *_check_distributions(counts, y_proba, levels), levels
+    y_true = _rows_of_counts(y_true, "y_true")
+    if len(y_true) == 1:
+        n_trials = len(np.atleast_1d(check_regular(y_proba, "y_proba")))
+        y_true = _safe_indexing(y_true, np.zeros(n_trials, dtype=np.intp))
+    counts, y_proba, levels = _check_distributions(y_true, y_proba, levels)
+    _check_equal_rows(counts, "y_true")
+    return counts, y_proba, levels
 
 
 def _counts_of_one(y, levels, name):
     """Validate the counts of one object, given once or a row a trial."""
-    counts, levels = check_ratings(np.atleast_2d(y), levels, name=name)
+    counts, levels = check_ratings(_rows_of_counts(y, name), levels, name=name)
+    _check_equal_rows(counts, name)
+    return counts[0], levels
+
+
+def _rows_of_counts(y, name):
+    """Return counts in two dimensions; the index of a Series names the levels."""
+    if check_regular(y, name).ndim != 1:
+        return y
+    return y.to_frame().T if hasattr(y, "iloc") else np.atleast_2d(y)
+
+
+def _check_equal_rows(counts, name):
     if (counts != counts[0]).any():
         raise ValueError(
             f"{name} has different ratings for different trials; give the trials of "
             "one object only."
         )
-    return counts[0], levels
 
 
 def _draw(ax, weights, offset=0.0, **style):

@@ -10,12 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 from sklearn.utils.validation import check_consistent_length
 
-from ..ratings import (
-    _agreement,
-    _check_counts,
-    _check_objects,
-    adjective_correlation,
-)
+from .._validation import check_objects
+from ..ratings import _agreement, _check_counts, adjective_correlation
 from ._style import BLUE, axes_of
 
 if TYPE_CHECKING:
@@ -100,7 +96,7 @@ class RatingsDisplay:
             object, such as its trials, must be equal and are drawn once, in the order
             in which objects first occur. By default each row is an object.
         levels : array-like of shape (n_levels,), default=None
-            The ordered levels; by default 1, 2, …, n_levels.
+            The ordered levels; by default the labels of the columns, else 1, 2, ….
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure, as high as the number of
             objects asks for.
@@ -514,19 +510,27 @@ def _counts_of_objects(
         tables, called = ratings, {name: f"ratings[{name!r}]" for name in ratings}
     if not tables:
         raise ValueError("ratings is of no adjective; give the counts of one or more.")
-    counts = {}
-    for name, table in tables.items():
-        counts[name], levels_of_all = _check_counts(table, levels, called[name])
-    first_name, first_table = next(iter(counts.items()))
-    for name, table in counts.items():
+    checked = {
+        name: _check_counts(table, levels, called[name])
+        for name, table in tables.items()
+    }
+    counts = {name: table for name, (table, _) in checked.items()}
+    first_name, (first_table, levels_of_all) = next(iter(checked.items()))
+    for name, (table, its_levels) in checked.items():
         if table.shape != first_table.shape:
             raise ValueError(
                 f"{called[name]} has shape {table.shape}, but {called[first_name]} has "
                 f"{first_table.shape}; give the same rows and levels for each."
             )
+        if its_levels.tolist() != levels_of_all.tolist():
+            raise ValueError(
+                f"{called[name]} has the levels {its_levels.tolist()}, but "
+                f"{called[first_name]} has {levels_of_all.tolist()}; give the same "
+                "levels for each."
+            )
     if objects is None:
         return counts, [*map(str, range(len(first_table)))], levels_of_all
-    objects = _check_objects(objects)
+    objects = check_objects(objects)
     check_consistent_length(first_table, objects)
     _, first, which = np.unique(objects, return_index=True, return_inverse=True)
     for name, table in counts.items():

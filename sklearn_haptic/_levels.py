@@ -1,0 +1,205 @@
+"""Which levels ratings have, in which order, by what their container says.
+
+One rule for all that takes ratings. `levels`, where it is given, lists them. Else the
+container names them:
+
+- of ratings, the categories of an ordered categorical (of pandas) or an Enum (of
+  polars), in their order, also those that nobody gave;
+- of counts, the labels of the columns. Numbers, also as text and behind a common prefix
+  (``n1``, ``n2``), are sorted; an ordered categorical index has its own order; words
+  are in the order of the columns.
+
+Else counts are of the levels 1, 2, …, and ratings of the values that occur, sorted.
+Words have no order of their own, so that a warning says which one was taken.
+"""
+
+import re
+import warnings
+from numbers import Real
+
+import numpy as np
+
+_DIGITS = r"\d+(?:\.\d+)?"
+_NUMBER = re.compile(rf"[+-]?{_DIGITS}")
+_NUMBERED = re.compile(rf"(\D+)({_DIGITS})")  # n1, or level-1, which is 1 and not -1
+
+
+def names_levels(y):
+    """Whether the container of ratings or counts says what the levels are."""
+    return _ordered_categories(_only_column(y)) is not None or bool(_column_labels(y))
+
+
+def levels_of_ratings(values, container, levels, name):
+    """Find the levels of ratings, one a trial.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_ratings,)
+        The ratings, none of them missing.
+    container : array-like
+        What they were taken from.
+    levels : ndarray of shape (n_levels,) or None
+        The levels if they are given.
+    name : str
+        What messages call the ratings.
+
+    Returns
+    -------
+    levels : ndarray of shape (n_levels,)
+        Whether each rating is among them remains to be checked.
+
+    Warns
+    -----
+    UserWarning
+        If the ratings are words and nothing says their order.
+    """
+    if levels is not None:
+        return levels
+    categories = _ordered_categories(_only_column(container))
+    if categories is not None:
+        return categories
+    if is_text(values):
+        _warn(
+            f"{name} has words, which have no order of their own",
+            np.unique(values).tolist(),
+            "an ordered categorical (pandas.Categorical(y, categories=[...], "
+            "ordered=True) or a polars.Enum)",
+        )
+    return np.unique(values)
+
+
+def levels_of_columns(table, levels, name):
+    """Find the level of each column of counts.
+
+    Parameters
+    ----------
+    table : array-like of shape (n_trials, n_levels)
+        The counts, in their container.
+    levels : ndarray of shape (n_levels,) or None
+        The levels if they are given.
+    name : str
+        What messages call the counts.
+
+    Returns
+    -------
+    levels : ndarray of shape (n_levels,) or None
+        The levels, None if neither given nor named.
+    columns : list of int or None
+        The column of each level, -1 of a category that has none; None if columns have
+        no labels, so that they are in the order of the levels.
+
+    Raises
+    ------
+    ValueError
+        If labels occur twice, are neither all numbers nor all words, or are not the
+        levels given.
+    """
+    labels = _column_labels(table)
+    if not labels:
+        return levels, None
+    read = _read_numbers(labels)
+    if len({*read}) < len(read):
+        twice = next(label for label in read if read.count(label) > 1)
+        raise ValueError(f"{name} has two columns {twice!r}; give one column a level.")
+    categories = _ordered_categories(table.columns)
+    named = labels if categories is None else categories.tolist()
+    if levels is None:
+        levels = _in_order(labels, name) if categories is None else categories
+    wanted, place = levels.tolist(), {label: i for i, label in enumerate(labels)}
+    for reading in (named, _read_numbers(named)):  # as it is, or as a number
+        label_of = dict(zip(reading, named))
+        if len(label_of) == len(wanted) and label_of.keys() == {*wanted}:
+            return levels, [place.get(label_of[level], -1) for level in wanted]
+    raise ValueError(
+        f"The columns of {name} are {labels}, but the levels are {wanted}; label one "
+        "column with each level, or give an array without labels."
+    )
+
+
+def _in_order(labels, name):
+    """Return labels of columns as levels: numbers sorted, words in their order."""
+    read = _read_numbers(labels)
+    if all(isinstance(label, Real) and label == label for label in read):
+        return np.sort(lossless_array(read))
+    if not all(isinstance(label, str) for label in read):
+        raise ValueError(
+            f"The columns of {name} are {labels}; label them with the levels, by "
+            "numbers only or words only, and leave out columns that are no counts."
+        )
+    if labels == sorted(labels):
+        _warn(
+            f"The columns of {name} are words in alphabetical order",
+            labels,
+            "them an ordered pandas.CategoricalIndex",
+        )
+    return lossless_array(labels)
+
+
+def is_text(values):
+    """Whether values are words, in an array of text or of objects."""
+    return values.dtype.kind in "SUT" or (
+        values.dtype.kind == "O" and all(isinstance(value, str) for value in values)
+    )
+
+
+def lossless_array(values):
+    """Return a list as an array in which no two values have become one.
+
+    NumPy makes floats of integers of which some exceed 2**63, and cuts null characters
+    off the end of text. Where it does, the array is one of objects.
+    """
+    array = np.array(values)
+    if array.tolist() == values:
+        return array
+    array = np.empty(len(values), dtype=object)
+    array[:] = values
+    return array
+
+
+def _warn(what, levels, mend):
+    order = " < ".join(map(repr, levels[:10])) + " < …" * (len(levels) > 10)
+    warnings.warn(
+        f"{what}; they are taken as {order}. Give {mend} or levels=[...], lowest "
+        "level first.",
+        UserWarning,
+        stacklevel=4,
+    )
+
+
+def _only_column(y):
+    """Return the column of a table that has one, anything else as it is."""
+    columns = getattr(y, "columns", None)
+    return y if columns is None or len(columns) != 1 else y[columns[0]]
+
+
+def _ordered_categories(column):
+    """Return the categories of a column that has them in an order, else None."""
+    dtype = getattr(column, "dtype", None)
+    ordered = getattr(dtype, "ordered", type(dtype).__name__ == "Enum")
+    return np.asarray(dtype.categories) if ordered else None
+
+
+def _column_labels(table):
+    """Return the labels of two or more columns, empty if they are mere positions."""
+    columns = getattr(table, "columns", ())
+    labels = np.asarray(columns, dtype=object).tolist()
+    default = (
+        getattr(columns, "name", "") is None  # of pandas, a range from 0
+        and getattr(columns, "start", None) == 0
+        and columns.step == 1
+    ) or labels == [f"column_{i}" for i in range(len(labels))]  # of polars
+    return [] if default or len(labels) == 1 else labels
+
+
+def _read_numbers(labels):
+    """Return labels, as numbers those that read so, maybe behind a common prefix."""
+    texts = [label for label in labels if isinstance(label, str)]
+    numbers = {x: x for x in texts if _NUMBER.fullmatch(x)}
+    numbered = {x: match for x in texts if (match := _NUMBERED.fullmatch(x))}
+    if not numbers and len({match[1] for match in numbered.values()}) == 1:
+        numbers = {x: match[2] for x, match in numbered.items()}
+    return [_number(numbers[x]) if x in numbers else x for x in labels]
+
+
+def _number(text):
+    return float(text) if "." in text else int(text)
