@@ -9,6 +9,8 @@ from ._pooling import TemporalMaxPool
 from ._presets import make_haptic_pipeline
 from ._sthmp import STHMPTransformer
 
+__version__ = "0.1.0"
+
 __all__ = [
     "NNPOM",
     "PAPER_2020",

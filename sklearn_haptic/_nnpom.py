@@ -647,14 +647,7 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
 
     @one_blas_thread
     def _apply(self, X, positions):
-        with np.errstate(over="ignore", invalid="ignore"):
-            latent, hidden = forward(X, positions, *self._weights)
-        unknown = np.isnan(latent).reshape(len(latent), -1).any(axis=1)
-        if unknown.any():
-            raise ValueError(
-                f"The features of trial {np.argmax(unknown)} of X are too large for "
-                "this network; give them in the unit that it was fitted to."
-            )
+        latent, hidden = forward(X, positions, *self._weights)
         return np.clip(latent, -_LARGEST_LATENT, _LARGEST_LATENT), hidden
 
     def _proba(self, latent):

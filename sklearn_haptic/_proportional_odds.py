@@ -162,6 +162,24 @@ def split_heads(params, n_inputs, n_hidden, n_levels):
     return coef, bias, heads
 
 
+def linear_response(X, coef):
+    """Return X @ coef; where it overflows, infinite with the sign of the exact sum.
+
+    Terms that overflow one by one may cancel, and kernels with a fused multiply-add
+    then leave an infinity of either sign, depending on the order of their sums.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        response = X @ coef
+        finite = np.isfinite(response)
+        if finite.all():
+            return response
+        of_row = np.frexp(np.abs(X).max(axis=-1))[1]
+        of_column = np.frexp(np.abs(coef).max(axis=0))[1]
+        scaled = np.ldexp(X, -of_row[..., None]) @ np.ldexp(coef, -of_column)
+        exact = np.ldexp(scaled, np.add.outer(of_row, of_column))
+    return np.where(finite, response, exact)
+
+
 def forward(X, positions, coef, bias, output):
     """Latent response and hidden activations of every trial at every position.
 
@@ -181,7 +199,7 @@ def forward(X, positions, coef, bias, output):
     latent : ndarray of shape (n_trials, n_positions), or with n_attributes behind
     hidden : ndarray of shape (n_trials, n_positions, n_hidden), or None
     """
-    shared = X @ coef[: X.shape[-1]]
+    shared = linear_response(X, coef[: X.shape[-1]])
     if X.ndim == 2:
         shared = shared[:, None]
     if len(output) == 0:

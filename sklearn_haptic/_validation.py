@@ -271,10 +271,13 @@ def check_regular(values, name):
 
 
 def check_table(estimator, X, **options):
-    """Validate a table of features: `validate_data` after `check_numbers`."""
+    """Validate a table of features: `validate_data` after `check_numbers`.
+
+    Its rows are contiguous, so that the same table gives the same sums in any layout.
+    """
     check_numbers(X, "X")
     with np.errstate(over="ignore", invalid="ignore"):  # of the sum it looks at first
-        return validate_data(estimator, X, **options)
+        return validate_data(estimator, X, order="C", **options)
 
 
 def check_weights(sample_weight, X):

@@ -33,9 +33,6 @@ from sklearn_haptic._positions import (
     unit_gauss_legendre,
 )
 
-# mord 0.7 passes an option that SciPy 1.17 deprecates.
-pytestmark = pytest.mark.filterwarnings("ignore:scipy.optimize. The `disp`")
-
 
 def ordinal_trials(n_objects=20, n_trials=5, n_features=4, seed=0):
     """Trials of objects whose crowd follows a proportional-odds model."""

@@ -4,6 +4,7 @@ Judged by arithmetic of hundreds of digits or of exact fractions, by models whos
 distributions are known, and by inputs that differ in nothing that matters.
 """
 
+import operator
 from fractions import Fraction
 from itertools import accumulate, pairwise
 
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from scipy.special import logit
 from sklearn.base import clone
 from sklearn.exceptions import ConvergenceWarning
@@ -25,6 +27,7 @@ from sklearn_haptic._proportional_odds import (
     NetworkLoss,
     initial_params,
     level_probabilities,
+    linear_response,
     sigmoid_of_sums,
     softplus,
     thresholds_from,
@@ -47,6 +50,7 @@ from sklearn_haptic.ratings import (
 )
 
 EPS = np.finfo(np.float64).eps
+MAX = np.finfo(np.float64).max
 TINY = np.finfo(np.float64).smallest_subnormal
 NETWORKS = [
     pytest.param(
@@ -417,19 +421,45 @@ def test_subnormal_features_are_refused(n_hidden, solver):
         NNPOM(n_hidden, solver=solver).fit(X * 1e-310, counts)
 
 
-def test_prediction_far_from_the_training_features():
-    """Certain where the sign of an infinite response is, else refused."""
+@examples(100)
+@given(st.data(), st.integers(1, 5), st.integers(1, 9), st.integers(0, 3))
+def test_the_sign_of_a_response_that_overflows_is_exact(data, n, n_features, n_hidden):
+    """Against fractions, whichever way the kernel sums."""
+    shape = (n_features, n_hidden) if n_hidden else (n_features,)
+    numbers = st.floats(-1.7e308, 1.7e308)
+    X = data.draw(arrays(np.float64, (n, n_features), elements=numbers))
+    coef = data.draw(arrays(np.float64, shape, elements=numbers))
+    response = linear_response(X, coef)
+    exact_coef = np.vectorize(Fraction, otypes=[object])(coef)
+    exact_X = np.vectorize(Fraction, otypes=[object])(X)
+    exact = exact_X @ exact_coef
+    size = abs(exact_X) @ abs(exact_coef)
+    assert response.shape == exact.shape
+    for value, true, largest in zip(response.flat, exact.flat, size.flat):
+        rounding = largest * Fraction(1e-14) + Fraction(9 * TINY)
+        if abs(true) > 2**1024 + rounding:
+            assert value == (np.inf if true > 0 else -np.inf)
+        else:
+            assert abs(Fraction(float(np.clip(value, -MAX, MAX))) - true) <= rounding
+
+
+@pytest.mark.parametrize("n_trials", [1, 2, 3, 50])
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_prediction_far_from_the_training_features(n_trials, order):
+    """Certain, by the sign of the response, also where its terms overflow."""
     X, counts = touches()
     model = DistributionalOrdinalRegressor(NNPOM(0)).fit(X * 1e-150, counts)
     coef = model.estimator_.coefs_[0][:-1]
     away = 1e250 * np.sign(coef)
+    mixed = away * [1, -1, 1, -1]
+    exact = sum(map(operator.mul, map(Fraction, mixed), map(Fraction, coef)))
+    certain = np.eye(5)[[4, 0, 4 if exact > 0 else 0]]
     for decode in ("mixture", "quantile"):
         model.set_params(decode=decode)
-        proba = model.predict_proba([away, -away])
-        certain = [[0, 0, 0, 0, 1], [1, 0, 0, 0, 0]]
-        np.testing.assert_allclose(proba, certain, atol=1e-300)
-    with pytest.raises(ValueError, match="trial 1 of X are too large"):
-        model.predict_proba([away, away * [1, -1, 1, -1]])
+        for row, expected in zip([away, -away, mixed], certain):
+            rows = np.array([row] * n_trials, order=order)
+            proba = model.predict_proba(rows)
+            np.testing.assert_allclose(proba, [expected] * n_trials, atol=1e-300)
     network = NNPOM(3, random_state=0).fit(X, counts)
     assert_distributions(network.predict_proba(X * 1e305))
 
