@@ -160,8 +160,8 @@ def draw_observations(trials, counts, limit, observe, rng):
     limit : int or None
         Most observations; None takes all.
     observe : callable
-        Called with a trial and indices of its observations; returns these as
-        rows.
+        Called with a trial and indices, at least one, of its observations; returns
+        these as rows.
     rng : RandomState
         Source of randomness.
 
@@ -180,6 +180,7 @@ def draw_observations(trials, counts, limit, observe, rng):
         [
             observe(trial, share - (end - count))
             for trial, share, end, count in zip(trials, shares, ends, counts)
+            if len(share)
         ]
     )
 

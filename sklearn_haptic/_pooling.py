@@ -27,34 +27,46 @@ from ._validation import (
 )
 
 
-def cell_starts(n_items, n_cells, split="balanced"):
-    """Where each of `n_cells` consecutive cells of a line of items begins.
+def cell_bounds(n_items, n_cells, split="balanced"):
+    """Where each of `n_cells` cells of a line of items begins and ends.
 
     Parameters
     ----------
     n_items : int
-        Number of items, at least `n_cells`.
+        Number of items, at least one.
     n_cells : int
         Number of cells.
     split : {"balanced", "floor"}, default="balanced"
         Whether cells differ by one item at most, or all have
-        ``n_items // n_cells`` and the last one also takes the remainder.
+        ``n_items // n_cells`` and the last one also takes the remainder. With fewer
+        items than cells both are the same: the line is cut into cells of equal length,
+        and a cell has every item of which it covers a part.
 
     Returns
     -------
-    starts : ndarray of shape (n_cells,)
-        Index of the first item of each cell.
+    starts, stops : ndarray of shape (n_cells,)
+        Index of the first item of each cell, and one past that of its last.
 
     Examples
     --------
-    >>> from sklearn_haptic._pooling import cell_starts
-    >>> cell_starts(11, 4), cell_starts(11, 4, "floor")
-    (array([0, 2, 5, 8]), array([0, 2, 4, 6]))
+    >>> from sklearn_haptic._pooling import cell_bounds
+    >>> cell_bounds(11, 4)
+    (array([0, 2, 5, 8]), array([ 2,  5,  8, 11]))
+    >>> cell_bounds(11, 4, "floor")
+    (array([0, 2, 4, 6]), array([ 2,  4,  6, 11]))
+    >>> cell_bounds(2, 3)
+    (array([0, 0, 1]), array([1, 2, 2]))
     """
-    cells = np.arange(n_cells)
+    edges = np.arange(n_cells + 1)
+    if n_items < n_cells:
+        edges *= n_items
+        return edges[:-1] // n_cells, -(-edges[1:] // n_cells)
     if split == "floor":
-        return cells * (n_items // n_cells)
-    return cells * n_items // n_cells
+        edges *= n_items // n_cells
+        edges[-1] = n_items
+    else:
+        edges = edges * n_items // n_cells
+    return edges[:-1], edges[1:]
 
 
 def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
@@ -63,12 +75,12 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
     Parameters
     ----------
     sequences : sequence of ndarray of shape (n_times_i, n_columns)
-        Sequences of one data type, each with `max(cells)` time samples or more.
-        Each is asked for once, in order.
+        Sequences of one data type, each with one time sample or more. Each is asked
+        for once, in order.
     cells : sequence of int, default=(16, 8, 4, 2, 1)
         Number of cells of each level of the pyramid.
     split : {"balanced", "floor"}, default="balanced"
-        How a level divides the time samples, see :func:`cell_starts`.
+        How a level divides the time samples, see :func:`cell_bounds`.
 
     Returns
     -------
@@ -88,13 +100,18 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
         if i == 0:
             shape = (len(sequences), level_ends[-1], sequence.shape[1])
             pooled = np.empty(shape, sequence.dtype)
-        starts = np.concatenate([cell_starts(len(sequence), n, split) for n in cells])
+        starts = [cell_bounds(len(sequence), n, split)[0] for n in cells]
         # One pass over time: every cell, of whatever level, is a run of segments.
-        edges, first = np.unique(starts, return_inverse=True)
+        edges, first = np.unique(np.concatenate(starts), return_inverse=True)
         segments = np.maximum.reduceat(sequence, edges, axis=0)
         for n, end in zip(cells, level_ends):
             level = slice(end - n, end)
-            np.maximum.reduceat(segments, first[level], axis=0, out=pooled[i, level])
+            out = pooled[i, level]
+            if n <= len(sequence):
+                np.maximum.reduceat(segments, first[level], axis=0, out=out)
+            else:  # a cell covers one sample, or parts of two
+                begin, stop = cell_bounds(len(sequence), n)
+                np.maximum(sequence[begin], sequence[stop - 1], out=out)
     return pooled.reshape(len(sequences), -1)
 
 
@@ -110,13 +127,19 @@ class TemporalMaxPool(
     Parameters
     ----------
     cells : sequence of int, default=(16, 8, 4, 2, 1)
-        Number of cells of each level. Levels with more cells than the shortest
-        sequence seen in `fit` has time samples are dropped.
+        Number of cells of each level.
     split : {"balanced", "floor"}, default="balanced"
         How a level divides `n_times` samples. "balanced" begins cell `i` of `n`
         at ``i * n_times // n``, so cells differ by one sample at most. "floor",
         the rule of the ST-HMP authors, gives every cell ``n_times // n`` samples
-        and the last one the remainder too, up to `n - 1` samples more.
+        and the last one the remainder too, up to `n - 1` samples more. Where a
+        sequence has fewer samples than a level has cells, its duration is cut into
+        cells of equal length, and each takes the one or two samples that it covers
+        in whole or in part.
+    drop_fine_levels : bool, default=False
+        Whether to drop, in `fit`, the levels with more cells than the shortest
+        sequence has time samples, as the 2020 paper does. By default features do not
+        depend on the length of the shortest recording.
     memory : str or object with the joblib.Memory interface, default=None
         Where to cache the pooled rows: a folder or a :class:`joblib.Memory`. A search
         over later steps then codes and pools nothing twice; results are the same, bit
@@ -127,7 +150,7 @@ class TemporalMaxPool(
     Attributes
     ----------
     cells_ : tuple of int
-        The levels kept.
+        The levels: all, unless fine ones were dropped.
     n_features_in_ : int
         Number of columns of the sequences, or of the table.
     feature_names_in_ : ndarray of shape (`n_features_in_`,)
@@ -170,6 +193,7 @@ class TemporalMaxPool(
     _parameter_constraints = {  # noqa: RUF012
         "cells": ["array-like"],
         "split": [StrOptions({"balanced", "floor"})],
+        "drop_fine_levels": ["boolean"],
         "memory": [str, HasMethods("cache"), None],
     }
 
@@ -178,15 +202,17 @@ class TemporalMaxPool(
         cells: Sequence[int] = (16, 8, 4, 2, 1),
         *,
         split: Literal["balanced", "floor"] = "balanced",
+        drop_fine_levels: bool = False,
         memory: str | Memory | None = None,
     ) -> None:
         self.cells = cells
         self.split = split
+        self.drop_fine_levels = drop_fine_levels
         self.memory = memory
 
     @_fit_context(prefer_skip_nested_validation=True)
     def fit(self, X: Trials, y: None = None) -> Self:
-        """Record the columns, and which levels the shortest sequence allows.
+        """Record the columns and the levels.
 
         Parameters
         ----------
@@ -204,21 +230,15 @@ class TemporalMaxPool(
         Raises
         ------
         ValueError
-            If `cells` are not positive integers, or no level fits the shortest
-            sequence.
+            If `cells` are not positive integers, or all of them are dropped.
         """
         context = self._init_callback_context()
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
         sequences = self._check_sequences(X, reset=True)
-        named = isinstance(sequences, Sequences)
-        lengths = sequences.lengths if named else [len(each) for each in sequences]
-        cells = check_cells(self.cells)
-        self.cells_ = tuple(n for n in cells if n <= min(lengths))
-        if not self.cells_:
-            raise ValueError(
-                f"No level of cells={cells} fits trial {np.argmin(lengths)} of X, "
-                f"which has {min(lengths)} time samples; add a level with fewer cells."
-            )
+        self.cells_ = check_cells(self.cells)
+        if self.drop_fine_levels:
+            self._drop_fine_levels(sequences)
+        self._split = self.split
         context.call_on_fit_task_end(
             estimator=self, X=X, y=y, reconstruction_attributes={}
         )
@@ -241,14 +261,13 @@ class TemporalMaxPool(
         Raises
         ------
         ValueError
-            If a sequence is shorter than the finest level in `cells_`, or has
-            other columns than those seen in `fit`.
+            If a sequence has other columns than those seen in `fit`, or no samples.
         """
         check_is_fitted(self)
         sequences = self._check_sequences(X, reset=False)
         # Sequences are hashed by their trials and dictionary: a hit codes nothing.
         pool = check_memory(self.memory).cache(temporal_max_pool)
-        pooled = pool(sequences, self.cells_, self.split)
+        pooled = pool(sequences, self.cells_, self._split)
         index = row_index(X)
         if index is None or _get_output_config("transform", self)["dense"] != "pandas":
             return pooled
@@ -289,6 +308,19 @@ class TemporalMaxPool(
             dtype=object,
         )
 
+    def _drop_fine_levels(self, sequences):
+        """Keep the levels that have a sample for every cell of every sequence."""
+        known = isinstance(sequences, Sequences)
+        lengths = sequences.lengths if known else [len(each) for each in sequences]
+        cells = self.cells_
+        self.cells_ = tuple(n for n in cells if n <= min(lengths))
+        if not self.cells_:
+            raise ValueError(
+                f"No level of cells={cells} fits trial {np.argmin(lengths)} of X, "
+                f"which has {min(lengths)} time samples; add a level with fewer cells "
+                "or set drop_fine_levels=False."
+            )
+
     def _check_sequences(self, X, *, reset):
         """Validate `X`; return its arrays of shape (n_times_i, n_columns)."""
         if reset:
@@ -302,11 +334,10 @@ class TemporalMaxPool(
             X = check_table(self, X, dtype=[np.float64, np.float32], reset=reset)
             return list(X[:, :, np.newaxis])
         n_columns = None if reset else self.n_features_in_
-        min_times = 1 if reset else max(self.cells_)
         if isinstance(X, Sequences):
-            check_sequences(X, n_columns=n_columns, min_times=min_times)
+            check_sequences(X, n_columns=n_columns)
         else:
-            X = check_trials(X, n_channels=n_columns, min_times=min_times)
+            X = check_trials(X, n_channels=n_columns)
         if reset:
             named = isinstance(X, Sequences)
             self.n_features_in_ = len(X.feature_names) if named else X[0].shape[1]

@@ -11,7 +11,7 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from ._ksvd import _DictionaryCoder, _UnwrappedSequences, draw_observations, encode
-from ._pooling import cell_starts, check_cells
+from ._pooling import cell_bounds, check_cells
 from ._typing import Memory, Names, RandomState, Trials, _fit_context
 from ._validation import check_numbers, check_trials, is_table, row_index
 
@@ -116,8 +116,34 @@ def image_patches(images, patch_size, step=1):
     return windows[:, ::step, ::step]
 
 
-def spatial_max_pool(codes, cells):
-    """Pool codes over a pyramid of square grids of cells.
+def spatial_grids(positions, cells):
+    """Grids of cells of a pyramid over the positions of patches.
+
+    Parameters
+    ----------
+    positions : tuple of int (n_rows, n_columns)
+        Positions of patches.
+    cells : sequence of int
+        Cells along a side, a number each level.
+
+    Returns
+    -------
+    grids : tuple of tuple of int (n_rows, n_columns)
+        A grid a level, no side with more cells than positions. A grid that comes again
+        is left out.
+
+    Examples
+    --------
+    >>> from sklearn_haptic._sthmp import spatial_grids
+    >>> spatial_grids((5, 4), (3, 2, 1)), spatial_grids((5, 1), (3, 2, 1))
+    (((3, 3), (2, 2), (1, 1)), ((3, 1), (2, 1), (1, 1)))
+    """
+    n_rows, n_columns = positions
+    return tuple(dict.fromkeys((min(n, n_rows), min(n, n_columns)) for n in cells))
+
+
+def spatial_max_pool(codes, grids):
+    """Pool codes over a pyramid of grids of cells.
 
     Position x of W along a side, counted from 1, belongs to cell ceil(x s / W) of s.
 
@@ -125,8 +151,8 @@ def spatial_max_pool(codes, cells):
     ----------
     codes : ndarray of shape (n_rows, n_columns, n_codes, n_times)
         Codes by patch position.
-    cells : sequence of int
-        Cells along a side, a number each level.
+    grids : sequence of tuple of int (n_rows, n_columns)
+        Cells along either side, a pair each level.
 
     Returns
     -------
@@ -137,26 +163,20 @@ def spatial_max_pool(codes, cells):
     --------
     >>> import numpy as np
     >>> from sklearn_haptic._sthmp import spatial_max_pool
-    >>> spatial_max_pool(np.arange(6).reshape(2, 3, 1, 1), (2, 1)).ravel()
+    >>> spatial_max_pool(np.arange(6).reshape(2, 3, 1, 1), [(2, 2), (1, 1)]).ravel()
     array([0, 2, 3, 5, 5])
     """
     n_rows, n_columns, n_codes, n_times = codes.shape
     regions = [
         codes[top:bottom, left:right]
-        for n in cells
-        for top, bottom in _cell_bounds(n_rows, n)
-        for left, right in _cell_bounds(n_columns, n)
+        for rows, columns in grids
+        for top, bottom in zip(*cell_bounds(n_rows, rows))
+        for left, right in zip(*cell_bounds(n_columns, columns))
     ]
     pooled = np.empty((len(regions), n_codes, n_times), dtype=codes.dtype)
     for region, out in zip(regions, pooled):
         np.maximum.reduce(region, axis=(0, 1), out=out)
     return pooled
-
-
-def _cell_bounds(n_items, n_cells):
-    """Return where each cell begins and ends."""
-    starts = cell_starts(n_items, n_cells)
-    return list(zip(starts, [*starts[1:], n_items]))
 
 
 def normalise_frames(frames):
@@ -197,7 +217,7 @@ def encode_frames(
     layout,
     patch_size,
     step,
-    spatial_cells,
+    grids,
     remove_mean,
     sign,
 ):
@@ -213,7 +233,7 @@ def encode_frames(
         See :func:`electrode_images`.
     patch_size, step
         See :func:`image_patches`.
-    spatial_cells : sequence of int
+    grids : sequence of tuple of int
         See :func:`spatial_max_pool`.
     n_nonzero_coefs, remove_mean, sign
         See :func:`encode`.
@@ -236,7 +256,7 @@ def encode_frames(
             by_pixel.T, atoms, n_nonzero_coefs, remove_mean=remove_mean, sign=sign
         )
         by_time = codes.reshape(n_rows, n_columns, len(chunk), -1).swapaxes(2, 3)
-        pooled = spatial_max_pool(np.ascontiguousarray(by_time), spatial_cells)
+        pooled = spatial_max_pool(np.ascontiguousarray(by_time), grids)
         frames.append(normalise_frames(pooled.reshape(-1, len(chunk)).T).T)
     return np.concatenate(frames, axis=1).T
 
@@ -267,7 +287,9 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
     step : int, default=1
         Pixels from one patch to the next.
     spatial_cells : sequence of int, default=(3, 2, 1)
-        Cells along a side of each level of the pyramid: 9 + 4 + 1 cells.
+        Cells along either side, a number each level of the pyramid: 9 + 4 + 1 cells.
+        A side has at most as many cells as positions of patches: a BioTac alone has
+        5 × 1 positions, hence 3 + 2 + 1 cells. A level like one before it is left out.
     remove_mean : bool, default=True
         Whether to subtract each patch's mean, as the authors of ST-HMP do.
     update : {"approximate", "exact"}, default="approximate"
@@ -310,6 +332,8 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         The weight of each of a finger's electrodes in each pixel; None for images.
         ``layout_ @ finger.T`` turns a finger's readings, of shape (n_times,
         n_electrodes), into images of shape (height, width, n_times).
+    spatial_cells_ : tuple of tuple of int (n_rows, n_columns)
+        Rows and columns of cells of each level. Defined for trials.
     n_features_in_ : int
         Values a time sample, or columns of a table.
     feature_names_in_ : ndarray of shape (`n_features_in_`,)
@@ -416,9 +440,10 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         ------
         ValueError
             If the channels are no multiple of the layout's electrodes, or the
-            images are too small for a patch or for the cells.
+            images are too small for a patch.
         """
         self._codes_trials = not is_table(X)
+        vars(self).pop("spatial_cells_", None)
         self.layout_ = self._check_layout()
         return self._learn(X, y)
 
@@ -442,9 +467,9 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
             return super().get_feature_names_out(input_features)
         return np.asarray(
             [
-                f"s{i}of{n * n}_{name}"
-                for n in self.spatial_cells
-                for i in range(1, n * n + 1)
+                f"s{i}of{rows * columns}_{name}"
+                for rows, columns in self.spatial_cells_
+                for i in range(1, rows * columns + 1)
                 for name in self._code_names
             ],
             dtype=object,
@@ -462,16 +487,30 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
                 f"{layout.shape[2]} electrodes of layout; select the electrodes' "
                 "channels or give the layout of your sensor."
             )
-        positions = self._patches(trials[0][:1], layout).shape[1:3]
-        self._check_cells(positions)
+        patch_size, step = self._check_patch_size(), self.step
+
+        def patches(trial):
+            images = trial if layout is None else electrode_images(trial, layout)
+            height, width = images.shape[1:]
+            if height < patch_size[0] or width < patch_size[1]:
+                raise ValueError(
+                    f"patch_size={patch_size} does not fit images of {height} × "
+                    f"{width} pixels; use smaller patches."
+                )
+            return image_patches(images, patch_size, step)
+
+        positions = patches(trials[0][:1]).shape[1:3]
+        cells = check_cells(self.spatial_cells, "spatial_cells")
+        self.spatial_cells_ = spatial_grids(positions, cells)
+        self._imaging = {"layout": layout, "patch_size": patch_size, "step": step}
 
         def observe(trial, indices):
             frame, row, column = np.unravel_index(indices, (len(trial), *positions))
-            patches = self._patches(trial[frame], layout)
-            drawn = patches[np.arange(len(indices)), row, column]
+            drawn = patches(trial[frame])[np.arange(len(indices)), row, column]
             return drawn.reshape(len(indices), -1)
 
-        counts = [len(trial) * np.prod(positions) for trial in trials]
+        n_positions = positions[0] * positions[1]
+        counts = [len(trial) * n_positions for trial in trials]
         return draw_observations(trials, counts, self.max_train_windows, observe, rng)
 
     def _transform_trials(self, X):
@@ -487,26 +526,18 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
             [len(trial) for trial in trials],
             encode_frames,
             row_index(X),
-            layout=self.layout_,
-            patch_size=tuple(self.patch_size),
-            step=self.step,
-            spatial_cells=check_cells(self.spatial_cells, "spatial_cells"),
+            grids=self.spatial_cells_,
+            **self._imaging,
         )
 
-    def _patches(self, trial, layout):
-        images = trial if layout is None else electrode_images(trial, layout)
+    def _check_patch_size(self):
         size = tuple(self.patch_size)
         if len(size) != 2 or not all(isinstance(n, Integral) and n > 0 for n in size):
             raise ValueError(
                 f"patch_size={self.patch_size!r} must be two positive integers, the "
                 "height and the width of a patch."
             )
-        if images.shape[1] < size[0] or images.shape[2] < size[1]:
-            raise ValueError(
-                f"patch_size={size} does not fit images of {images.shape[1]} × "
-                f"{images.shape[2]} pixels; use smaller patches."
-            )
-        return image_patches(images, size, self.step)
+        return size
 
     def _check_layout(self):
         if self.layout is None:
@@ -523,12 +554,3 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
                 "n_electrodes), the weight of each electrode in each pixel."
             )
         return layout
-
-    def _check_cells(self, positions):
-        cells = check_cells(self.spatial_cells, "spatial_cells")
-        if max(cells) > min(positions):
-            raise ValueError(
-                f"spatial_cells={self.spatial_cells!r} asks for {max(cells)} cells "
-                f"along a side, but there are {positions[0]} × {positions[1]} patch "
-                "positions; use fewer cells or a smaller step or patch_size."
-            )

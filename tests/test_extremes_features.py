@@ -425,16 +425,21 @@ def test_given_atoms_are_copied():
     ),
     cells=st.lists(st.integers(1, 20), min_size=1, max_size=4, unique=True),
     split=st.sampled_from(["balanced", "floor"]),
+    drop=st.booleans(),
 )
-def test_pooling_of_any_numbers(sequences, cells, split):
-    def cell(t, n_times, n_cells):
+def test_pooling_of_any_numbers(sequences, cells, split, drop):
+    def covers(cell, n_cells, t, n_times):
+        if n_times < n_cells:  # some time of the sample is in the cell
+            return Fraction(t, n_times) < Fraction(cell + 1, n_cells) and Fraction(
+                cell, n_cells
+            ) < Fraction(t + 1, n_times)
         if split == "floor":
-            return min(t // (n_times // n_cells), n_cells - 1)
-        return math.ceil(Fraction((t + 1) * n_cells, n_times)) - 1
+            return min(t // (n_times // n_cells), n_cells - 1) == cell
+        return math.ceil(Fraction((t + 1) * n_cells, n_times)) - 1 == cell
 
     shortest = min(map(len, sequences))
-    pool = TemporalMaxPool(cells, split=split)
-    kept = tuple(n for n in cells if n <= shortest)
+    pool = TemporalMaxPool(cells, split=split, drop_fine_levels=drop)
+    kept = tuple(n for n in cells if n <= shortest or not drop)
     if not kept:
         with pytest.raises(ValueError, match=r"No level of cells=.* fits trial"):
             pool.fit(sequences)
@@ -447,7 +452,7 @@ def test_pooling_of_any_numbers(sequences, cells, split):
             max(
                 value
                 for t, value in enumerate(sequence[:, column].tolist())
-                if cell(t, len(sequence), n) == c
+                if covers(c, n, t, len(sequence))
             )
             for n in kept
             for c in range(n)
@@ -458,18 +463,17 @@ def test_pooling_of_any_numbers(sequences, cells, split):
 
 def test_one_frame():
     frame = np.array([[-3.0, 0.0, 5e-324]])
-    pool = TemporalMaxPool()
-    np.testing.assert_array_equal(pool.fit_transform([frame]), frame)
-    assert pool.cells_ == (1,)
+    pooled = TemporalMaxPool().fit_transform([frame])
+    np.testing.assert_array_equal(pooled.reshape(31, 3), np.repeat(frame, 31, axis=0))
     touch = [trial[:1] for trial in recordings(19)]
-    model = make_pipeline(small_sthmp(spatial_cells=(1,)), TemporalMaxPool())
-    np.testing.assert_allclose(row_norms(model.fit_transform(touch)), 1)
+    features = make_pipeline(small_sthmp(), TemporalMaxPool()).fit_transform(touch)
+    np.testing.assert_allclose(row_norms(features.reshape(len(touch) * 31, -1)), 1)
 
 
 def test_cells_without_a_positive_code_keep_the_largest_negative_one():
     codes = -np.random.default_rng(0).uniform(1, 2, size=(5, 4, 3, 6))
     np.testing.assert_array_equal(
-        spatial_max_pool(codes, (1,))[0], codes.max(axis=(0, 1))
+        spatial_max_pool(codes, [(1, 1)])[0], codes.max(axis=(0, 1))
     )
     pooled = TemporalMaxPool((2, 1)).fit_transform([codes[0, 0].T])
     assert (pooled < -1).all()

@@ -159,14 +159,17 @@ def test_papers_parameters_give_its_feature_counts():
     assert X.shape == (6, 31 * 14 * 10)
 
 
-def test_fast_slide_is_too_short_for_sixteen_cells():
+def test_fast_slide_is_too_short_for_sixteen_cells_of_the_papers_rule():
     corpus = make_haptic_corpus(
         3, 2, procedure="fast_slide", sensors=["pdc"], random_state=0
     )
     steps = make_pipeline(
-        KSVDTransformer(5, window=50, max_iter=1, random_state=0), TemporalMaxPool()
+        KSVDTransformer(5, window=50, max_iter=1, random_state=0),
+        TemporalMaxPool(drop_fine_levels=True),
     ).fit(corpus.trials["pdc"])
     assert max(steps[-1].cells_) <= 8
+    steps.set_params(temporalmaxpool__drop_fine_levels=False).fit(corpus.trials["pdc"])
+    assert steps[-1].cells_ == (16, 8, 4, 2, 1)
 
 
 def test_union_memory_and_pickle(corpus, tmp_path):

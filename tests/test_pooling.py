@@ -9,7 +9,7 @@ from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic._pooling import TemporalMaxPool, cell_starts, temporal_max_pool
+from sklearn_haptic._pooling import TemporalMaxPool, cell_bounds, temporal_max_pool
 from sklearn_haptic._validation import Sequences
 
 
@@ -23,12 +23,28 @@ def test_balanced_cells_are_those_of_exact_rounding_up(n_items):
     item = np.arange(1, n_items + 1)
     for n_cells in range(1, n_items + 1):
         cell = np.array([-(-x * n_cells // n_items) for x in item.tolist()])
-        first = [np.flatnonzero(cell == c)[0] for c in range(1, n_cells + 1)]
-        np.testing.assert_array_equal(cell_starts(n_items, n_cells), first)
+        members = [np.flatnonzero(cell == c) for c in range(1, n_cells + 1)]
+        starts, stops = cell_bounds(n_items, n_cells)
+        np.testing.assert_array_equal(starts, [each[0] for each in members])
+        np.testing.assert_array_equal(stops, [each[-1] + 1 for each in members])
 
 
 def test_floor_cells_leave_the_remainder_to_the_last():
-    np.testing.assert_array_equal(cell_starts(39, 4, "floor"), [0, 9, 18, 27])
+    starts, stops = cell_bounds(39, 4, "floor")
+    np.testing.assert_array_equal(starts, [0, 9, 18, 27])
+    np.testing.assert_array_equal(stops, [9, 18, 27, 39])
+
+
+@pytest.mark.parametrize("split", ["balanced", "floor"])
+@pytest.mark.parametrize("n_cells", [2, 3, 7, 16, 64])
+def test_cells_of_a_short_line_take_every_item_they_touch(n_cells, split):
+    for n_items in range(1, n_cells):
+        # On a ruler with n_items * n_cells marks both items and cells are whole.
+        item = np.repeat(np.arange(n_items), n_cells)
+        cells = item.reshape(n_cells, n_items)
+        starts, stops = cell_bounds(n_items, n_cells, split)
+        np.testing.assert_array_equal(starts, cells.min(axis=1))
+        np.testing.assert_array_equal(stops, cells.max(axis=1) + 1)
 
 
 @pytest.mark.parametrize("cells", [(16, 8, 4, 2, 1), (1, 2, 3), (7, 5), (1,), (16,)])
@@ -68,10 +84,36 @@ def test_floor_pooling_equals_the_authors(shared_data, seq, variant):
     np.testing.assert_array_equal(pool.fit_transform([frames])[0], final)
 
 
-def test_levels_too_fine_for_the_shortest_sequence_are_dropped():
-    pool = TemporalMaxPool().fit(sequences((40, 15)))
+def test_levels_too_fine_for_the_shortest_sequence_are_dropped_if_asked():
+    pool = TemporalMaxPool(drop_fine_levels=True).fit(sequences((40, 15)))
     assert pool.cells_ == (8, 4, 2, 1)
-    assert pool.transform(sequences((9,))).shape == (1, 15 * 3)
+    for lengths in ((9,), (3, 1)):
+        X = sequences(lengths)
+        np.testing.assert_array_equal(
+            pool.transform(X), TemporalMaxPool((8, 4, 2, 1)).fit_transform(X)
+        )
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_short_sequences_keep_every_level(dtype):
+    (x,) = sequences((3,), dtype=dtype)
+    pool = TemporalMaxPool((4, 5, 2, 1)).fit([x, *sequences(dtype=dtype)])
+    a, b, c = x
+    ab, bc = np.maximum(a, b), np.maximum(b, c)
+    expected = [a, ab, bc, c, a, ab, b, bc, c, a, bc, np.maximum(ab, c)]
+    np.testing.assert_array_equal(pool.transform([x]), [np.concatenate(expected)])
+
+
+def test_parameters_set_after_fit_wait_for_the_next_fit():
+    X = sequences((40, 23, 7))
+    pool = TemporalMaxPool((8, 1)).fit(X)
+    expected, names = pool.transform(X), pool.get_feature_names_out()
+    pool.set_params(cells=(2,), split="floor", drop_fine_levels=True)
+    np.testing.assert_array_equal(pool.transform(X), expected)
+    np.testing.assert_array_equal(pool.get_feature_names_out(), names)
+    np.testing.assert_array_equal(
+        pool.fit_transform(X), TemporalMaxPool((2,), split="floor").fit_transform(X)
+    )
 
 
 def test_float32_is_kept():
@@ -198,13 +240,13 @@ def test_cells_must_be_distinct_positive_integers(cells):
 
 def test_no_level_fits():
     with pytest.raises(ValueError, match=r"fits trial 1 of X.*7 time samples"):
-        TemporalMaxPool((16, 8)).fit(sequences((40, 7)))
+        TemporalMaxPool((16, 8), drop_fine_levels=True).fit(sequences((40, 7)))
 
 
-def test_short_trial_at_transform():
+def test_trial_of_no_samples():
     pool = TemporalMaxPool().fit(sequences())
-    with pytest.raises(ValueError, match=r"Trial 1 of X has 15 time samples.*least 16"):
-        pool.transform(sequences((40, 15)))
+    with pytest.raises(ValueError, match=r"Trial 1 of X has 0 time samples"):
+        pool.transform(sequences((40, 0)))
 
 
 def test_other_number_of_columns():
@@ -273,8 +315,7 @@ def test_cached_rows_are_found_by_content_and_parameters(tmp_path, library):
 @pytest.mark.parametrize(
     ("X", "message"),
     [
-        (sequences((7,)), "Trial 0 of X has 7 time samples, but at least 16"),
-        (sequences((16, 15)), "Trial 1 of X has 15 time samples, but at least 16"),
+        (sequences((16, 0)), "Trial 1 of X has 0 time samples, but at least 1"),
         (sequences(n_columns=2), "Trial 0 of X has 2 channels, but 3 channels are"),
         ([], "X holds no trials"),
     ],

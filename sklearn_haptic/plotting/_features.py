@@ -11,7 +11,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from .._ksvd import KSVDTransformer, window_step
-from .._pooling import TemporalMaxPool, cell_starts
+from .._pooling import TemporalMaxPool, cell_bounds
 from .._sthmp import STHMPTransformer
 from .._typing import FloatArray, Names, Trials
 from ._signals import check_rate
@@ -354,10 +354,7 @@ class FeatureMapDisplay:
         if pool is not None:
             cells = pool.transform(sequences).reshape(-1, codes.shape[1])
             pooled = np.split(cells, np.cumsum(pool.cells_)[:-1])
-            level_edges = [
-                edges[[*cell_starts(len(codes), n, pool.split), -1]]
-                for n in pool.cells_
-            ]
+            level_edges = [_cell_edges(edges, n, pool._split) for n in pool.cells_]
         return cls(
             codes,
             pooled,
@@ -437,6 +434,13 @@ class FeatureMapDisplay:
             self.images_[0], ax=list(self.axes_), label=f"code ({self.code_unit})"
         )
         return self
+
+
+def _cell_edges(edges, n_cells, split):
+    """Return where the cells of a level begin and end, given the edges of samples."""
+    if n_cells >= len(edges):  # more cells than samples, all of one length
+        return np.linspace(edges[0], edges[-1], n_cells + 1)
+    return edges[[*cell_bounds(len(edges) - 1, n_cells, split)[0], -1]]
 
 
 def _signed_root(values):
