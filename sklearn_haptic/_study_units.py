@@ -147,7 +147,13 @@ def trials_of_objects(objects):
     return np.split(np.argsort(rank, kind="stable"), np.cumsum(counts)[:-1])
 
 
-def learn_features(trials, objects, sensor, seed):
+def cells_of(procedure, sensor):
+    """Return the paper's temporal cells of a sensor's recordings of a procedure."""
+    short = procedure == "fast_slide" and sensor in ("pdc", "tac", "tdc")
+    return (8, 4, 2, 1) if short else (16, 8, 4, 2, 1)
+
+
+def learn_features(trials, objects, procedure, sensor, seed):
     """Learn a sensor's dictionary from some trials of each object; code all trials.
 
     Nobody's ratings are used, and every object takes part, as in the paper.
@@ -158,15 +164,14 @@ def learn_features(trials, objects, sensor, seed):
         The sensor's recordings.
     objects : ndarray of shape (n_trials,)
         The object of each trial.
-    sensor : str
-        Its name, which says how it is coded.
+    procedure, sensor : str
+        Their names, which say how trials are coded and pooled.
     seed : int
 
     Returns
     -------
     features : ndarray of float32 of shape (n_trials, n_features)
-        Codes pooled over space, if the sensor has some, and time. Levels of the
-        temporal pyramid too fine for the shortest trial are left out.
+        Codes pooled over space, if the sensor has some, and time.
     dictionary : ndarray of shape (n_atoms, n_samples)
 
     Examples
@@ -175,7 +180,7 @@ def learn_features(trials, objects, sensor, seed):
     >>> from sklearn_haptic._study_units import learn_features
     >>> corpus = make_haptic_corpus(3, 2, "fast_slide", sensors=["tdc"], random_state=0)
     >>> features, dictionary = learn_features(
-    ...     list(corpus.trials["tdc"]), corpus.objects, "tdc", seed=0
+    ...     list(corpus.trials["tdc"]), corpus.objects, "fast_slide", "tdc", seed=0
     ... )
     >>> features.shape, dictionary.shape
     ((6, 600), (10, 50))
@@ -189,7 +194,8 @@ def learn_features(trials, objects, sensor, seed):
     model = make_haptic_pipeline([sensor], preset="accurate", random_state=seed)
     coder = model["features"].transformers[0][1][0]
     coder.fit([trials[i] for i in sorted(learnt_from)])
-    pool = TemporalMaxPool().set_output(transform="default")
+    pool = TemporalMaxPool(cells_of(procedure, sensor))
+    pool.set_output(transform="default")
     features = pool.fit_transform(coder.transform(trials))
     return features.astype(np.float32, copy=False), coder.components_
 
@@ -468,6 +474,7 @@ def compute_features(study, procedure, sensor):
     features, dictionary = learn_features(
         list(corpus.trials[sensor]),
         trials["object"].to_numpy(),
+        procedure,
         sensor,
         study.seed("features", procedure, sensor),
     )
@@ -567,7 +574,7 @@ def score_baselines(counts, parts):
     >>> from sklearn_haptic._study_units import Parts, score_baselines
     >>> counts = np.array([[3, 1], [1, 3], [1, 3], [0, 4]])
     >>> parts = Parts(np.array([0, 1]), np.array([2]), np.array([3]))
-    >>> [each["proba_2"].round(3) for each in score_baselines(counts, parts)]
+    >>> [round(each["proba_2"], 3) for each in score_baselines(counts, parts)]
     [0.583, 0.75]
     """
     known = np.concatenate((parts.train, parts.validation))

@@ -547,13 +547,17 @@ def test_dictionary_of_three_fifths_of_the_trials_of_each_object():
     """Only trials that it was learnt from change the dictionary."""
     corpus = make_haptic_corpus(2, 5, "fast_slide", sensors=["tdc"], random_state=0)
     trials = list(corpus.trials["tdc"])
-    features, dictionary = learn_features(trials, corpus.objects, "tdc", seed=0)
+    features, dictionary = learn_features(
+        trials, corpus.objects, "fast_slide", "tdc", seed=0
+    )
     assert features.dtype == np.float32
     assert features.shape == (10, 15 * 2 * 2 * 10)  # cells, fingers, signs, atoms
     learnt_from = np.zeros(10, dtype=bool)
     for i in range(10):
         changed = [*trials[:i], 1 + trials[i] ** 2, *trials[i + 1 :]]
-        other, other_dictionary = learn_features(changed, corpus.objects, "tdc", seed=0)
+        other, other_dictionary = learn_features(
+            changed, corpus.objects, "fast_slide", "tdc", seed=0
+        )
         learnt_from[i] = not np.array_equal(other_dictionary, dictionary)
         assert not np.array_equal(other[i], features[i])
     assert learnt_from.reshape(2, 5).sum(axis=1).tolist() == [3, 3]
