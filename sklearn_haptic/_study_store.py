@@ -5,27 +5,34 @@ A unit of work is named by a tuple, its kind first, such as ``("models", "hold",
 ``.npz``, arrays; and ``models/hold_rough_0.json``, a record with the SHA-256 of the
 first. The record is written last, and each file appears whole or not at all, so a
 unit is finished if its record can be read and the checksum is right. Nothing read
-from these files is executed.
+from these files is executed, and files that are links count as damaged.
 """
 
 import io
 import json
 import os
-from collections.abc import Mapping
-from functools import partial
+import re
+import stat
+from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
+from uuid import uuid4
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator
+
+from ._study_settings import describe_setting
 
 _SETTINGS = "study.json"
-# Columns that stay text whatever they look like.
-_NAMES = ("procedure", "adjective", "held_out", "trial")
+# Control characters, which end lines and names of files, and halves of characters.
+_UNPRINTABLE = re.compile(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff]")
+# Data types of the columns of a table that are not text.
+_NUMBERS = re.compile(r"u?int(8|16|32|64)|float(16|32|64)")
+# Bytes that most file systems allow in a name, less a suffix.
+_LONGEST_NAME = 250
 
 
-def write_atomically(path, data):
+def write_atomically(path, data, *, replace=True):
     """Write a file so that it is there whole or, after a crash, as it was before.
 
     Parameters
@@ -33,60 +40,56 @@ def write_atomically(path, data):
     path : Path
         Its folder must exist.
     data : bytes
+    replace : bool, default=True
+        Whether to replace a file of this name. If not, that one stays as it is, even
+        if it appears in the meantime.
+
+    Raises
+    ------
+    OSError
+        With the name of the file, whatever went wrong.
     """
-    unfinished = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    with open(unfinished, "wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(unfinished, path)
+    unfinished = path.with_name(f"{uuid4().hex}.tmp")
+    try:
+        with open(unfinished, "xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        if replace:
+            os.replace(unfinished, path)
+        else:
+            _link(unfinished, path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, os.fspath(path)) from error
+    finally:
+        with suppress(OSError):
+            unfinished.unlink()
 
 
-def describe(value):
-    """Return a setting as JSON can hold it, the same in every session.
+def _link(source, path):
+    """Give a file a second name, unless there is a file of that name."""
+    try:
+        os.link(source, path)
+    except FileExistsError:
+        pass
+    except OSError:  # a file system without hard links
+        with suppress(FileExistsError), open(path, "xb") as file:
+            file.write(source.read_bytes())
+
+
+def check_text(text, what):
+    """Refuse text that a table cannot hold: control and unpaired surrogate characters.
 
     Parameters
     ----------
-    value : object
-        A number, text, path, collection, estimator, function or
-        `functools.partial`. Of a function the name is taken, of a partial the
-        arguments too, and of other objects what `repr` gives.
-
-    Returns
-    -------
-    description : dict, list, str, int, float, bool or None
-
-    Examples
-    --------
-    >>> from functools import partial
-    >>> from sklearn_haptic._study_store import describe
-    >>> describe(partial(sorted, reverse=True))
-    {'function': 'builtins.sorted', 'args': [], 'keywords': {'reverse': True}}
-    >>> from sklearn_haptic import TemporalMaxPool
-    >>> describe(TemporalMaxPool(cells=(2, 1)))
-    {'class': 'TemporalMaxPool', 'cells': [2, 1], 'memory': None, 'split': 'balanced'}
+    text : str
+    what : str
+        What error messages call it.
     """
-    if isinstance(value, np.generic):
-        value = value.item()
-    if value is None or isinstance(value, (bool, int, float, str)):
-        return value
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    if isinstance(value, Mapping):
-        return {str(key): describe(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [describe(item) for item in value]
-    if isinstance(value, BaseEstimator):
-        return {"class": type(value).__name__, **describe(value.get_params(deep=False))}
-    if isinstance(value, partial):
-        return {
-            "function": describe(value.func),
-            "args": describe(value.args),
-            "keywords": describe(value.keywords),
-        }
-    if hasattr(value, "__qualname__"):
-        return f"{value.__module__}.{value.__qualname__}"
-    return repr(value)
+    if _UNPRINTABLE.search(text):
+        raise ValueError(
+            f"{what} {text!r} has a control character; give names without."
+        )
 
 
 def open_study(folder, settings):
@@ -104,29 +107,30 @@ def open_study(folder, settings):
     ValueError
         If the folder holds a study with other settings, or units without any.
     """
-    settings = json.loads(json.dumps(describe(settings)))
+    settings = {name: describe_setting(name, value) for name, value in settings.items()}
     path = folder / _SETTINGS
-    if path.exists():
-        stored = read_settings(folder)
-        for name, value in settings.items():
-            if stored.get(name) != value:
-                raise ValueError(
-                    f"{folder} holds a study with {name}={stored.get(name)!r}, not "
-                    f"{value!r}; give the same {name}, or another folder."
-                )
-        return
-    if (folder / "trials").exists():
-        raise ValueError(
-            f"{folder} holds units of a study, but no {_SETTINGS} that says of which; "
-            "restore that file, or give another folder."
-        )
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, _to_json(settings))
-    except OSError as error:
-        raise OSError(
-            f"{folder} is no folder that can be written; give another ({error})."
-        ) from error
+    has_units = (folder / "trials").exists()  # written after the settings
+    if not path.exists():
+        if has_units:
+            raise ValueError(
+                f"{folder} holds units of a study, but no {_SETTINGS} that says of "
+                "which; restore that file, or give another folder."
+            )
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            write_atomically(path, _to_json(settings), replace=False)
+        except OSError as error:
+            raise OSError(
+                f"{folder} is no folder that can be written; give another ({error})."
+            ) from error
+    # Another process may have been faster, so these need not be its own.
+    stored = read_settings(folder)
+    for name, value in settings.items():
+        if _to_json(stored.get(name)) != _to_json(value):
+            raise ValueError(
+                f"{folder} holds a study with {name}={stored.get(name)!r}, not "
+                f"{value!r}; give the same {name}, or another folder."
+            )
 
 
 def read_settings(folder):
@@ -147,7 +151,7 @@ def read_settings(folder):
     """
     path = folder / _SETTINGS
     try:
-        settings = json.loads(path.read_bytes())
+        settings = json.loads(_read_own(path))
         if not isinstance(settings, dict):
             raise ValueError("it holds no settings")
         return settings
@@ -175,10 +179,10 @@ def write_unit(folder, unit, content, **record):
     **record : JSON values
         What else to remember.
     """
-    suffix, data = _to_bytes(content)
-    path = _path(folder, unit)
+    suffix, columns, data = _to_bytes(content)
+    path = unit_path(folder, unit)
     path.parent.mkdir(exist_ok=True)
-    record = {"unit": unit, "file": path.name + suffix} | record
+    record = {"unit": unit, "file": path.name + suffix, "columns": columns} | record
     write_atomically(path.with_name(record["file"]), data)
     record["sha256"] = sha256(data).hexdigest()
     write_atomically(path.with_name(f"{path.name}.json"), _to_json(record))
@@ -203,24 +207,26 @@ def read_unit(folder, unit):
     ValueError
         If the unit is not finished.
     """
-    path = _path(folder, unit)
+    path = unit_path(folder, unit)
     return _read(path.with_name(f"{path.name}.json"))
 
 
 def read_record(folder, unit):
     """Return the record of a unit, None if the unit is not finished."""
-    path = _path(folder, unit)
+    path = unit_path(folder, unit)
     intact = _read_intact(path.with_name(f"{path.name}.json"))
     return None if intact is None else intact[0]
 
 
-def read_finished(folder, kind):
+def read_finished(folder, kind, pattern):
     """Read every unit of a kind, ordered by name.
 
     Parameters
     ----------
     folder : Path
     kind : str
+    pattern : str
+        Regular expression that the names of units match; other files are none.
 
     Returns
     -------
@@ -231,17 +237,26 @@ def read_finished(folder, kind):
     ValueError
         If a unit that was finished is damaged.
     """
-    units = [_read(path) for path in (folder / kind).glob("*.json")]
+    records = (folder / kind).glob("*.json")
+    units = [_read(path) for path in records if re.fullmatch(pattern, path.stem)]
     return sorted(units, key=lambda unit: unit[1]["unit"])
 
 
-def _path(folder, unit):
-    """Return the path of a unit's files without suffix."""
+def unit_path(folder, unit):
+    """Return the path of a unit's files without suffix.
+
+    Raises
+    ------
+    ValueError
+        If its name cannot be that of a file.
+    """
     kind, *rest = unit
     name = "_".join(map(str, rest))
-    if Path(name).name != name:
+    check_text(name, f"The name of the unit {unit},")
+    if Path(name).name != name or len(os.fsencode(name)) > _LONGEST_NAME:
         raise ValueError(
-            f"The unit {unit} cannot name a file; give names without slashes."
+            f"The unit {unit} cannot name a file; give names without slashes, of at "
+            f"most {_LONGEST_NAME} bytes together."
         )
     return folder / kind / name
 
@@ -255,7 +270,7 @@ def _read(path):
         )
     record, data = intact
     try:
-        return _from_bytes(Path(record["file"]).suffix, data), record
+        return _from_bytes(record, data), record
     except Exception as error:  # NumPy, zipfile and pandas raise a dozen types
         raise ValueError(
             f"{path.with_suffix('')}.* holds neither a table nor arrays of "
@@ -274,47 +289,68 @@ def _read_intact(path):
         The record.
     """
     try:
-        record = json.loads(path.read_bytes())
-        own = _path(path.parents[1], record["unit"])
-        data = path.with_suffix(Path(record["file"]).suffix).read_bytes()
-        same = sha256(data).hexdigest() == record["sha256"]
+        record = json.loads(_read_own(path))
+        own = unit_path(path.parents[1], record["unit"])
+        data = _read_own(path.with_suffix(Path(record["file"]).suffix))
+        same = sha256(data).hexdigest() == record["sha256"] and "columns" in record
     except (FileNotFoundError, ValueError, TypeError, KeyError, RecursionError):
         return None
     return (record, data) if same and own == path.with_suffix("") else None
 
 
+def _read_own(path):
+    """Return the bytes of a file that is neither a link nor a device."""
+    if not stat.S_ISREG(path.lstat().st_mode):
+        raise ValueError("it is no file of its own")
+    return path.read_bytes()
+
+
 def _to_json(value):
-    return json.dumps(value, indent=1).encode()
+    return json.dumps(value, indent=1, sort_keys=True).encode()
 
 
 def _to_bytes(content):
-    """Return the suffix and the bytes of the file that holds a table or arrays."""
+    """Return suffix and bytes of the file that holds a table or arrays.
+
+    Between them, the data type of each column of a table, since CSV has none.
+    """
     buffer = io.BytesIO()
     if isinstance(content, dict):
         np.savez(buffer, allow_pickle=False, **content)
-        return ".npz", buffer.getvalue()
+        return ".npz", None, buffer.getvalue()
+    columns = {name: _type_of(name, column) for name, column in content.items()}
     content.to_csv(buffer, index=False, lineterminator="\n")
-    return ".csv", buffer.getvalue()
+    return ".csv", columns, buffer.getvalue()
 
 
-def _from_bytes(suffix, data):
+def _type_of(name, column):
+    """Return "text", or the name of the data type of a column of numbers."""
+    values = column.to_numpy()
+    if _NUMBERS.fullmatch(values.dtype.name):
+        return values.dtype.name
+    for value in values:
+        if not isinstance(value, str):
+            raise ValueError(
+                f"The column {name!r} has the value {value!r} among others; give "
+                "numbers only, or text only."
+            )
+        check_text(value, f"The column {name!r} has the value")
+    return "text"
+
+
+def _from_bytes(record, data):
     """Return the table or arrays, equal to those written in every bit."""
     buffer = io.BytesIO(data)
-    if suffix == ".npz":
+    if record["file"].endswith(".npz"):
         with np.load(buffer, allow_pickle=False) as arrays:
             return dict(arrays)
     # Parsed here, as pandas itself may err in the last digit of a number.
     table = pd.read_csv(buffer, dtype=str, keep_default_na=False)
-    for name in table.columns.difference(_NAMES, sort=False):
-        table[name] = _parse(np.asarray(table[name], dtype=object))
-    return table
-
-
-def _parse(texts):
-    """Return texts as whole numbers, or as numbers, or as they are."""
-    for kind in (np.int64, np.float64):
-        try:
-            return texts.astype(kind)
-        except ValueError:
+    for name in table:
+        kind = record["columns"][name]
+        if kind == "text":
             continue
-    return texts
+        if not _NUMBERS.fullmatch(kind):
+            raise ValueError(f"{kind!r} is no data type of numbers")
+        table[name] = np.asarray(table[name], dtype=object).astype(kind)
+    return table

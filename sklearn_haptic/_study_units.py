@@ -7,10 +7,12 @@ nothing but the corpus, the settings and its name, from which its seeds derive.
 
 import json
 import re
+from collections import Counter
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib.metadata import version
 from itertools import product
+from numbers import Integral
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,17 +26,22 @@ from sklearn.model_selection import GroupKFold
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils import check_random_state
 
+from ._baselines import DummyDistribution
 from ._contributions import fit_holdouts, score_trials
 from ._distributional import DistributionalOrdinalRegressor
 from ._fusion import SensorFusionNNPOM
 from ._nnpom import validation_split
 from ._pooling import TemporalMaxPool
 from ._presets import make_haptic_pipeline
-from ._study_store import read_unit
+from ._study_store import check_text, read_unit, unit_path
+from ._validation import check_ratings
+from .datasets._phac2 import PROCEDURE_STATES
 
 _SHARE_OF_DICTIONARY = 0.6  # of the trials of each object
 _SHARE_OF_TEST = 0.1  # of the objects, in the paper's split
 _SHARE_OF_VALIDATION = 1 / 9  # of the objects that are not for testing
+# Name of a unit of models: procedure, adjective and fold.
+NAME_OF_MODELS = rf"({'|'.join(PROCEDURE_STATES)})_.*_\d+"
 
 
 # Pure steps -----------------------------------------------------------------
@@ -92,6 +99,11 @@ def split_objects(objects, split, *, n_splits, n_repeats, seed):
         The objects of each part depend on which objects there are, not on the order
         of the trials.
 
+    Raises
+    ------
+    ValueError
+        If there are too few objects for a part.
+
     Examples
     --------
     >>> import numpy as np
@@ -101,6 +113,15 @@ def split_objects(objects, split, *, n_splits, n_repeats, seed):
     >>> [len(np.unique(objects[part])) for part in parts]
     [48, 6, 6]
     """
+    n_objects = len(np.unique(objects))
+    n_required = 3 if split == "paper" else n_splits if n_splits > 2 else 4
+    if n_objects < n_required:
+        raise ValueError(
+            f"The corpus has {n_objects} object{'s' * (n_objects > 1)}, but "
+            f"split={split!r} with n_splits={n_splits} requires {n_required} or more, "
+            "to train, validate and test on different ones; give more objects or "
+            'another n_splits or split="paper".'
+        )
     rng = check_random_state(seed)
     if split == "paper":
         outer = [validation_split(len(objects), objects, _SHARE_OF_TEST, rng)]
@@ -121,7 +142,19 @@ def split_objects(objects, split, *, n_splits, n_repeats, seed):
     return folds
 
 
-def learn_features(trials, objects, sensor, seed):
+def trials_of_objects(objects):
+    """Return the ascending indices of the trials of each object, objects in order."""
+    _, rank, counts = np.unique(objects, return_inverse=True, return_counts=True)
+    return np.split(np.argsort(rank, kind="stable"), np.cumsum(counts)[:-1])
+
+
+def cells_of(procedure, sensor):
+    """Return the paper's temporal cells of a sensor's recordings of a procedure."""
+    short = procedure == "fast_slide" and sensor in ("pdc", "tac", "tdc")
+    return (8, 4, 2, 1) if short else (16, 8, 4, 2, 1)
+
+
+def learn_features(trials, objects, procedure, sensor, seed):
     """Learn a sensor's dictionary from some trials of each object; code all trials.
 
     Nobody's ratings are used, and every object takes part, as in the paper.
@@ -132,15 +165,14 @@ def learn_features(trials, objects, sensor, seed):
         The sensor's recordings.
     objects : ndarray of shape (n_trials,)
         The object of each trial.
-    sensor : str
-        Its name, which says how it is coded.
+    procedure, sensor : str
+        Their names, which say how trials are coded and pooled.
     seed : int
 
     Returns
     -------
     features : ndarray of float32 of shape (n_trials, n_features)
-        Codes pooled over space, if the sensor has some, and time. Levels of the
-        temporal pyramid too fine for the shortest trial are left out.
+        Codes pooled over space, if the sensor has some, and time.
     dictionary : ndarray of shape (n_atoms, n_samples)
 
     Examples
@@ -149,21 +181,23 @@ def learn_features(trials, objects, sensor, seed):
     >>> from sklearn_haptic._study_units import learn_features
     >>> corpus = make_haptic_corpus(3, 2, "fast_slide", sensors=["tdc"], random_state=0)
     >>> features, dictionary = learn_features(
-    ...     list(corpus.trials["tdc"]), corpus.objects, "tdc", seed=0
+    ...     list(corpus.trials["tdc"]), corpus.objects, "fast_slide", "tdc", seed=0
     ... )
     >>> features.shape, dictionary.shape
     ((6, 600), (10, 50))
     """
     rng = check_random_state(seed)
     learnt_from = []
-    for each in np.unique(objects):
-        of_object = rng.permutation(np.flatnonzero(objects == each))
+    for of_object in trials_of_objects(objects):
+        of_object = rng.permutation(of_object)
         n_learnt = max(1, round(_SHARE_OF_DICTIONARY * len(of_object)))
         learnt_from.extend(of_object[:n_learnt])
     model = make_haptic_pipeline([sensor], preset="accurate", random_state=seed)
     coder = model["features"].transformers[0][1][0]
     coder.fit([trials[i] for i in sorted(learnt_from)])
-    features = TemporalMaxPool().fit_transform(coder.transform(trials))
+    pool = TemporalMaxPool(cells_of(procedure, sensor))
+    pool.set_output(transform="default")
+    features = pool.fit_transform(coder.transform(trials))
     return features.astype(np.float32, copy=False), coder.components_
 
 
@@ -192,7 +226,8 @@ def rotate_features(features, train):
     (6, 3)
     """
     features = features.astype(np.float64)
-    X = StandardScaler().fit(features[train]).transform(features)
+    scaler = StandardScaler().set_output(transform="default").fit(features[train])
+    X = scaler.transform(features)
     _, length, axes = linalg.svd(X[train], full_matrices=False)
     tolerance = length[0] * max(len(train), X.shape[1]) * np.finfo(float).eps
     return X @ axes[length >= tolerance].T
@@ -221,11 +256,17 @@ def fit_best(candidates, X, counts, parts, scoring):
     Returns
     -------
     best : int
-        Index of the best candidate, the first among equals.
+        Index of the best candidate, the first among equals. NaN is worse than any
+        score.
     score : float
         Its score.
     model : DistributionalOrdinalRegressor
         The candidate, fitted.
+
+    Raises
+    ------
+    ValueError
+        If every score is NaN.
 
     Examples
     --------
@@ -248,8 +289,13 @@ def fit_best(candidates, X, counts, parts, scoring):
         candidate.fit(X[parts.train], counts[parts.train], **held_out)
         scorer = check_scoring(candidate, scoring)
         score = float(scorer(candidate, X[parts.validation], counts[parts.validation]))
-        if best is None or score > best[1]:
+        if not np.isnan(score) and (best is None or score > best[1]):
             best = i, score, candidate
+    if best is None:
+        raise ValueError(
+            f"scoring={scoring!r} gives NaN for every network on the validation "
+            "trials; give one that is defined for them."
+        )
     return best
 
 
@@ -307,11 +353,100 @@ def compute_trials(study, procedure):
         raise ValueError(
             "The corpus has no ratings; give load_phac2 the file as ratings_path."
         )
-    columns = {"trial": corpus.trials.index, "object": corpus.objects}
+    columns = names_of_trials(corpus)
     for adjective, counts in corpus.ratings.items():
-        for k, count in enumerate(counts.T, start=1):
+        check_text(adjective, "The adjective")
+        for k, count in enumerate(np.asarray(counts).T, start=1):
             columns[f"{adjective}_{k}"] = count
     return pd.DataFrame(columns), {}
+
+
+def names_of_trials(corpus):
+    """Return the name and the object of each trial, as whole numbers or text.
+
+    Raises
+    ------
+    ValueError
+        If one is missing or of another type, or a name comes twice.
+    """
+    names = check_ids(corpus.trials.index, "The index of the corpus's trials")
+    name, count = Counter(names.tolist()).most_common(1)[0]
+    if count > 1:
+        raise ValueError(
+            f"The corpus has {count} trials named {name!r} in the index of its trials; "
+            "give each a name of its own."
+        )
+    return {"trial": names, "object": check_ids(corpus.objects, "corpus.objects")}
+
+
+def check_ids(ids, name):
+    """Return ids as an array of whole numbers, or of text, as they are.
+
+    Parameters
+    ----------
+    ids : array-like of shape (n_trials,)
+    name : str
+        What error messages call them.
+
+    Returns
+    -------
+    ids : ndarray of int or object of shape (n_trials,)
+
+    Raises
+    ------
+    ValueError
+        If there are none, some are neither, some are numbers and others text, a
+        number has more than 64 bits, or text has control characters.
+
+    Examples
+    --------
+    >>> from sklearn_haptic._study_units import check_ids
+    >>> check_ids(["007", "7"], "objects")
+    array(['007', '7'], dtype=object)
+    """
+    ids = list(ids)
+    if not ids:
+        raise ValueError(f"{name} is empty; give at least one trial.")
+    kind = str if isinstance(ids[0], str) else Integral
+    for i, each in enumerate(ids):
+        if not isinstance(each, kind) or isinstance(each, bool):
+            raise ValueError(
+                f"{name} has {each!r} in place {i}; give whole numbers for all trials, "
+                "or text for all."
+            )
+        if kind is str:
+            check_text(each, f"{name} has the name")
+    if kind is str:
+        return np.array(ids, dtype=object)
+    numbers = np.array(ids)
+    if numbers.dtype.kind not in "iu":
+        raise ValueError(f"{name} has numbers beyond 64 bits; give them as text.")
+    return numbers
+
+
+def check_models(study, models):
+    """Refuse models that could not be fitted or kept, before anything is computed.
+
+    Parameters
+    ----------
+    study : Study
+    models : list of tuple
+        The units.
+
+    Raises
+    ------
+    ValueError
+        If there are too few objects for the folds, ratings are not counts, or an
+        adjective is no name of a file.
+    """
+    for _, procedure, adjective, fold in models:
+        unit_path(study.folder, ("models", procedure, adjective, fold))
+        if fold == 0:
+            trials, _ = read_unit(study.folder, ("trials", procedure))
+            check_ratings(
+                counts_of(trials, adjective), name=f"corpus.ratings[{adjective!r}]"
+            )
+            study.split_objects(trials["object"].to_numpy(), adjective)
 
 
 def adjectives_of(trials):
@@ -329,14 +464,16 @@ def compute_features(study, procedure, sensor):
     """Return the arrays of `learn_features` for one sensor and procedure."""
     corpus = study.corpus(procedure=procedure, sensors=[sensor])
     trials, _ = read_unit(study.folder, ("trials", procedure))
-    if list(trials["trial"]) != list(map(str, corpus.trials.index)):
-        raise ValueError(
-            f"The corpus gives other trials of {procedure!r} than those of the study "
-            f"in {study.folder}; give the same corpus, or another folder."
-        )
+    for name, ids in names_of_trials(corpus).items():
+        if trials[name].tolist() != ids.tolist():
+            raise ValueError(
+                f"The corpus gives other trials of {procedure!r} than those of the "
+                f"study in {study.folder}; give the same corpus, or another folder."
+            )
     features, dictionary = learn_features(
         list(corpus.trials[sensor]),
-        corpus.objects,
+        trials["object"].to_numpy(),
+        procedure,
         sensor,
         study.seed("features", procedure, sensor),
     )
@@ -415,6 +552,44 @@ def predict_holdouts(study, name, combined, X, counts, parts):
             yield start, sensor, model.predict_proba(X[parts.test])
 
 
+def score_baselines(counts, parts):
+    """Score the distributions that one would predict without touching the objects.
+
+    Parameters
+    ----------
+    counts : ndarray of shape (n_trials, n_levels)
+    parts : Parts
+        Baselines know the ratings of training and validation trials.
+
+    Returns
+    -------
+    baselines : list of dict
+        Of each strategy of `DummyDistribution`: its name, the mean of each score over
+        the test trials, and the probability of each level.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic._study_units import Parts, score_baselines
+    >>> counts = np.array([[3, 1], [1, 3], [1, 3], [0, 4]])
+    >>> parts = Parts(np.array([0, 1]), np.array([2]), np.array([3]))
+    >>> [round(each["proba_2"], 3) for each in score_baselines(counts, parts)]
+    [0.583, 0.75]
+    """
+    known = np.concatenate((parts.train, parts.validation))
+    baselines = []
+    for strategy in ("marginal", "barycentre"):
+        model = DummyDistribution(strategy).fit(known[:, np.newaxis], counts[known])
+        proba = model.predict_proba(parts.test)
+        scores = score_trials(counts[parts.test], proba)
+        baselines.append(
+            {"strategy": strategy}
+            | {name: float(score.mean()) for name, score in scores.items()}
+            | {f"proba_{k + 1}": float(p) for k, p in enumerate(model.proba_)}
+        )
+    return baselines
+
+
 def compute_models(study, procedure, adjective, fold):
     """Return a table of scores, of the combined model and its holdouts, of one fold."""
     name = procedure, adjective, fold
@@ -473,7 +648,8 @@ def compute_models(study, procedure, adjective, fold):
             study, name, combined, X, counts, parts
         )
     ]
-    return pd.concat(tables, ignore_index=True), {"choices": choices}
+    table = pd.concat(tables, ignore_index=True)
+    return table, {"choices": choices, "baselines": score_baselines(counts, parts)}
 
 
 COMPUTE = {

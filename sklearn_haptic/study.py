@@ -32,7 +32,7 @@ from ._study_store import (
     read_unit,
     write_unit,
 )
-from ._study_units import COMPUTE, Study, adjectives_of
+from ._study_units import COMPUTE, NAME_OF_MODELS, Study, adjectives_of, check_models
 from ._threads import one_blas_thread
 from ._typing import Names, Scorer, validate_params
 from .datasets._phac2 import PROCEDURE_STATES, SENSORS, choose
@@ -310,6 +310,7 @@ def run_study(
         for adjective in _choose_adjectives(study, procedure, adjectives)
         for fold in range(study.n_folds)
     ]
+    check_models(study, models)
     report = None
     if verbose:
         report = Progress(study, features + models, effective_n_jobs(n_jobs))
@@ -341,6 +342,11 @@ def read_study(folder: str | PathLike[str]) -> Bunch:
             A row for each network chosen. Columns: ``procedure``, ``adjective`` and
             ``fold``; ``network``, the sensor or "combined"; ``n_hidden`` and ``alpha``,
             what was chosen; and ``score``, that on the validation objects.
+        baselines : DataFrame
+            What a guess that knows no touch would score: two rows for each
+            ``procedure``, ``adjective`` and ``fold``. ``strategy`` is that of a
+            :class:`~sklearn_haptic.DummyDistribution` of all objects not tested. The
+            scores are means over the test trials; ``proba_1``, … is the distribution.
 
         Rows are ordered by procedure, adjective and fold.
 
@@ -357,18 +363,30 @@ def read_study(folder: str | PathLike[str]) -> Bunch:
     """
     folder = Path(folder)
     read_settings(folder)
-    units = read_finished(folder, "models")
+    units = read_finished(folder, "models", NAME_OF_MODELS)
     if not units:
         raise ValueError(f"{folder} has no finished models yet; run_study makes them.")
-    choices = [
-        {**dict(zip(("procedure", "adjective", "fold"), record["unit"][1:])), **choice}
-        for _, record in units
-        for choice in record["choices"]
-    ]
+    records = [record for _, record in units]
     return Bunch(
         scores=pd.concat([table for table, _ in units], ignore_index=True),
-        choices=pd.DataFrame(choices),
+        choices=pd.DataFrame(_rows_of(records, "choices")),
+        baselines=pd.DataFrame(_rows_of(records, "baselines")),
     )
+
+
+def _rows_of(records, name):
+    """Return what the records of models list under a name, each with its unit."""
+    rows = []
+    for record in records:
+        unit = dict(zip(("procedure", "adjective", "fold"), record["unit"][1:]))
+        listed = record.get(name)
+        if not isinstance(listed, list) or not all(isinstance(e, dict) for e in listed):
+            raise ValueError(
+                f"The record of models/{record['file']} has no list of {name}; delete "
+                "that file, and run_study does the unit again."
+            )
+        rows.extend({**unit, **each} for each in listed)
+    return rows
 
 
 def _choose_adjectives(study, procedure, adjectives):

@@ -285,7 +285,7 @@ def folder(tmp_path):
     (tmp_path / "secret.csv").write_text("trial,rps\nsecret,1\n")
     folder = tmp_path / "study"
     open_study(folder, {})
-    write_unit(folder, ("models", "hold", "hard", 0), SCORES, choices=[])
+    write_unit(folder, ("models", "hold", "hard", 0), SCORES, choices=[], baselines=[])
     return folder
 
 
@@ -333,7 +333,8 @@ def test_arrays_of_a_study_are_plain(folder, payload, content):
 def test_text_of_a_study_stays_text(folder, payload):
     code = f"__import__('os').mkdir({str(payload.trace)!r})"
     table = pd.DataFrame({"trial": [code, "=1+1"], code: [code, "{{1}}"]})
-    write_unit(folder, ("models", "hold", "hard", 0), table, choices=[{"!": code}])
+    unit = "models", "hold", "hard", 0
+    write_unit(folder, unit, table, choices=[{"!": code}], baselines=[])
     result = read_study(folder)
     pd.testing.assert_frame_equal(result.scores, table)
     assert result.choices["!"].tolist() == [code]
