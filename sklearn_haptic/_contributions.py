@@ -14,9 +14,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.stats import kruskal, wilcoxon
-from sklearn.base import clone, is_classifier
+from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
-from sklearn.model_selection import GroupKFold, check_cv
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils import _safe_indexing, check_random_state, indexable
@@ -24,6 +23,7 @@ from sklearn.utils._param_validation import Interval
 from sklearn.utils.parallel import Parallel, delayed
 
 from ._distributional import DistributionalOrdinalRegressor
+from ._folds import make_splitter
 from ._fusion import SensorFusionNNPOM
 from ._typing import CrossValidator, RandomState, Trials, validate_params
 from ._validation import check_numbers, check_ratings
@@ -265,9 +265,7 @@ def sensor_contributions(
     X, y, groups = indexable(X, y, groups)
     counts, _ = check_ratings(y, regressor.levels)
     objects = np.arange(len(counts)) if groups is None else np.asarray(groups)
-    if groups is not None and (cv is None or isinstance(cv, Integral)):
-        cv = GroupKFold(cv or 5)
-    splitter = check_cv(cv, y, classifier=is_classifier(regressor))
+    splitter = make_splitter(regressor, y, groups, cv)
     starts = check_random_state(random_state).randint(
         np.iinfo(np.int32).max, size=n_repeats
     )

@@ -1,10 +1,14 @@
-"""What accuracy costs: choosing among the candidates of a search by time and score.
+"""Predictions for objects never touched, and choosing models by what accuracy costs.
 
-A *candidate* is one setting of the parameters that a search tried. Its cost is
-the mean time in seconds to fit and score it on one fold, its score the mean test
-score over the folds, higher being better, and its standard error the standard
-deviation of the folds' scores over the square root of their number. Candidates
-whose score is not finite, such as those whose fit failed, are left out.
+:func:`cross_val_predict_proba` predicts each trial by a model that was fitted without
+it; scikit-learn's function of nearly this name must not be used with counts.
+
+A *candidate* is one setting of the parameters that a search tried. Its cost is the
+seconds that the fitted model takes to predict one trial, all steps included, without
+caches; :func:`neg_seconds_scorer` measures it. Its score is the mean test score over
+the folds, higher being better. The standard error of either is the standard deviation
+over the folds, divided by the square root of their number. Candidates whose score or
+cost is not finite, such as those whose fit failed, are left out.
 
 The sensors of a model are such a choice too: :func:`sensor_subsets` tries them all.
 :func:`sensor_contributions` holds out one after the other where a model combines them.
@@ -12,25 +16,34 @@ The sensors of a model are such a choice too: :func:`sensor_subsets` tries them 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from itertools import combinations, count, takewhile
-from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.stats import rankdata
-from sklearn.base import clone, is_classifier
+from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
 from sklearn.metrics import check_scoring
-from sklearn.model_selection import check_cv
 from sklearn.pipeline import Pipeline
 from sklearn.utils import _safe_indexing, indexable
+from sklearn.utils._set_output import _get_adapter_from_container
 from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_is_fitted
 
 from ._contributions import contribution_summary, sensor_contributions
+from ._cost import (
+    neg_seconds_scorer,
+    predictor,
+    seconds_per_trial,
+    timed,
+    without_caches,
+)
+from ._folds import make_splitter
+from ._out_of_fold import cross_val_predict_proba
 from ._typing import CrossValidator, Scorer, Trials
 
 if TYPE_CHECKING:
@@ -39,24 +52,32 @@ if TYPE_CHECKING:
 __all__ = [
     "cheapest_within_one_se",
     "contribution_summary",
+    "cross_val_predict_proba",
+    "neg_seconds_scorer",
     "sensor_contributions",
     "sensor_subsets",
     "speed_accuracy_frontier",
 ]
 
 
+# Name of what `neg_seconds_scorer` measures, in a search and in `sensor_subsets`.
+_COST = "neg_seconds"
+
+
 class Candidates(NamedTuple):
-    """The candidates of a search that have a finite score, for one metric."""
+    """The candidates of a search that have a finite score and cost, for one metric."""
 
     index: np.ndarray  # type: ignore[assignment]  # position in cv_results_
-    seconds: np.ndarray  # mean time to fit and score, a fold
+    seconds: np.ndarray  # mean cost, lower is better
+    seconds_se: np.ndarray  # its standard error
     score: np.ndarray  # mean test score, higher is better
     score_se: np.ndarray  # its standard error
     metric: str
+    cost: str  # what the seconds are
 
 
 def read_candidates(search, metric=None):
-    """Read time, score and standard error of each candidate of a search.
+    """Read cost, score and standard errors of each candidate of a search.
 
     Parameters
     ----------
@@ -76,6 +97,12 @@ def read_candidates(search, metric=None):
     ValueError
         If the metric is unknown or not given among several, there are fewer than
         two splits, or no score is finite.
+
+    Warns
+    -----
+    UserWarning
+        If the search did not time the use of its candidates. Their cost is then the
+        mean time to fit and score them on one fold, without a standard error.
     """
     if isinstance(search, Mapping):
         results = search
@@ -85,20 +112,15 @@ def read_candidates(search, metric=None):
         if metric is None and search.multimetric_ and isinstance(search.refit, str):
             metric = search.refit
     metric = _check_metric(results, metric)
-    for time in ("mean_fit_time", "mean_score_time"):
-        if time not in results:
-            raise ValueError(
-                f"The search has no {time!r}; give a fitted search or its cv_results_."
-            )
-    columns = (f"split{split}_test_{metric}" for split in count())
-    scores = [results[column] for column in takewhile(results.__contains__, columns)]
-    if len(scores) < 2:
-        raise ValueError(
-            f"The search has the test scores of {len(scores)} split, but a standard "
-            "error requires at least two; choose cv with more splits."
-        )
-    scores = np.column_stack(scores).astype(np.float64, copy=False)
-    usable = np.isfinite(scores).all(axis=1)
+    score, score_se = _mean_and_se(results, metric)
+    is_timed = f"mean_test_{_COST}" in results
+    if is_timed:
+        seconds, seconds_se = _mean_and_se(results, _COST)
+        seconds, cost = -seconds, "time to predict, seconds a trial"
+    else:
+        seconds, seconds_se = _fit_and_score_time(results)
+        cost = "time to fit and score, seconds a fold"
+    usable = np.isfinite(score) & np.isfinite(score_se) & np.isfinite(seconds)
     if "iter" in results:
         usable &= results["iter"] == np.max(results["iter"])
     if not usable.any():
@@ -106,15 +128,43 @@ def read_candidates(search, metric=None):
             f"No candidate has a finite test score for metric={metric!r}; set "
             "error_score='raise' in the search to see why they failed."
         )
+    if not is_timed:
+        warnings.warn(
+            f"The search has no score {_COST!r}, the time that a candidate takes to "
+            "predict; its time to fit and score stands for it, which caches falsify. "
+            f"Add {_COST!r}: neg_seconds_scorer to the scoring of the search.",
+            UserWarning,
+            stacklevel=3,
+        )
     index = np.flatnonzero(usable)
+    columns = (each[index] for each in (seconds, seconds_se, score, score_se))
+    return Candidates(index, *columns, metric, cost)
+
+
+def _mean_and_se(results, metric):
+    """Mean of a score over the splits and its standard error, of each candidate."""
+    columns = (f"split{split}_test_{metric}" for split in count())
+    splits = [results[column] for column in takewhile(results.__contains__, columns)]
+    if len(splits) < 2:
+        raise ValueError(
+            f"The search has the test scores of {len(splits)} split, but a standard "
+            "error requires at least two; choose cv with more splits."
+        )
+    splits = np.column_stack(splits).astype(np.float64, copy=False)
+    with np.errstate(invalid="ignore"):  # scores may be infinite
+        se = splits.std(axis=1, ddof=1) / np.sqrt(splits.shape[1])
+    return np.asarray(results[f"mean_test_{metric}"], dtype=np.float64), se
+
+
+def _fit_and_score_time(results):
+    """Mean seconds to fit and score each candidate on one fold, as if exact."""
+    for time in ("mean_fit_time", "mean_score_time"):
+        if time not in results:
+            raise ValueError(
+                f"The search has no {time!r}; give a fitted search or its cv_results_."
+            )
     seconds = np.add(results["mean_fit_time"], results["mean_score_time"])
-    return Candidates(
-        index=index,
-        seconds=seconds[index],
-        score=np.asarray(results[f"mean_test_{metric}"], dtype=np.float64)[index],
-        score_se=scores[index].std(axis=1, ddof=1) / np.sqrt(scores.shape[1]),
-        metric=metric,
-    )
+    return seconds, np.zeros(len(seconds))
 
 
 def is_non_dominated(cost, score):
@@ -140,7 +190,9 @@ def is_non_dominated(cost, score):
 
 
 def best_and_cheapest(candidates):
-    """Choose by score, and by time within one standard error of the best score.
+    """Choose by score, and by cost within one standard error of the best score.
+
+    Costs within one standard error of the lowest are as low: of these, the best score.
 
     Parameters
     ----------
@@ -152,10 +204,12 @@ def best_and_cheapest(candidates):
     best, cheapest : int
         Positions in the arrays of ``candidates``.
     """
-    _, seconds, score, score_se, _ = candidates
+    _, seconds, seconds_se, score, score_se, *_ = candidates
     best = np.lexsort((seconds, -score))[0]
     near = np.flatnonzero(score >= score[best] - score_se[best])
-    cheapest = near[np.lexsort((-score[near], seconds[near]))[0]]
+    fastest = near[seconds[near].argmin()]
+    near = near[seconds[near] <= seconds[fastest] + seconds_se[fastest]]
+    cheapest = near[np.lexsort((seconds[near], -score[near]))[0]]
     return int(best), int(cheapest)
 
 
@@ -184,10 +238,11 @@ def speed_accuracy_frontier(
     frontier : DataFrame of shape (n_non_dominated, n_parameters + 3)
         A row a candidate, from the fastest to the best, so that the score rises
         with the time. Its index is the candidate's position in ``cv_results_``.
-        Columns: ``param_…``, each parameter; ``seconds``, the mean time to fit and
-        score on one fold, in seconds; ``score``, the mean test score, higher being
-        better; ``score_se``, its standard error. Candidates equal in both time and
-        score are all kept, in the order of the search.
+        Columns: ``param_…``, each parameter; ``seconds``, what the fitted model takes
+        to predict one trial, as :func:`neg_seconds_scorer` measures it, mean over the
+        folds; ``score``, the mean test score, higher being better; ``score_se``, its
+        standard error. Candidates equal in both time and score are all kept, in the
+        order of the search.
 
     Raises
     ------
@@ -195,32 +250,41 @@ def speed_accuracy_frontier(
         If the metric is unknown or not given among several, there are fewer than
         two splits, or no score is finite.
 
+    Warns
+    -----
+    UserWarning
+        If the search has no score "neg_seconds". The seconds are then the mean time
+        to fit and score on one fold. With ``memory=`` in a pipeline that is no cost
+        of a candidate: whichever comes first pays for the steps that all share.
+
     See Also
     --------
+    neg_seconds_scorer : Times the use of each candidate in a search.
     cheapest_within_one_se : Choose one of them.
     sklearn_haptic.plotting.SpeedAccuracyDisplay : Look at them.
 
     Notes
     -----
-    Measured times depend on the machine and its load: search with ``n_jobs=1``
-    where small differences matter. With ``memory=`` in a pipeline, whichever
-    candidate comes first pays for the steps that the others share.
+    Searches by successive halving take one score. Let ``scoring`` be a function of an
+    estimator, X and y that returns a dict with a "score" and "neg_seconds", and
+    ``refit`` any callable.
 
     Examples
     --------
     >>> from sklearn_haptic.model_selection import speed_accuracy_frontier
     >>> cv_results = {
     ...     "params": [{"n_hidden": 0}, {"n_hidden": 10}, {"n_hidden": 30}],
-    ...     "mean_fit_time": [0.5, 2.5, 7.5],
-    ...     "mean_score_time": [0.5, 0.5, 0.5],
-    ...     "split0_test_score": [-0.75, -0.25, -0.5],
-    ...     "split1_test_score": [-0.25, -0.25, -0.5],
-    ...     "mean_test_score": [-0.5, -0.25, -0.5],
+    ...     "split0_test_neg_seconds": [-0.01, -0.03, -0.08],
+    ...     "split1_test_neg_seconds": [-0.01, -0.03, -0.08],
+    ...     "mean_test_neg_seconds": [-0.01, -0.03, -0.08],
+    ...     "split0_test_rps": [-0.75, -0.25, -0.5],
+    ...     "split1_test_rps": [-0.25, -0.25, -0.5],
+    ...     "mean_test_rps": [-0.5, -0.25, -0.5],
     ... }
     >>> speed_accuracy_frontier(cv_results)
        param_n_hidden  seconds  score  score_se
-    0               0      1.0  -0.50      0.25
-    1              10      3.0  -0.25      0.00
+    0               0     0.01  -0.50      0.25
+    1              10     0.03  -0.25      0.00
     """
     candidates = read_candidates(search, metric)
     params = getattr(search, "cv_results_", search)["params"]
@@ -242,22 +306,24 @@ def cheapest_within_one_se(
 
     For ``refit=`` of a search: it then refits the fastest candidate whose mean
     test score is no more than one standard error, that of the best candidate,
-    below the best.
+    below the best. The time is that to predict one trial: search with
+    ``scoring={"rps": neg_rps_scorer, "neg_seconds": neg_seconds_scorer}``.
 
     Parameters
     ----------
     cv_results : dict or fitted search
         The ``cv_results_`` of a search, or the search.
     metric : str, default=None
-        Name of the score in a search with several: pass
+        Name of the score in a search with several beside "neg_seconds": pass
         ``refit=functools.partial(cheapest_within_one_se, metric="rps")``.
 
     Returns
     -------
     index : int
-        Position of the candidate in ``cv_results``. Among candidates equally
-        fast, the better; among those equal in both, the first. Of several best,
-        the standard error of the fastest counts.
+        Position of the candidate in ``cv_results``. Candidates whose time is within
+        one standard error of the fastest's are as fast: of these, the one with the
+        best score; among those equal in score, the faster, then the first. Of several
+        best, the standard error of the fastest counts.
 
     Raises
     ------
@@ -265,8 +331,15 @@ def cheapest_within_one_se(
         If the metric is unknown or not given among several, there are fewer than
         two splits, or no score is finite.
 
+    Warns
+    -----
+    UserWarning
+        If the search has no score "neg_seconds"; the mean time to fit and score on one
+        fold then stands for it, which caches falsify.
+
     See Also
     --------
+    neg_seconds_scorer : Times the use of each candidate in a search.
     speed_accuracy_frontier : All candidates that no other beats in both.
 
     Notes
@@ -277,7 +350,7 @@ def cheapest_within_one_se(
     rule picks slower candidates than it would with the true one.
 
     With a callable ``refit`` a search has no ``best_score_``; see
-    ``cv_results_["mean_test_score"][best_index_]``. Searches by successive halving
+    ``cv_results_["mean_test_rps"][best_index_]``. Searches by successive halving
     ignore what it returns: call this function on them once they are fitted. It
     then chooses from the last iteration.
 
@@ -296,11 +369,14 @@ def cheapest_within_one_se(
     >>> from sklearn.model_selection import GridSearchCV, GroupKFold
     >>> from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
     >>> from sklearn_haptic.metrics import neg_rps_scorer
-    >>> from sklearn_haptic.model_selection import cheapest_within_one_se
+    >>> from sklearn_haptic.model_selection import (
+    ...     cheapest_within_one_se,
+    ...     neg_seconds_scorer,
+    ... )
     >>> search = GridSearchCV(
     ...     DistributionalOrdinalRegressor(NNPOM(random_state=0)),
     ...     {"estimator__n_hidden": [0, 5, 10]},
-    ...     scoring=neg_rps_scorer,
+    ...     scoring={"rps": neg_rps_scorer, "neg_seconds": neg_seconds_scorer},
     ...     cv=GroupKFold(5),
     ...     refit=cheapest_within_one_se,
     ... )
@@ -340,10 +416,11 @@ def sensor_subsets(
     y : array-like of shape (n_trials,) or (n_trials, n_levels)
         Labels, or how many people gave each level.
     groups : array-like of shape (n_trials,), default=None
-        The object of each trial, for splitters that keep the trials of an object
-        together. Splitters alone get it.
+        The object of each trial, for the splitter alone.
     cv : int, splitter or iterable, default=None
-        As in :class:`~sklearn.model_selection.GridSearchCV`; None is five folds.
+        The folds. An int, or None for 5, is a number of folds: of whole objects if
+        ``groups`` are given, else as in
+        :class:`~sklearn.model_selection.GridSearchCV`.
     scoring : str, callable, list, tuple or dict, default=None
         As in :class:`~sklearn.model_selection.GridSearchCV`; None is the model's
         own ``score``.
@@ -356,18 +433,21 @@ def sensor_subsets(
         In the form of ``GridSearchCV.cv_results_``, a candidate a subset, small
         subsets first: ``params``, each ``{"sensors": (name, ...)}``;
         ``param_sensors``; ``split0_test_score`` and so on; mean and standard
-        deviation over folds of the test score, ``rank_test_score``, and mean and
-        standard deviation of the time to fit and to score, in seconds. The time of a
-        subset is the sum of those of its sensors and of the rest of the model.
+        deviation over folds of the test score, ``rank_test_score``; the same of the
+        score "neg_seconds", minus the seconds to predict one trial, as
+        :func:`neg_seconds_scorer` measures it; and mean and standard deviation of the
+        time to fit and to score, in seconds. A time of a subset is the sum of those of
+        its sensors and of the rest of the model.
 
     Raises
     ------
     TypeError
         If ``model`` is no Pipeline that begins with a ColumnTransformer, or the
-        features of a sensor are neither an array nor a pandas DataFrame.
+        features of a sensor are neither an array nor a DataFrame of pandas or polars.
     ValueError
         If nothing follows the ColumnTransformer, its ``remainder`` is not
-        ``"drop"``, or its transformers are all dropped or share a name.
+        ``"drop"``, its transformers are all dropped or share a name, or a trial has
+        no group.
 
     See Also
     --------
@@ -377,9 +457,9 @@ def sensor_subsets(
 
     Notes
     -----
-    A ``memory=`` in the model, or in one of its parts, falsifies the times:
-    whatever was computed before costs nothing. So do other jobs on the machine:
-    where small differences matter use ``n_jobs=1``.
+    A ``memory=`` in the model, or in one of its parts, falsifies the times to fit and
+    to score, but not "neg_seconds", for which caches are off. Other jobs on the machine
+    falsify all times: where small differences matter use ``n_jobs=1``.
 
     Random states that are integers give each subset the features and the model that
     it would have alone. A fit that fails raises its error.
@@ -412,7 +492,7 @@ def sensor_subsets(
     ]
     X, y, groups = indexable(X, y, groups)
     scorer = check_scoring(model, scoring)
-    splitter = check_cv(cv, y, classifier=is_classifier(model))
+    splitter = make_splitter(model, y, groups, cv)
     folds = Parallel(n_jobs=n_jobs)(
         delayed(_score_subsets)(sensors, model[1:], subsets, scorer, X, y, train, test)
         for train, test in splitter.split(X, y, groups)
@@ -424,6 +504,7 @@ def _check_metric(results, metric):
     """Return the name of the score to use, if the results leave no doubt."""
     prefix = "mean_test_"
     known = [key.removeprefix(prefix) for key in results if key.startswith(prefix)]
+    known = [name for name in known if name != _COST]
     if metric is None and len(known) == 1:
         return known[0]
     if metric not in known:
@@ -473,37 +554,33 @@ def _score_subsets(sensors, rest, subsets, scorer, X, y, train, test):
     features = {}
     for name in sensors:
         sensor = clone(sensors[name])
-        Z_train, fit_time = _timed(sensor.fit_transform, X_train, y_train)
-        Z_test, score_time = _timed(sensor.transform, X_test)
-        if not isinstance(Z_train, np.ndarray) and not hasattr(Z_train, "iloc"):
+        Z_train, fit_time = timed(sensor.fit_transform, X_train, y_train)
+        Z_test, score_time = timed(sensor.transform, X_test)
+        if not isinstance(Z_train, np.ndarray) and not hasattr(Z_train, "columns"):
             raise TypeError(
                 f"The features of sensor {name!r} are a {type(Z_train).__name__}, "
                 "which is not supported; let its transformer return a dense array."
             )
-        features[name] = Z_train, Z_test, fit_time, score_time
+        use = seconds_per_trial(without_caches(sensor).transform, X_test)
+        features[name] = Z_train, Z_test, (fit_time, score_time, use)
     outcomes = []
     for subset in subsets:
-        Z_train, Z_test, fit_times, score_times = zip(*map(features.get, subset))
-        fitted, fit_time = _timed(clone(rest).fit, _side_by_side(Z_train), y_train)
-        scores, score_time = _timed(scorer, fitted, _side_by_side(Z_test), y_test)
+        Z_train, Z_test, seconds = zip(*map(features.get, subset))
+        Z_train, Z_test = _side_by_side(Z_train), _side_by_side(Z_test)
+        fitted, fit_time = timed(clone(rest).fit, Z_train, y_train)
+        scores, score_time = timed(scorer, fitted, Z_test, y_test)
+        use = seconds_per_trial(predictor(fitted), Z_test)
+        *seconds, use = np.sum([*seconds, (fit_time, score_time, use)], axis=0)
         scores = scores if isinstance(scores, Mapping) else {"score": scores}
-        seconds = sum(fit_times, fit_time), sum(score_times, score_time)
-        outcomes.append((seconds, scores))
+        outcomes.append((seconds, {**scores, _COST: -use}))
     return outcomes
-
-
-def _timed(function, *args):
-    """Call a function; return its result and the seconds it took."""
-    started = perf_counter()
-    result = function(*args)
-    return result, perf_counter() - started
 
 
 def _side_by_side(parts):
     """Features of several sensors as a ColumnTransformer puts them together."""
     if isinstance(parts[0], np.ndarray):
         return np.hstack(parts)
-    return pd.concat(parts, axis=1)
+    return _get_adapter_from_container(parts[0]).hstack(parts)
 
 
 def _as_cv_results(subsets, folds):

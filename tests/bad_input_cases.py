@@ -4,6 +4,7 @@
 of its own.
 """
 
+import re
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
@@ -1231,6 +1232,9 @@ def table_of_scores(**columns):
 RESULTS = {
     "mean_fit_time": np.ones(2),
     "mean_score_time": np.ones(2),
+    "mean_test_neg_seconds": -np.ones(2),
+    "split0_test_neg_seconds": -np.ones(2),
+    "split1_test_neg_seconds": -np.ones(2),
     "mean_test_score": np.ones(2),
     "split0_test_score": np.ones(2),
     "split1_test_score": np.ones(2),
@@ -1272,7 +1276,8 @@ def of_search(function):
             ValueError,
             "^The search has no 'mean_fit_time'; give a fitted search or its",
             lambda _: call(
-                function, {k: v for k, v in RESULTS.items() if "time" not in k}
+                function,
+                {k: v for k, v in RESULTS.items() if not re.search("time|seconds", k)},
             ),
         ),
         (

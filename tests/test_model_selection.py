@@ -34,6 +34,7 @@ from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
 from sklearn_haptic.model_selection import (
     cheapest_within_one_se,
     is_non_dominated,
+    neg_seconds_scorer,
     sensor_subsets,
     speed_accuracy_frontier,
 )
@@ -42,13 +43,19 @@ from sklearn_haptic.model_selection import (
 def make_results(seconds, splits, metric="score", **more):
     """What a search stores, from the time and the split scores a candidate."""
     splits = np.asarray(splits, dtype=float)
+    seconds = np.broadcast_to(np.transpose([seconds]), splits.shape)
     return {
-        "params": [{"size": i} for i in range(len(seconds))],
-        "mean_fit_time": np.array(seconds, dtype=float) - 0.25,
-        "mean_score_time": np.full(len(seconds), 0.25),
+        "params": [{"size": i} for i in range(len(splits))],
+        **split_results(metric, splits),
+        **split_results("neg_seconds", -seconds.astype(float)),
+        **more,
+    }
+
+
+def split_results(metric, splits):
+    return {
         **{f"split{k}_test_{metric}": column for k, column in enumerate(splits.T)},
         f"mean_test_{metric}": splits.mean(axis=1),
-        **more,
     }
 
 
@@ -200,10 +207,21 @@ def trials():
     return X, counts[objects], objects
 
 
-def make_search(kind=GridSearchCV, scoring=neg_rps_scorer, **options):
+def score_and_time(estimator, X, y):
+    """What searches by successive halving take in place of several scorers."""
+    return {
+        "score": neg_rps_scorer(estimator, X, y),
+        "neg_seconds": neg_seconds_scorer(estimator, X),
+    }
+
+
+TIMED = {"rps": neg_rps_scorer, "neg_seconds": neg_seconds_scorer}
+
+
+def make_search(kind=GridSearchCV, scoring=TIMED, refit="rps", **options):
     model = DistributionalOrdinalRegressor(NNPOM(max_iter=20, tol=1e-2, random_state=0))
     grid = {"estimator__n_hidden": [0, 4], "estimator__alpha": [0.1, 10.0]}
-    return kind(model, grid, scoring=scoring, cv=GroupKFold(3), **options)
+    return kind(model, grid, scoring=scoring, cv=GroupKFold(3), refit=refit, **options)
 
 
 def fit(search, trials):
@@ -216,11 +234,13 @@ def fit(search, trials):
 def test_refit_in_a_grid_search(trials):
     search = fit(clone(make_search(refit=cheapest_within_one_se)), trials)
     results = search.cv_results_
-    score = results["mean_test_score"]
-    seconds = results["mean_fit_time"] + results["mean_score_time"]
-    splits = np.array([results[f"split{k}_test_score"] for k in range(3)])
+    splits = np.array([results[f"split{k}_test_rps"] for k in range(3)])
+    times = -np.array([results[f"split{k}_test_neg_seconds"] for k in range(3)])
+    score, seconds = splits.mean(axis=0), times.mean(axis=0)
     near = score >= score.max() - sem(splits)[score.argmax()]
-    assert search.best_index_ == np.where(near, seconds, np.inf).argmin()
+    fastest = np.where(near, seconds, np.inf).argmin()
+    near &= seconds <= seconds[fastest] + sem(times)[fastest]
+    assert search.best_index_ == np.where(near, score, -np.inf).argmax()
     assert search.best_index_ in speed_accuracy_frontier(search).index
     assert search.predict_proba(trials[0]).shape == (30, 3)
     loaded = pickle.loads(pickle.dumps(search))
@@ -229,7 +249,7 @@ def test_refit_in_a_grid_search(trials):
 
 
 def test_refit_with_several_metrics(trials):
-    scoring = {"rps": neg_rps_scorer, "mae": neg_macro_mae_scorer}
+    scoring = TIMED | {"mae": neg_macro_mae_scorer}
     refit = partial(cheapest_within_one_se, metric="rps")
     search = pickle.loads(
         pickle.dumps(clone(make_search(scoring=scoring, refit=refit)))
@@ -242,7 +262,7 @@ def test_refit_with_several_metrics(trials):
 
 
 def test_metric_is_that_of_refit(trials):
-    scoring = {"rps": neg_rps_scorer, "mae": neg_macro_mae_scorer}
+    scoring = TIMED | {"mae": neg_macro_mae_scorer}
     search = fit(make_search(scoring=scoring, refit="mae"), trials)
     table = speed_accuracy_frontier(search)
     expected = search.cv_results_["mean_test_mae"][table.index]
@@ -260,7 +280,13 @@ def test_randomised_search(trials):
 
 
 def test_halving_search(trials):
-    search = make_search(HalvingGridSearchCV, factor=2, min_resources=15)
+    search = make_search(
+        HalvingGridSearchCV,
+        scoring=score_and_time,
+        refit=cheapest_within_one_se,
+        factor=2,
+        min_resources=15,
+    )
     fit(search, trials)
     last = np.flatnonzero(search.cv_results_["iter"] == search.n_iterations_ - 1)
     table = speed_accuracy_frontier(search)
@@ -308,7 +334,7 @@ def search_subsets(model, X, y, groups=None, **options):
 
 
 def assert_same_scores(results, expected):
-    keys = [key for key in expected if "_test_" in key]
+    keys = [key for key in expected if "_test_" in key and "seconds" not in key]
     assert len(keys) >= 5
     for key in keys:
         np.testing.assert_array_equal(results[key], expected[key], err_msg=key)
@@ -354,7 +380,7 @@ def test_sensor_subsets_equal_a_grid_search_on_recordings():
         {"verbose_feature_names_out": False},
     ],
 )
-@pytest.mark.parametrize("output", ["default", "pandas"])
+@pytest.mark.parametrize("output", ["default", "pandas", "polars"])
 def test_sensor_subsets_equal_a_grid_search(table, options, output):
     X, y, _ = table
     names = []
@@ -365,6 +391,24 @@ def test_sensor_subsets_equal_a_grid_search(table, options, output):
     seen, names[:] = names[:], []
     assert_same_scores(results, search_subsets(model, X, y, cv=3))
     assert {str(columns) for columns in seen} == {str(columns) for columns in names}
+
+
+@pytest.mark.parametrize("n_folds, cv", [(5, None), (3, 3), (4, np.int64(4))])
+def test_sensor_subsets_keep_groups_together(table, n_folds, cv):
+    X, y, groups = table
+    shuffled = np.random.default_rng(0).permutation(groups)
+    model = columns_model([Ridge()])
+    results = sensor_subsets(model, X, y, groups=shuffled, cv=cv)
+    by_group = GroupKFold(n_folds)
+    expected = sensor_subsets(model, X, y, groups=shuffled, cv=by_group)
+    assert_same_scores(results, expected)
+    scores = []
+    for train, test in by_group.split(X, y, shuffled):
+        assert set(shuffled[train]).isdisjoint(shuffled[test])
+        scores.append(
+            clone(model).fit(X.iloc[train], y[train]).score(X.iloc[test], y[test])
+        )
+    np.testing.assert_allclose(results["mean_test_score"][-1], np.mean(scores))
 
 
 def test_sensor_subsets_of_a_classifier_in_stratified_folds(table):
@@ -388,17 +432,19 @@ def test_sensor_subsets_in_parallel(table):
 def test_each_sensor_is_fitted_once_a_fold(table, monkeypatch):
     X, y, _ = table
     ticks, calls = iter(range(10_000)), []
-    monkeypatch.setattr("sklearn_haptic.model_selection.perf_counter", ticks.__next__)
+    monkeypatch.setattr("sklearn_haptic._cost.perf_counter", ticks.__next__)
     note = FunctionTransformer(lambda Z: calls.append(len(Z)) or Z)
     model = columns_model([Ridge()])
     model[0].set_params(pac=note, pdc=note, tac=note)
     results = sensor_subsets(model, X, y, cv=3)
-    assert calls == [24, 12] * 9  # three sensors, three folds
+    # Three sensors, three folds: fitted, transformed, five trials timed twice.
+    assert calls == [24, 12, *[1] * 10] * 9
     # Every step takes one tick.
-    n_steps = [1 + len(subset) for subset in SUBSETS]
+    n_steps = np.array([1 + len(subset) for subset in SUBSETS])
     for step in ("fit", "score"):
         np.testing.assert_array_equal(results[f"mean_{step}_time"], n_steps)
         np.testing.assert_array_equal(results[f"std_{step}_time"], 0)
+    np.testing.assert_array_equal(results["mean_test_neg_seconds"], -n_steps)
 
 
 def test_choosing_among_sensor_subsets(table):

@@ -11,6 +11,7 @@ from sklearn.model_selection import GridSearchCV
 
 from sklearn_haptic.model_selection import (
     cheapest_within_one_se,
+    neg_seconds_scorer,
     speed_accuracy_frontier,
 )
 from sklearn_haptic.plotting import SpeedAccuracyDisplay
@@ -18,8 +19,9 @@ from sklearn_haptic.plotting import SpeedAccuracyDisplay
 # Candidates in no order of time: dominated, frontier, frontier, dominated, best.
 CV_RESULTS = {
     "params": [{"size": size} for size in (3, 1, 2, 5, 4)],
-    "mean_fit_time": np.array([3.5, 0.5, 1.5, 9.5, 7.5]),
-    "mean_score_time": np.full(5, 0.5),
+    "split0_test_neg_seconds": -np.array([4.0, 1.0, 2.0, 9.0, 8.0]),
+    "split1_test_neg_seconds": -np.array([4.0, 1.0, 2.0, 11.0, 8.0]),
+    "mean_test_neg_seconds": -np.array([4.0, 1.0, 2.0, 10.0, 8.0]),
     "split0_test_score": np.array([2.0, 1.0, 4.0, 5.0, 4.0]),
     "split1_test_score": np.array([2.0, 2.0, 4.0, 4.0, 6.0]),
     "mean_test_score": np.array([2.0, 1.5, 4.0, 4.5, 5.0]),
@@ -45,17 +47,26 @@ def test_search_display_draws_what_the_table_holds():
 
 def test_search_display_names_axes_and_marks():
     results = {
-        key.replace("_score", "_rps") if "_test_" in key else key: value
-        for key, value in CV_RESULTS.items()
+        key.replace("_score", "_rps"): value for key, value in CV_RESULTS.items()
     }
     display = SpeedAccuracyDisplay.from_search(results)
     ax = display.ax_
     assert ax.get_xscale() == "log"
-    assert ax.get_xlabel() == "time to fit and score, seconds a fold"
+    assert ax.get_xlabel() == "time to predict, seconds a trial"
     assert ax.get_ylabel() == "mean test score (rps), higher is better"
     labels = {text.get_text() for text in ax.get_legend().get_texts()}
     assert {"frontier", "best", "cheapest within 1 SE"} <= labels
     display.figure_.canvas.draw()
+
+
+def test_search_display_of_a_search_that_timed_no_use():
+    results = {k: v for k, v in CV_RESULTS.items() if "neg_seconds" not in k}
+    results |= {"mean_fit_time": np.arange(1, 6), "mean_score_time": np.full(5, 0.5)}
+    with pytest.warns(UserWarning, match="caches falsify") as caught:
+        display = SpeedAccuracyDisplay.from_search(results)
+    assert caught[0].filename == __file__
+    assert display.ax_.get_xlabel() == "time to fit and score, seconds a fold"
+    np.testing.assert_array_equal(display.seconds, np.arange(1.5, 6))
 
 
 def test_search_display_on_given_axes():
@@ -70,7 +81,8 @@ def test_search_display_on_given_axes():
 def test_search_display_from_a_search():
     rng = np.random.default_rng(3)
     X, y = rng.normal(size=(40, 2)), np.tile([1, 2], 20)
-    scoring = ["accuracy", "neg_log_loss"]
+    scoring = {name: name for name in ("accuracy", "neg_log_loss")}
+    scoring["neg_seconds"] = neg_seconds_scorer
     search = GridSearchCV(
         LogisticRegression(), {"C": [0.01, 1, 100]}, scoring=scoring, refit="accuracy"
     ).fit(X, y)

@@ -638,8 +638,9 @@ def test_methods_change_no_global_state(name):
 
 SEARCH = {
     "params": [{"size": 1}, {"size": 2}],
-    "mean_fit_time": np.array([1.0, 2.0]),
-    "mean_score_time": np.array([0.1, 0.1]),
+    "split0_test_neg_seconds": np.array([-1.0, -2.0]),
+    "split1_test_neg_seconds": np.array([-1.0, -2.0]),
+    "mean_test_neg_seconds": np.array([-1.0, -2.0]),
     "split0_test_score": np.array([1.0, 2.0]),
     "split1_test_score": np.array([2.0, 2.5]),
     "mean_test_score": np.array([1.5, 2.25]),
@@ -689,6 +690,8 @@ def calls_of_functions(folder):
         model_selection.speed_accuracy_frontier: (SEARCH,),
         model_selection.cheapest_within_one_se: (SEARCH,),
         model_selection.contribution_summary: (scores,),
+        model_selection.cross_val_predict_proba: (model, NAMED, COUNTS),
+        model_selection.neg_seconds_scorer: (model, NAMED),
         plotting.RatingsDisplay.from_counts: (COUNTS,),
         plotting.InterraterAgreementDisplay.from_counts: (COUNTS,),
         plotting.AdjectiveCorrelationDisplay.from_ratings: (

@@ -19,14 +19,15 @@ if TYPE_CHECKING:
 class SpeedAccuracyDisplay:
     """Time and score of every candidate of a search, and the frontier of the two.
 
-    Use :meth:`from_search` to create a display. The frontier is the best score to
-    be had in at most so much time. The dotted line is one standard error below the
-    best score.
+    Use :meth:`from_search` to create a display. The time is that to predict one trial,
+    as :func:`~sklearn_haptic.model_selection.neg_seconds_scorer` measures it. The
+    frontier is the best score to be had in at most so much time. The dotted line is one
+    standard error below the best score.
 
     Parameters
     ----------
     seconds : ndarray of shape (n_candidates,)
-        Mean time to fit and score each candidate on one fold, in seconds.
+        Cost of each candidate.
     score : ndarray of shape (n_candidates,)
         Mean test score, higher is better.
     score_se : ndarray of shape (n_candidates,)
@@ -39,6 +40,8 @@ class SpeedAccuracyDisplay:
         Which is the fastest within one standard error of the best.
     metric : str, default="score"
         Name of the score.
+    cost : str, default="time to predict, seconds a trial"
+        What the seconds are.
 
     Attributes
     ----------
@@ -62,8 +65,9 @@ class SpeedAccuracyDisplay:
     --------
     >>> from sklearn_haptic.plotting import SpeedAccuracyDisplay
     >>> cv_results = {
-    ...     "mean_fit_time": [0.5, 2.5, 7.5],
-    ...     "mean_score_time": [0.5, 0.5, 0.5],
+    ...     "split0_test_neg_seconds": [-0.01, -0.03, -0.08],
+    ...     "split1_test_neg_seconds": [-0.01, -0.03, -0.08],
+    ...     "mean_test_neg_seconds": [-0.01, -0.03, -0.08],
     ...     "split0_test_rps": [-0.75, -0.25, -0.5],
     ...     "split1_test_rps": [-0.25, -0.25, -0.5],
     ...     "mean_test_rps": [-0.5, -0.25, -0.5],
@@ -83,6 +87,7 @@ class SpeedAccuracyDisplay:
         best: int,
         cheapest: int,
         metric: str = "score",
+        cost: str = "time to predict, seconds a trial",
     ) -> None:
         self.seconds = seconds
         self.score = score
@@ -91,6 +96,7 @@ class SpeedAccuracyDisplay:
         self.best = best
         self.cheapest = cheapest
         self.metric = metric
+        self.cost = cost
 
     @classmethod
     def from_search(
@@ -125,6 +131,12 @@ class SpeedAccuracyDisplay:
             than two splits, or no score is finite.
         ImportError
             If matplotlib is not installed.
+
+        Warns
+        -----
+        UserWarning
+            If the search has no score "neg_seconds"; the mean time to fit and score on
+            one fold then stands for it, which caches falsify.
         """
         candidates = read_candidates(search, metric)
         best, cheapest = best_and_cheapest(candidates)
@@ -136,6 +148,7 @@ class SpeedAccuracyDisplay:
             best=best,
             cheapest=cheapest,
             metric=candidates.metric,
+            cost=candidates.cost,
         ).plot(ax)
 
     def plot(self, ax: Axes | None = None) -> Self:
@@ -217,7 +230,7 @@ class SpeedAccuracyDisplay:
         metric = "score" if self.metric == "score" else f"score ({self.metric})"
         ax.set(
             xscale="log",
-            xlabel="time to fit and score, seconds a fold",
+            xlabel=self.cost,
             ylabel=f"mean test {metric}, higher is better",
         )
         ticks = (1, 2, 5) if seconds.max() < 1000 * seconds.min() else (1,)

@@ -1,0 +1,229 @@
+"""Predictions of each trial by a model that was fitted without it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from numbers import Integral
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from sklearn import get_config
+from sklearn.base import BaseEstimator, clone
+from sklearn.utils import _safe_indexing, indexable
+from sklearn.utils._param_validation import HasMethods, StrOptions
+from sklearn.utils.metadata_routing import (
+    MetadataRouter,
+    MethodMapping,
+    process_routing,
+)
+from sklearn.utils.parallel import Parallel, delayed
+from sklearn.utils.validation import _check_method_params, _num_samples
+
+from ._distributional import _cdf
+from ._folds import make_splitter
+from ._typing import CrossValidator, Trials, validate_params
+from ._validation import check_ratings
+
+
+@validate_params(
+    {
+        "estimator": [HasMethods(["fit", "predict"])],
+        "y": ["array-like"],
+        "groups": ["array-like", None],
+        "cv": ["cv_object"],
+        "method": [StrOptions({"predict_proba", "predict_cdf", "predict"})],
+        "n_jobs": [Integral, None],
+        "params": [dict, None],
+    },
+    prefer_skip_nested_validation=False,
+)
+def cross_val_predict_proba(
+    estimator: BaseEstimator,
+    X: Trials,
+    y: ArrayLike,
+    *,
+    groups: ArrayLike | None = None,
+    cv: CrossValidator = None,
+    method: Literal["predict_proba", "predict_cdf", "predict"] = "predict_proba",
+    n_jobs: int | None = None,
+    params: Mapping[str, Any] | None = None,
+) -> np.ndarray:
+    """Predict each trial by a model that was fitted without it.
+
+    For each fold a clone of the estimator is fitted on the training trials, with their
+    ratings as they are, and predicts the test trials. Do not use
+    :func:`~sklearn.model_selection.cross_val_predict` with counts: for
+    ``method="predict_proba"`` it replaces the values of each column of a
+    two-dimensional ``y`` by their ranks before it fits, so that the model learns other
+    distributions than those that people gave.
+
+    Parameters
+    ----------
+    estimator : estimator object
+        What is fitted and predicts, such as a Pipeline or a search.
+    X : DataFrame, array-like or collection of trials
+        The trials, in any form that the estimator takes.
+    y : array-like of shape (n_trials,), (n_trials, n_levels) or \
+            (n_trials, n_attributes, n_levels)
+        Labels, how many people gave each level, or such counts of several attributes.
+    groups : array-like of shape (n_trials,), default=None
+        The object of each trial, for the splitter.
+    cv : int, splitter or iterable of (train, test), default=None
+        The folds, which test each trial once. An int, or None for 5, is a number of
+        folds: of whole objects if ``groups`` are given, else as in
+        :class:`~sklearn.model_selection.GridSearchCV`.
+    method : {"predict_proba", "predict_cdf", "predict"}, default="predict_proba"
+        What is predicted: the probability of each level, that of each level or below,
+        or what the estimator's ``predict`` returns. For quantiles give the
+        probabilities to :func:`~sklearn_haptic.ratings.inverse_cdf`.
+    n_jobs : int, default=None
+        Number of jobs, each of which fits and predicts one fold.
+    params : dict, default=None
+        Passed to the estimator's ``fit``, such as ``{"groups": objects}`` for early
+        stopping on whole objects; of values that are as long as ``X``, those of the
+        training trials. With metadata routing enabled, ``params`` and ``groups`` go to
+        whichever of the splitter and ``fit`` requests them.
+
+    Returns
+    -------
+    predicted : ndarray of shape (n_trials, n_levels) or (n_trials,)
+        Rows in the order of ``X``. If several attributes were learnt, they are a
+        further axis behind that of the trials. Columns are the levels of all trials:
+        where the training trials of a fold lack a label, its probability is 0 in that
+        fold, as that of a column of counts without any count is.
+
+    Raises
+    ------
+    ValueError
+        If the folds do not test each trial exactly once or train on a trial that they
+        test, a trial has no group, or the estimator predicts one array for each column
+        of the counts.
+
+    See Also
+    --------
+    sklearn_haptic.metrics : Scores of predicted distributions.
+
+    Notes
+    -----
+    Progress is shown by the callbacks of the estimator, fold by fold, and by joblib:
+    ``with joblib.parallel_config(verbose=10)``.
+
+    Examples
+    --------
+    Three objects, touched twice each and rated by four people.
+
+    >>> import numpy as np
+    >>> from sklearn_haptic import DummyDistribution
+    >>> from sklearn_haptic.model_selection import cross_val_predict_proba
+    >>> X = np.zeros((6, 1))
+    >>> counts = np.repeat([[4, 0, 0], [0, 4, 0], [0, 2, 2]], 2, axis=0)
+    >>> objects = ["foam", "foam", "cork", "cork", "tile", "tile"]
+    >>> cross_val_predict_proba(
+    ...     DummyDistribution(), X, counts, groups=objects, cv=3
+    ... )
+    array([[0.  , 0.75, 0.25],
+           [0.  , 0.75, 0.25],
+           [0.5 , 0.25, 0.25],
+           [0.5 , 0.25, 0.25],
+           [0.5 , 0.5 , 0.  ],
+           [0.5 , 0.5 , 0.  ]])
+    """
+    params = {} if params is None else params
+    groups = params.get("groups") if groups is None else groups
+    X, y, groups = indexable(X, y, groups)
+    splitter = make_splitter(estimator, y, groups, cv)
+    for_split, for_fit = _route(estimator, splitter, groups, params)
+    folds = _check_folds(splitter.split(X, y, **for_split), _num_samples(X))
+    outcomes = Parallel(n_jobs=n_jobs)(
+        delayed(_predict_fold)(clone(estimator), X, y, *fold, for_fit, method)
+        for fold in folds
+    )
+    predicted, classes = zip(*outcomes)
+    if method != "predict":
+        levels = _levels_of_all(y, classes)
+        predicted = [_at_levels(levels, *outcome) for outcome in outcomes]
+    order = np.argsort(np.concatenate([test for _, test in folds]))
+    result = np.concatenate(predicted)[order]
+    return _cdf(result) if method == "predict_cdf" else result
+
+
+def _route(estimator, splitter, groups, params):
+    """Return what the splitter's ``split`` and the estimator's ``fit`` are given."""
+    if not get_config()["enable_metadata_routing"]:
+        return {"groups": groups}, params
+    if groups is not None:
+        params = {**params, "groups": groups}
+    router = MetadataRouter(owner="cross_val_predict_proba")
+    for name, each, callee in [
+        ("splitter", splitter, "split"),
+        ("estimator", estimator, "fit"),
+    ]:
+        mapping = MethodMapping().add(caller="fit", callee=callee)
+        router.add(method_mapping=mapping, **{name: each})
+    routed = process_routing(router, "fit", **params)
+    return routed.splitter.split, routed.estimator.fit
+
+
+def _check_folds(folds, n_trials):
+    """Return the folds as indices, if they test each trial once and train on others."""
+    trials = np.arange(n_trials)
+    folds = [(trials[train], trials[test]) for train, test in folds]
+    n_tests = np.zeros(n_trials, dtype=int)
+    for train, test in folds:
+        np.add.at(n_tests, test, 1)
+        both = np.isin(test, train)
+        if both.any():
+            raise ValueError(
+                f"cv trains on trial {test[both.argmax()]} in the fold that tests it; "
+                "leave the test trials out of the training trials."
+            )
+    wrong = n_tests != 1
+    if wrong.any():
+        trial = wrong.argmax()
+        raise ValueError(
+            f"cv tests trial {trial} {n_tests[trial]} times; choose a splitter that "
+            "tests each trial exactly once, such as GroupKFold, KFold or "
+            "LeaveOneGroupOut."
+        )
+    return folds
+
+
+def _predict_fold(model, X, y, train, test, params, method):
+    """Fit on the training trials; return what is predicted and, if any, the levels."""
+    params = _check_method_params(X, params, indices=train)
+    model.fit(_safe_indexing(X, train), _safe_indexing(y, train), **params)
+    X_test = _safe_indexing(X, test)
+    if method == "predict":
+        return model.predict(X_test), None
+    proba = model.predict_proba(X_test)
+    if isinstance(proba, list):
+        raise ValueError(
+            f"{type(model).__name__} took each column of y for labels of its own, and "
+            "predicts a list of arrays; give it to a DistributionalOrdinalRegressor as "
+            "estimator, which takes counts."
+        )
+    return proba, model.classes_
+
+
+def _levels_of_all(y, classes):
+    """Return the ordered levels of all trials, from those that the folds found."""
+    levels = max(classes, key=len)
+    if np.ndim(y) == 1 and not np.isin(y, levels).all():
+        levels = check_ratings(y)[1]
+    return levels
+
+
+def _at_levels(levels, proba, classes):
+    """Give levels that the training trials of a fold lack the probability 0."""
+    found = np.isin(levels, classes)
+    if not np.array_equal(levels[found], classes):
+        raise ValueError(
+            f"The folds have different levels, {list(classes)} and {list(levels)}; "
+            "give the estimator all levels, lowest first."
+        )
+    if found.all():
+        return proba
+    full = np.zeros((*proba.shape[:-1], len(levels)), dtype=proba.dtype)
+    full[..., found] = proba
+    return full
