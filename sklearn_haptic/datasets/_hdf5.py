@@ -1,12 +1,24 @@
 """Reading HDF5 files with care: nothing outside the file, nothing but plain data.
 
 An HDF5 file can point at other files (external links, external storage, virtual
-datasets) and hold types that stand for objects. Neither has a place in a corpus of
-recordings, so both are refused, and every failure says where it happened.
+datasets), hold types that stand for objects, and declare far more values than it has
+bytes. None of this has a place in a corpus of recordings, so all is refused before
+anything is read, and every failure says where it happened.
 """
 
+import math
+import os
+import zlib
 from contextlib import contextmanager
 from pathlib import Path
+
+# A byte of a file may stand for so many bytes of values: recordings stored as int64 and
+# compressed by gzip take a thirteenth, temperature alone a seventieth. What compresses
+# better is read too, as long as it is small.
+_LARGEST_RATIO = 100
+SMALL = 2**28
+# No stream of deflate stands for more.
+_LARGEST_DEFLATE_RATIO = 1032
 
 
 @contextmanager
@@ -20,7 +32,7 @@ def open_hdf5(path):
     FileNotFoundError
         If there is no file.
     OSError
-        If the file is not HDF5, is cut short or is damaged.
+        If the file is not HDF5, is cut short, is damaged or is being written.
     """
     try:
         import h5py
@@ -39,9 +51,12 @@ def open_hdf5(path):
     try:
         file = h5py.File(path, "r")
     except OSError as error:
-        raise _damaged(path, error) from error
+        raise _unreadable(path, error) from error
     with file:
-        yield file
+        try:
+            yield file
+        except MemoryError as error:
+            raise _unreadable(path, error) from error
 
 
 def names_in(group):
@@ -54,9 +69,24 @@ def names_in(group):
 
 
 def read_attribute(node, name):
-    """Return an attribute of a group or dataset, None if it has none of the name."""
+    """Return a scalar attribute of a group or dataset, None if it has none of the name.
+
+    Raises
+    ------
+    ValueError
+        If the attribute is an array.
+    """
     with _reading(node):
-        return node.attrs.get(name)
+        if name not in node.attrs:
+            return None
+        shape = node.attrs.get_id(name).shape
+    if shape != ():
+        raise ValueError(
+            f"The attribute {name} of {place_of(node)} has shape {shape}; it must hold "
+            "one value."
+        )
+    with _reading(node):
+        return node.attrs[name]
 
 
 def get_node(group, path):
@@ -72,18 +102,18 @@ def get_node(group, path):
     node = group
     for name in path.split("/"):
         if not isinstance(node, Group):
-            raise ValueError(f"{_place(node)} is not a group, so it has no {name!r}.")
+            raise ValueError(f"{place_of(node)} is not a group, so it has no {name!r}.")
         with _reading(node, name):
             exists = node.id.links.exists(name.encode())
             link = node.id.links.get_info(name.encode()).type if exists else None
         if not exists:
             raise ValueError(
-                f"{_place(node)} has no {name!r}; it has {names_in(node)}."
+                f"{place_of(node)} has no {name!r}; it has {names_in(node)}."
             )
         if link != h5l.TYPE_HARD:
             raise ValueError(
-                f"{name!r} in {_place(node)} is a soft or external link, which is not "
-                "followed; copy what it points at into the file."
+                f"{name!r} in {place_of(node)} is a soft or external link, which is "
+                "not followed; copy what it points at into the file."
             )
         with _reading(node, name):
             node = node[name]
@@ -95,7 +125,7 @@ def dtype_of(node):
     from h5py import Dataset
 
     if not isinstance(node, Dataset):
-        raise ValueError(f"{_place(node)} is not a dataset.")
+        raise ValueError(f"{place_of(node)} is not a dataset.")
     with _reading(node):
         return node.dtype
 
@@ -114,26 +144,93 @@ def check_stored(node, dtype_kinds):
     ------
     ValueError
         If it is no dataset, or its values are in another file or of another kind.
+    OSError
+        If the file does not store as many values as it declares.
     """
     from h5py import h5d
 
     dtype = dtype_of(node)
     if dtype.kind not in dtype_kinds:
         wanted = {"S": "byte strings", "O": "references"}.get(dtype_kinds, "numbers")
-        raise ValueError(f"{_place(node)} has dtype {dtype}; it must hold {wanted}.")
+        raise ValueError(f"{place_of(node)} has dtype {dtype}; it must hold {wanted}.")
     with _reading(node):
         creation = node.id.get_create_plist()
+        stored, size = node.id.get_storage_size(), node.id.get_type().get_size()
+        n_chunks = node.id.get_num_chunks() if node.chunks else None
     if creation.get_layout() == h5d.VIRTUAL or creation.get_external_count():
         raise ValueError(
-            f"{_place(node)} keeps its values in another file, which is not read; "
+            f"{place_of(node)} keeps its values in another file, which is not read; "
             "copy them into this one."
+        )
+    shape = node.shape or ()
+    if n_chunks is None:
+        is_whole = stored >= math.prod(shape) * size
+    else:
+        is_whole = n_chunks >= math.prod(-(-n // m) for n, m in zip(shape, node.chunks))
+    if not is_whole:
+        raise OSError(
+            f"{place_of(node)} declares shape {shape}, but the file does not hold as "
+            "many values: it was not written to its end, or is damaged. Write them, or "
+            "download the file again."
+        )
+
+
+def largest_expansion(path, small=SMALL):
+    """Return the most bytes of values that are read from a file."""
+    return max(small, _LARGEST_RATIO * os.path.getsize(path))
+
+
+def check_expansion(node, n_bytes, small=SMALL):
+    """Refuse to read far more bytes than the file of a node can stand for.
+
+    Raises
+    ------
+    OSError
+        If they are more than `largest_expansion` of the file.
+    """
+    path = node.file.filename
+    if n_bytes > largest_expansion(path, small):
+        raise OSError(
+            f"{place_of(node)} cannot be read: {n_bytes / 2**20:.0f} MiB of values "
+            f"would come of a file of {os.path.getsize(path)} bytes. If they are what "
+            "was recorded, store them without compression."
         )
 
 
 def read_rows(dataset, rows=slice(None)):
-    """Return some rows of a dataset as an array."""
+    """Return some rows of a dataset as an array, whose size is checked before."""
+    n_rows = len(range(*rows.indices(dataset.shape[0])))
+    with _reading(dataset):
+        size = dataset.id.get_type().get_size()
+    check_expansion(dataset, n_rows * math.prod(dataset.shape[1:]) * size)
+    if dataset.chunks:
+        _check_chunks(dataset, math.prod(dataset.chunks) * size)
     with _reading(dataset):
         return dataset[rows]
+
+
+def _check_chunks(dataset, size):
+    """Refuse chunks that hold more than their ``size``: HDF5 makes room for it all."""
+    check_expansion(dataset, size)
+    safe = largest_expansion(dataset.file.filename) // _LARGEST_DEFLATE_RATIO
+    suspects = []
+    with _reading(dataset):
+        if dataset.id.get_storage_size() > safe:
+            dataset.id.chunk_iter(suspects.append)
+        for chunk in suspects:
+            if chunk.size > safe:
+                _, data = dataset.id.read_direct_chunk(chunk.chunk_offset)
+                checksums = 64  # room for them
+                if len(_inflate(data, size + checksums)) > size + checksums:
+                    raise ValueError("a chunk holds more than its values")
+
+
+def _inflate(data, limit):
+    """Decompress until there is more than a limit; what is no stream is empty."""
+    try:
+        return zlib.decompressobj().decompress(data, limit + 1)
+    except zlib.error:
+        return b""
 
 
 def read_references(dataset):
@@ -142,12 +239,12 @@ def read_references(dataset):
 
     check_stored(dataset, "O")
     if h5py.check_ref_dtype(dataset.dtype) is not h5py.Reference:
-        raise ValueError(f"{_place(dataset)} must hold references.")
+        raise ValueError(f"{place_of(dataset)} must hold references.")
     with _reading(dataset):
         return [dataset.file[reference] for reference in dataset[:].flat]
 
 
-def _place(node):
+def place_of(node):
     return f"{node.name} of {node.file.filename}"
 
 
@@ -156,12 +253,21 @@ def _reading(node, child=None):
     try:
         yield
     except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
-        place = _place(node) if child is None else f"{child!r} in {_place(node)}"
-        raise _damaged(place, error) from error
+        place = place_of(node) if child is None else f"{child!r} in {place_of(node)}"
+        raise _unreadable(place, error) from error
 
 
-def _damaged(place, error):
-    return OSError(
-        f"{place} cannot be read: the file is cut short or damaged ({error}); "
-        "download it again."
-    )
+def _unreadable(place, error):
+    """Return the error that says why something cannot be read, and the mend."""
+    if isinstance(error, MemoryError):
+        reason = "it takes more memory than there is; ask for fewer trials or sensors."
+    elif isinstance(error, BlockingIOError) or "open for write" in str(error):
+        reason = (
+            "another process has the file open for writing; wait until it has closed "
+            "it. If there is none, one was stopped: mend the file by `h5clear -s`."
+        )
+    elif getattr(error, "errno", None):
+        return OSError(error.errno, f"{place} cannot be read: {error}")
+    else:
+        reason = f"the file is cut short or damaged ({error}); download it again."
+    return OSError(f"{place} cannot be read: {reason}")

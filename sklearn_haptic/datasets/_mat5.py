@@ -1,7 +1,8 @@
-"""The structure of MATLAB files of version 5, checked before SciPy reads them.
+"""MATLAB files of versions 5 to 7, read without believing what their tags say.
 
-SciPy's reader believes the tags of a file, and one that is damaged can make it end
-the process. Here every tag is compared with what holds it and what it holds.
+Every size in a file is compared with what holds it, and a variable that is not asked
+for is not decompressed. SciPy's reader does neither: a file that is damaged can make it
+end the process, and a small one can make it fill the memory.
 
 References
 ----------
@@ -11,55 +12,88 @@ References
 import math
 import struct
 import zlib
+from collections.abc import Callable
+from functools import partial
+from itertools import islice
+from typing import Any, NamedTuple
+
+import numpy as np
 
 _HEADER_SIZE = 128
+_HEAD_SIZE = 4096  # of a variable: more than its class, dimensions and name take
 _INT8, _INT32, _UINT32, _MATRIX, _COMPRESSED = 1, 5, 6, 14, 15
-# Bytes of a value of each type that is a number, and of each that is text.
-_NUMBERS = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
-_TEXT = {16: 1, 17: 2, 18: 4}
-_CELL, _STRUCT, _OBJECT, _CHAR, _SPARSE = 1, 2, 3, 4, 5
-_NUMERIC_CLASSES = range(6, 16)
-_FUNCTION, _OPAQUE = 16, 17
+_NUMBERS = {
+    **{1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4"},
+    **{6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"},
+}
+_TEXT = {1: "utf-8", 2: "utf-8", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
+_CLASSES = {
+    **{1: "cell", 2: "struct", 3: "object", 4: "char", 5: "sparse", 6: "double"},
+    **{7: "single", 8: "int8", 9: "uint8", 10: "int16", 11: "uint16", 12: "int32"},
+    **{13: "uint32", 14: "int64", 15: "uint64", 16: "function_handle", 17: "opaque"},
+}
+NUMERIC_CLASSES = tuple(_CLASSES[i] for i in range(6, 16))
 
 
-def check_mat5(data):
-    """Make sure that a file of version 5 is what its tags say.
+class Variable(NamedTuple):
+    """A variable, or a field of a struct, of a MATLAB file."""
+
+    name: str
+    matlab_class: str
+    """Of MATLAB; "complex double" and the like are classes of their own."""
+    shape: tuple[int, ...]
+    read: Callable[[], Any]
+    """Return numbers as an array, texts as a list, of anything else None."""
+
+
+def list_mat5(data, limit):
+    """Yield the variables of a file, each field of a struct as one.
 
     Parameters
     ----------
     data : bytes
-        The whole file. Older versions are left to SciPy, which reads them safely.
+        The whole file.
+    limit : int
+        The most bytes to which a variable may be decompressed.
+
+    Yields
+    ------
+    variable : Variable
+        Numbers and text are decompressed when they are read, a struct at once.
 
     Raises
     ------
     ValueError, struct.error, zlib.error
         If a tag has an unknown type, or a size or number that does not fit.
+    MemoryError
+        If a struct would exceed the limit.
 
     Examples
     --------
     >>> import io
     >>> from scipy.io import savemat
-    >>> from sklearn_haptic.datasets._mat5 import check_mat5
+    >>> from sklearn_haptic.datasets._mat5 import list_mat5
     >>> file = io.BytesIO()
     >>> savemat(file, {"ratings": [[1, 2], [3, 4]]})
-    >>> check_mat5(file.getvalue())
-    >>> check_mat5(file.getvalue()[:-8])
-    Traceback (most recent call last):
-        ...
-    ValueError: element of type 14 is cut short
+    >>> [variable] = list_mat5(file.getvalue(), 1000)
+    >>> variable.name, variable.matlab_class, variable.shape
+    ('ratings', 'int64', (2, 2))
+    >>> variable.read().tolist()
+    [[1, 2], [3, 4]]
     """
-    if 0 in data[:4]:  # version 4, which has no header
-        return
+    _require(0 not in data[:4], "it is of version 4, which has no third axis")
     order = {b"IM": "<", b"MI": ">"}.get(data[126:_HEADER_SIZE])
-    if order is None:
-        raise ValueError("it has no header")
-    for kind, content in _elements(
-        memoryview(data)[_HEADER_SIZE:], order, padded=False
-    ):
+    _require(order is not None, "it has no header")
+    elements = _elements(memoryview(data)[_HEADER_SIZE:], order, padded=False)
+    for kind, content in elements:
         if kind == _COMPRESSED:
-            [(kind, content)] = _elements(memoryview(zlib.decompress(content)), order)
+            head = zlib.decompressobj().decompress(content, _HEAD_SIZE)
+            kind, size = struct.unpack_from(f"{order}II", head)
+            head, load = head[8:], partial(_inflate, content, size, limit)
+        else:
+            head, load = content, partial(memoryview, content)
         _require(kind == _MATRIX, f"variable of type {kind}")
-        _check_matrix(content, order)
+        yield from _list_matrix(head, load, order)
 
 
 def _elements(data, order, *, padded=True):
@@ -79,61 +113,137 @@ def _elements(data, order, *, padded=True):
         start = end + -end % 8 if padded else end
 
 
-def _check_matrix(data, order):
-    """Check an array: flags, then for most classes dimensions and name, then values."""
-    if len(data) == 0:
-        return
-    (kind, flags), *parts = _elements(data, order)
-    _require(kind == _UINT32 and len(flags) == 8, "array without flags")
-    flags = struct.unpack_from(f"{order}I", flags)[0]
-    matlab_class, is_complex = flags & 0xFF, bool(flags & 0x800)
-    if matlab_class == _OPAQUE:
-        _check_types(parts, [*[_INT8] * 3, _MATRIX])
-        _check_matrix(parts[-1][1], order)
-        return
-    (dims_kind, dims), (name_kind, _), *parts = parts
-    _require(dims_kind in (_INT32, _UINT32) and len(dims) % 4 == 0, "no dimensions")
-    dims = struct.unpack(f"{order}{len(dims) // 4}i", dims)
-    _require(2 <= len(dims) <= 32 and min(dims) >= 0, f"array of dimensions {dims}")
-    _require(name_kind in (_INT8, *_TEXT), "no name")
-    size = math.prod(dims)
-    if matlab_class in _NUMERIC_CLASSES:
-        _require(len(parts) == 1 + is_complex, "array without values")
-        for kind, content in parts:
-            _require(kind in _NUMBERS, f"values of type {kind}")
-            _require(len(content) == size * _NUMBERS[kind], "values of another number")
-    elif matlab_class == _CHAR:
-        [(kind, content)] = parts
-        _require(kind in _NUMBERS | _TEXT, f"text of type {kind}")
-        width = (_NUMBERS | _TEXT)[kind]
-        # A single blank may be left out.
-        _require(size <= max(len(content) // width, 1), "text cut short")
-    elif matlab_class == _SPARSE:
-        _require(len(parts) == 3 + is_complex, "sparse array without values")
-        _require(
-            all(kind in _NUMBERS for kind, _ in parts), "sparse array of no numbers"
-        )
-    elif matlab_class in (_CELL, _STRUCT, _OBJECT, _FUNCTION):
-        if matlab_class == _OBJECT:
-            _check_types(parts[:1], [_INT8])
-            parts = parts[1:]
-        if matlab_class in (_STRUCT, _OBJECT):
-            _check_types(parts[:2], [_INT32, _INT8])
-            (_, width), (_, names), *parts = parts
-            size *= len(names) // struct.unpack(f"{order}I", width)[0]
-        if matlab_class == _FUNCTION:
-            size = 1
-        _check_types(parts, [_MATRIX] * len(parts))
-        _require(len(parts) == size, "cells of another number")
-        for _, content in parts:
-            _check_matrix(content, order)
+def _inflate(content, size, limit):
+    """Return the content of the one element that a compressed element holds."""
+    if size > limit:
+        raise MemoryError(f"{size} bytes of values would come of {len(content)}")
+    padding = 7
+    stream = zlib.decompressobj()
+    data = stream.decompress(content, 8 + size + padding + 1)
+    _require(stream.eof and 8 + size <= len(data), "compressed values cut short")
+    return memoryview(data)[8 : 8 + size]
+
+
+def _list_matrix(head, load, order, name=None):
+    """Yield a variable, or the fields of a struct, of which the first bytes are given.
+
+    ``load()`` returns all of its bytes. A field has its name from the struct.
+    """
+    matlab_class, shape, own_name = _read_head(head, order)
+    name = own_name if name is None else name
+    if matlab_class == "struct" and math.prod(shape) == 1:
+        yield from _list_struct(load(), order, name)
     else:
-        raise ValueError(f"array of class {matlab_class}")
+        read = partial(_read_matrix, load, order)
+        yield Variable(name, matlab_class, shape, read)
 
 
-def _check_types(parts, expected):
-    found = [kind for kind, _ in parts]
-    _require(found == expected, f"elements of types {found}, not {expected}")
+def _read_head(head, order):
+    """Return the class, shape and name of an array."""
+    if len(head) == 0:
+        return "double", (0, 0), ""
+    head = islice(_elements(head, order), 3)
+    kind, flags = next(head)
+    _require(kind == _UINT32 and len(flags) == 8, "array without flags")
+    [flags] = struct.unpack_from(f"{order}I", flags)
+    matlab_class = _CLASSES.get(flags & 0xFF)
+    _require(matlab_class is not None, f"array of class {flags & 0xFF}")
+    if matlab_class == "opaque":
+        return matlab_class, (), _as_name(*next(head))
+    (kind, shape), name = head
+    _require(kind in (_INT32, _UINT32) and len(shape) % 4 == 0, "no dimensions")
+    shape = struct.unpack(f"{order}{len(shape) // 4}i", shape)
+    _require(2 <= len(shape) <= 32 and min(shape) >= 0, f"dimensions {shape}")
+    if flags & 0x800:
+        matlab_class = f"complex {matlab_class}"
+    return matlab_class, shape, _as_name(*name)
+
+
+def _as_name(kind, name):
+    _require(kind in _TEXT, "no name")
+    return bytes(name).decode("utf-8", "replace")
+
+
+def _read_matrix(load, order):
+    """Return the numbers of an array or its rows of text, None of any other class."""
+    content = load()
+    if len(content) == 0:
+        return np.empty((0, 0))
+    matlab_class, shape, _ = _read_head(content, order)
+    parts = islice(_elements(content, order), 3, None)
+    if matlab_class in NUMERIC_CLASSES:
+        [(kind, values)] = parts
+        _require(kind in _NUMBERS, f"values of type {kind}")
+        values = np.frombuffer(values, order + _NUMBERS[kind])
+        _require(values.size == math.prod(shape), "values of another number")
+        return values.reshape(shape, order="F")
+    if matlab_class == "char":
+        [(kind, text)] = parts
+        _require(kind in _TEXT, f"text of type {kind}")
+        encoding = _TEXT[kind] + {"<": "-le", ">": "-be"}[order] * (kind in (4, 17, 18))
+        units = str(text, encoding).encode("utf-16-le", "surrogatepass")
+        units = np.frombuffer(units, "<u2")
+        if math.prod(shape) == 1 and units.size == 0:  # a single blank is left out
+            units = np.array([ord(" ")], "<u2")
+        _require(units.size == math.prod(shape), "text of another size")
+        return rows_of_text(units.reshape(shape, order="F"))
+    if matlab_class == "cell":
+        cells = [content for _, content in islice(parts, math.prod(shape))]
+        _require(len(cells) == math.prod(shape), "cells of another number")
+        return join_cells(_read_matrix(partial(memoryview, c), order) for c in cells)
+    return None
+
+
+def _list_struct(content, order, name):
+    """Yield the fields of a struct."""
+    parts = islice(_elements(content, order), 3, None)
+    (width_kind, width), (names_kind, names), *_ = islice(parts, 2)
+    _require((width_kind, names_kind) == (_INT32, _INT8), "struct without fields")
+    [width] = struct.unpack(f"{order}i", width)
+    _require(width > 0, "fields without names")
+    n_fields = len(names) // width
+    for i in range(n_fields):
+        kind, content = next(parts, (None, b""))
+        _require(kind == _MATRIX, "fields of another number")
+        field = bytes(names[i * width : (i + 1) * width]).partition(b"\0")[0]
+        field = f"{name}.{field.decode('utf-8', 'replace')}"
+        yield from _list_matrix(content, partial(memoryview, content), order, field)
+
+
+def rows_of_text(units):
+    """Return the rows of a character matrix of UTF-16, less blanks around them.
+
+    Parameters
+    ----------
+    units : ndarray of shape (n_rows, n_columns)
+        Characters; any array of another number of axes is no text.
+
+    Returns
+    -------
+    rows : list of str or None
+
+    Raises
+    ------
+    ValueError
+        If they are not UTF-16.
+    """
+    if units.ndim != 2:
+        return None
+    if units.size == 0:  # of however many rows
+        return []
+    if units.min() < 0 or units.max() > 0xFFFF:
+        raise ValueError("text that is not UTF-16")
+    return [row.astype("<u2").tobytes().decode("utf-16-le").strip() for row in units]
+
+
+def join_cells(cells):
+    """Return the texts of cells of one row each, None if any is something else."""
+    texts = []
+    for cell in cells:
+        if not isinstance(cell, list) or len(cell) > 1:
+            return None
+        texts += cell or [""]
+    return texts
 
 
 def _require(condition, problem):

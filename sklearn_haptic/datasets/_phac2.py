@@ -6,6 +6,7 @@ the robot's controller marks which rows belong to which exploratory procedure.
 """
 
 import os
+import re
 from difflib import get_close_matches
 from typing import Literal, TypeAlias
 
@@ -16,6 +17,7 @@ from sklearn.utils._param_validation import StrOptions
 
 from sklearn_haptic._typing import Names, validate_params
 from sklearn_haptic.datasets._hdf5 import (
+    check_expansion,
     check_stored,
     get_node,
     names_in,
@@ -40,6 +42,8 @@ SENSORS = {"pac": (22, 1), "pdc": (1, 1), "tac": (1, 1), "tdc": (1, 1)}
 SENSORS["electrodes"] = (1, 19)
 
 FINGERS = ["finger_0", "finger_1"]
+# Object, id and run; ids of more digits do not fit in 64 bits.
+_TRIAL_NAME = re.compile(r"(.*)_(\d{1,18})_(\d{1,18})", re.DOTALL)
 NOT_TRIALS = ("adjectives", "train_test", "validation")
 
 DESCR = """\
@@ -196,6 +200,7 @@ def load_phac2(
             known = np.unique([object_id for object_id, _, _ in parsed.values()])
             ratings, rater_ratings = read_ratings(ratings_path, known, objects)
         cells = {sensor: np.empty(len(names), dtype=object) for sensor in sensors}
+        n_bytes = 0
         for i, name in enumerate(names):
             trial = get_node(file, name)
             fingers = _fingers(trial)
@@ -210,6 +215,8 @@ def load_phac2(
             signals = _read_trial(trial, fingers, procedure, sensors, remove_baseline)
             for sensor, signal in signals.items():
                 cells[sensor][i] = signal
+                n_bytes += signal.nbytes
+            check_expansion(trial, n_bytes)
     return Bunch(
         trials=pd.DataFrame(cells, index=pd.Index(names, name="trial", dtype=object)),
         objects=objects,
@@ -229,31 +236,40 @@ def choose(asked, known, what, where):
     asked = [str(name) for name in asked]
     if not asked:
         raise ValueError(f"No {what} is asked for; name at least one or give None.")
+    left = set(known)
     for name in asked:
-        if name not in known:
+        if name in left:
+            left.remove(name)
+        elif name in known:
+            raise ValueError(f"The {what} {name!r} is asked for twice; name it once.")
+        else:
             closest = get_close_matches(name, known, n=10, cutoff=0)
             raise ValueError(
                 f"Unknown {what} {name!r}; {where} has {len(known)}, of which the "
                 f"closest are {closest}."
             )
-        if asked.count(name) > 1:
-            raise ValueError(f"The {what} {name!r} is asked for twice; name it once.")
     return asked
 
 
 def _parse_trial_names(file):
     """Return {trial: (object id, run, object name)}, parsed from the right."""
-    parsed = {}
+    parsed, name_of = {}, {}
     for name in names_in(file):
         if name.startswith(NOT_TRIALS):
             continue
-        parts = name.rsplit("_", 2)
-        if len(parts) < 3 or not all(part.isdecimal() for part in parts[1:]):
+        parts = _TRIAL_NAME.fullmatch(name)
+        if parts is None:
             raise ValueError(
                 f"{name!r} at the root of {file.filename} is no trial; trials are "
                 "named <object>_<id>_<run>, such as 'kitchen_sponge_114_10'."
             )
-        parsed[name] = int(parts[1]), int(parts[2]), parts[0].rstrip("_")
+        object_id, run, object_name = int(parts[2]), int(parts[3]), parts[1].rstrip("_")
+        if name_of.setdefault(object_id, object_name) != object_name:
+            raise ValueError(
+                f"{file.filename} has two objects of id {object_id}, "
+                f"{name_of[object_id]!r} and {object_name!r}; give each its own."
+            )
+        parsed[name] = object_id, run, object_name
     if not parsed:
         raise ValueError(
             f"{file.filename} has no trials; give a file with groups named "

@@ -5,32 +5,46 @@ raters or levels, in any order of axes; perhaps the adjectives' names; perhaps t
 objects' ids. Whatever could be read in two ways is an error.
 """
 
+import math
 import warnings
-from io import BytesIO
+from contextlib import contextmanager
+from functools import partial
 from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.io import loadmat
 
 from sklearn_haptic.datasets._hdf5 import (
+    check_expansion,
     check_stored,
     dtype_of,
     get_node,
+    largest_expansion,
     names_in,
     open_hdf5,
+    place_of,
     read_attribute,
     read_references,
     read_rows,
 )
-from sklearn_haptic.datasets._mat5 import check_mat5
+from sklearn_haptic.datasets._mat5 import (
+    NUMERIC_CLASSES,
+    Variable,
+    join_cells,
+    list_mat5,
+    rows_of_text,
+)
 
 ADJECTIVES = (
     *("hard", "soft", "rough", "smooth", "slippery"),
     *("sticky", "cold", "warm", "moldable", "springy"),
 )
 LEVELS = np.arange(1, 6)
+# A longer vector is none of objects.
+_MOST_OBJECTS = 10**6
+# Bytes of values that a file of any size may hold.
+_SMALL = 2**26
 
 
 def read_ratings(path, known_objects, objects):
@@ -63,22 +77,22 @@ def read_ratings(path, known_objects, objects):
     ValueError
         If the ratings are not found, could be read in two ways or lack an object.
     """
-    variables = _read_variables(path)
-    ids = _find_ids(path, variables, known_objects)
-    names = _find_adjectives(path, variables)
     assumed = []
-    if names is None:
-        names = ADJECTIVES
-        assumed.append(f"adjectives (assumed: {', '.join(names)})")
-    if ids is None:
-        ids = np.asarray(known_objects)
-        assumed.append("objects (assumed: ids ascending)")
-    array, kind = _find_array(path, variables, len(ids))
-    if kind == "counts" and array.max() >= 2**63:
-        raise ValueError(
-            f"{path} has a count of {array.max():.3g}, which no 64-bit integer holds; "
-            "divide the counts by a constant."
-        )
+    with _open_variables(path) as variables:
+        ids = _find_ids(path, variables, known_objects)
+        names = _find_adjectives(path, variables)
+        if names is None:
+            names = ADJECTIVES
+            assumed.append(f"adjectives (assumed: {', '.join(names)})")
+        if ids is None:
+            ids = np.asarray(known_objects)
+            assumed.append("objects (assumed: ids ascending)")
+        array, kind = _find_array(path, variables, len(ids))
+        if kind == "counts" and array.max() >= 2**63:
+            raise ValueError(
+                f"{path} has a count of {array.max():.3g}, which no 64-bit integer "
+                "holds; divide the counts by a constant."
+            )
     counts = (_count_levels(array) if kind == "ratings" else array).astype(np.int64)
     if assumed:
         warnings.warn(
@@ -126,14 +140,15 @@ def _rater_ratings(array, ids, names):
 
 def _find_array(path, variables, n_objects):
     """Return the array (objects, adjectives, ?) and whether it is ratings or counts."""
-    readings = [
-        (name, array, axes, kind)
-        for name, array in variables
-        if isinstance(array, np.ndarray) and array.ndim == 3
-        for axes in permutations(range(3))
-        if np.take(array.shape, axes[:2]).tolist() == [n_objects, len(ADJECTIVES)]
-        for kind in _kinds(array.transpose(axes))
-    ]
+    readings = []
+    for variable in variables:
+        if len(variable.shape) != 3 or variable.matlab_class not in NUMERIC_CLASSES:
+            continue
+        for axes in permutations(range(3)):
+            n = [variable.shape[axis] for axis in axes]
+            if n[:2] == [n_objects, len(ADJECTIVES)]:
+                array = variable.read().transpose(axes)
+                readings += [(variable, axes, array, kind) for kind in _kinds(array)]
     wanted = (
         f"one numeric array of {n_objects} objects × {len(ADJECTIVES)} adjectives × "
         "raters (1 to 5; 0 or NaN if missing) or × 5 levels (counts), its axes in any "
@@ -146,15 +161,15 @@ def _find_array(path, variables, n_objects):
         )
     if len(readings) > 1:
         listing = "; ".join(
-            f"{name} {array.shape} as {kind} with axes {axes}"
-            for name, array, axes, kind in readings
+            f"{name} {shape} as {kind} with axes {axes}"
+            for (name, _, shape, _), axes, _, kind in readings
         )
         raise ValueError(
             f"{path} can be read in several ways: {listing}. Save {wanted} and nothing "
             "else that could be taken for it."
         )
-    _, array, axes, kind = readings[0]
-    return array.transpose(axes), kind
+    [(_, _, array, kind)] = readings
+    return array, kind
 
 
 def _kinds(array):
@@ -189,16 +204,21 @@ def _count_levels(ratings):
 def _find_ids(path, variables, known_objects):
     """Return the vector of distinct integers most of which are ids of the corpus."""
     vectors = {}
-    for name, array in variables:
-        if not isinstance(array, np.ndarray) or array.size != max(array.shape):
+    for name, matlab_class, shape, read in variables:
+        size = math.prod(shape)
+        if (
+            matlab_class not in NUMERIC_CLASSES
+            or not 1 < size <= _MOST_OBJECTS
+            or size != max(shape)
+        ):
             continue
-        vector = array.ravel()
+        vector = read().ravel()
         n_shared = np.isin(known_objects, vector).sum()
         if (
-            vector.size > 1
-            and 2 * n_shared >= min(vector.size, len(known_objects))
+            2 * n_shared >= min(size, len(known_objects))
             and (vector == np.floor(vector)).all()
-            and len(np.unique(vector)) == vector.size
+            and np.abs(vector.astype(float)).max() < 2**53
+            and len(np.unique(vector)) == size
         ):
             vectors[name] = vector.astype(np.int64)
     if len({tuple(vector) for vector in vectors.values()}) > 1:
@@ -211,11 +231,15 @@ def _find_ids(path, variables, known_objects):
 
 def _find_adjectives(path, variables):
     """Return the ten names of adjectives, in small letters."""
-    lists = {
-        name: tuple(text.lower() for text in texts)
-        for name, texts in variables
-        if isinstance(texts, list) and len(set(texts)) == len(texts) == len(ADJECTIVES)
-    }
+    n = len(ADJECTIVES)
+    lists = {}
+    for name, matlab_class, shape, read in variables:
+        if (matlab_class == "char" and len(shape) == 2 and shape[0] == n) or (
+            matlab_class == "cell" and math.prod(shape) == n
+        ):
+            texts = read()
+            if texts is not None and len(set(texts)) == n:
+                lists[name] = tuple(text.lower() for text in texts)
     exact = {n: texts for n, texts in lists.items() if set(texts) == set(ADJECTIVES)}
     lists = exact or lists
     if len(set(lists.values())) > 1:
@@ -227,89 +251,94 @@ def _find_adjectives(path, variables):
 
 
 def _listing(variables):
-    def describe(value):
-        if isinstance(value, np.ndarray):
-            return f"{value.shape} {value.dtype}"
-        return f"{len(value)} strings" if isinstance(value, list) else value
-
-    return "; ".join(f"{name}: {describe(value)}" for name, value in variables) or (
-        "no variables"
-    )
+    shown = [f"{name}: {shape} {kind}" for name, kind, shape, _ in variables[:50]]
+    if len(variables) > len(shown):
+        shown.append(f"{len(variables) - len(shown)} more")
+    return "; ".join(shown) or "no variables"
 
 
-def _read_variables(path):
-    """Return (name, value) pairs: numbers as arrays, text as lists, else a remark."""
+@contextmanager
+def _open_variables(path):
+    """Give the variables of a file, which is open as long as they may be read."""
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"There is no file {path}; give the path of one.")
     with open(path, "rb") as file:
         start = file.read(10)
-        data = start + (b"" if start == b"MATLAB 7.3" else file.read())
-    if start == b"MATLAB 7.3":
+        is_hdf5 = start == b"MATLAB 7.3"
+        data = start + (b"" if is_hdf5 else file.read())
+    if is_hdf5:
         with open_hdf5(path) as file:
-            return list(_walk_hdf5(file))
+            yield list(_list_hdf5(file))
+    else:
+        with _reading(path):
+            variables = list(list_mat5(data, largest_expansion(path, _SMALL)))
+        yield [v._replace(read=_reading(path)(v.read)) for v in variables]
+
+
+@contextmanager
+def _reading(path):
     try:
-        check_mat5(data)
-        with warnings.catch_warnings():  # of SciPy 1.18, about sparse matrices
-            warnings.filterwarnings("ignore", ".*spmatrix", DeprecationWarning)
-            contents = loadmat(BytesIO(data))
-    except Exception as error:  # scipy raises a dozen types for damaged files
+        yield
+    except MemoryError as error:
+        raise OSError(
+            f"{path} takes too much memory ({error}); save its ratings alone, without "
+            "compression."
+        ) from error
+    except Exception as error:  # damage shows in a dozen types
         raise OSError(
             f"{path} is not a MATLAB file, is cut short or is damaged ({error}); "
             "download it again."
         ) from error
-    return [
-        variable
-        for name, value in contents.items()
-        if not name.startswith("__")
-        for variable in _walk_struct(name, value)
-    ]
 
 
-def _walk_struct(name, value):
-    if type(value) is not np.ndarray:  # functions, objects and sparse matrices
-        yield name, f"unreadable {type(value).__name__}"
-    elif value.dtype.names and value.size == 1:
-        for field in value.dtype.names:
-            yield from _walk_struct(f"{name}.{field}", value[field].item())
-    elif value.dtype.kind in "iuf":
-        yield name, value
-    else:
-        cells = [np.asarray(cell) for cell in value.ravel(order="F")]
-        if all(cell.dtype.kind == "U" and cell.size == 1 for cell in cells):
-            yield name, [cell.item().strip() for cell in cells]
-        else:
-            yield name, f"{value.shape} {value.dtype}"
-
-
-def _walk_hdf5(group, prefix=""):
-    """Walk a version 7.3 file, in which MATLAB's axes are reversed."""
+def _list_hdf5(group, prefix=""):
+    """Yield the variables of version 7.3, in which MATLAB's axes are reversed."""
     for name in names_in(group):
         if name.startswith("#"):  # MATLAB's own bookkeeping
             continue
         node = get_node(group, name)
-        matlab_class = read_attribute(node, "MATLAB_class")
-        if hasattr(node, "keys"):
-            if prefix:
-                yield prefix + name, "nested struct"
-            else:
-                yield from _walk_hdf5(node, f"{name}.")
-        elif matlab_class == b"char":
-            yield prefix + name, _texts(node)
-        elif matlab_class == b"cell":
-            cells = read_references(node)
-            if all(read_attribute(cell, "MATLAB_class") == b"char" for cell in cells):
-                yield prefix + name, [text for cell in cells for text in _texts(cell)]
-            else:
-                yield prefix + name, f"{node.shape} cell"
-        elif dtype_of(node).kind in "iuf":
-            check_stored(node, "iuf")
-            yield prefix + name, read_rows(node).T
+        if not hasattr(node, "keys"):
+            yield _as_variable(prefix + name, node)
+        elif prefix or read_attribute(node, "MATLAB_sparse") is not None:
+            yield Variable(prefix + name, "group", (), lambda: None)
         else:
-            yield prefix + name, f"{node.shape} {dtype_of(node)}"
+            yield from _list_hdf5(node, f"{name}.")
 
 
-def _texts(dataset):
-    """Return the rows of a character matrix."""
-    check_stored(dataset, "u")
-    return ["".join(map(chr, row)).strip() for row in read_rows(dataset).T]
+def _as_variable(name, dataset):
+    """Return a dataset as a variable, which is read when it is asked for."""
+    dtype = dtype_of(dataset)
+    matlab_class = read_attribute(dataset, "MATLAB_class")
+    if isinstance(matlab_class, bytes):
+        matlab_class = matlab_class.decode("ascii", "replace")
+    if matlab_class in (None, "logical"):
+        matlab_class = {"float64": "double", "float32": "single"}.get(dtype.name)
+        matlab_class = matlab_class or dtype.name
+    if read_attribute(dataset, "MATLAB_empty"):  # holds its shape
+        shape = tuple(_read_numbers(dataset).tolist())
+        return Variable(name, matlab_class, shape, lambda: [])
+    read = {"char": _read_text, "cell": _read_cells}.get(matlab_class, _read_numbers)
+    shape = (dataset.shape or ())[::-1]
+    return Variable(name, matlab_class, shape, partial(read, dataset))
+
+
+def _read_numbers(dataset, dtype_kinds="iuf"):
+    check_stored(dataset, dtype_kinds)
+    check_expansion(dataset, dataset.nbytes, _SMALL)
+    return read_rows(dataset).T
+
+
+def _read_text(dataset):
+    try:
+        return rows_of_text(_read_numbers(dataset, "iu"))
+    except UnicodeError as error:
+        raise ValueError(f"{place_of(dataset)} is not UTF-16 ({error}).") from error
+
+
+def _read_cells(dataset):
+    """Return the texts of an array of references to text, None of anything else."""
+    cells = [_as_variable("", cell) for cell in read_references(dataset)]
+    if all(cell.matlab_class == "char" for cell in cells):
+        return join_cells(cell.read() for cell in cells)
+    return None
