@@ -41,8 +41,8 @@ def cell_bounds(n_items, n_cells, split="balanced"):
     split : {"balanced", "floor"}, default="balanced"
         Whether cells differ by one item at most, or all have
         ``n_items // n_cells`` and the last one also takes the remainder. With fewer
-        items than cells both are the same: the line is cut into cells of equal length,
-        and a cell has every item of which it covers a part.
+        items than cells both are the same, and cells overlap: each has the item at its
+        middle and the neighbours of that.
 
     Returns
     -------
@@ -56,13 +56,13 @@ def cell_bounds(n_items, n_cells, split="balanced"):
     (array([0, 2, 5, 8]), array([ 2,  5,  8, 11]))
     >>> cell_bounds(11, 4, "floor")
     (array([0, 2, 4, 6]), array([ 2,  4,  6, 11]))
-    >>> cell_bounds(2, 3)
-    (array([0, 0, 1]), array([1, 2, 2]))
+    >>> cell_bounds(3, 4)
+    (array([0, 0, 0, 1]), array([2, 3, 3, 3]))
     """
     edges = np.arange(n_cells + 1)
     if n_items < n_cells:
-        edges *= n_items
-        return edges[:-1] // n_cells, -(-edges[1:] // n_cells)
+        middle = (2 * edges[:-1] + 1) * n_items // (2 * n_cells)
+        return np.maximum(middle - 1, 0), np.minimum(middle + 2, n_items)
     if split == "floor":
         edges *= n_items // n_cells
         edges[-1] = n_items
@@ -111,9 +111,10 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
             out = pooled[i, level]
             if n <= len(sequence):
                 np.maximum.reduceat(segments, first[level], axis=0, out=out)
-            else:  # a cell covers one sample, or parts of two
+            else:  # at most three samples a cell
                 begin, stop = cell_bounds(len(sequence), n)
-                np.maximum(sequence[begin], sequence[stop - 1], out=out)
+                rows = [begin, (begin + stop) // 2, stop - 1]
+                np.maximum.reduce(sequence[rows], axis=0, out=out)
     return pooled.reshape(len(sequences), -1)
 
 
@@ -135,9 +136,8 @@ class TemporalMaxPool(
         at ``i * n_times // n``, so cells differ by one sample at most. "floor",
         the rule of the ST-HMP authors, gives every cell ``n_times // n`` samples
         and the last one the remainder too, up to `n - 1` samples more. Where a
-        sequence has fewer samples than a level has cells, its duration is cut into
-        cells of equal length, and each takes the one or two samples that it covers
-        in whole or in part.
+        sequence has fewer samples than a level has cells, the cells of that level
+        overlap: each takes the sample at its middle and the neighbours of that.
     drop_fine_levels : bool, default=False
         Whether to drop, in `fit`, the levels with more cells than the shortest
         sequence has time samples, as the 2020 paper does. By default features do not

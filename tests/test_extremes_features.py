@@ -429,10 +429,9 @@ def test_given_atoms_are_copied():
 )
 def test_pooling_of_any_numbers(sequences, cells, split, drop):
     def covers(cell, n_cells, t, n_times):
-        if n_times < n_cells:  # some time of the sample is in the cell
-            return Fraction(t, n_times) < Fraction(cell + 1, n_cells) and Fraction(
-                cell, n_cells
-            ) < Fraction(t + 1, n_times)
+        if n_times < n_cells:  # the middle is in the sample or one beside it
+            middle = Fraction(2 * cell + 1, 2 * n_cells) * n_times
+            return t - 1 <= middle < t + 2
         if split == "floor":
             return min(t // (n_times // n_cells), n_cells - 1) == cell
         return math.ceil(Fraction((t + 1) * n_cells, n_times)) - 1 == cell

@@ -37,14 +37,15 @@ def test_floor_cells_leave_the_remainder_to_the_last():
 
 @pytest.mark.parametrize("split", ["balanced", "floor"])
 @pytest.mark.parametrize("n_cells", [2, 3, 7, 16, 64])
-def test_cells_of_a_short_line_take_every_item_they_touch(n_cells, split):
+def test_cells_of_a_short_line_are_an_item_and_its_neighbours(n_cells, split):
     for n_items in range(1, n_cells):
-        # On a ruler with n_items * n_cells marks both items and cells are whole.
-        item = np.repeat(np.arange(n_items), n_cells)
-        cells = item.reshape(n_cells, n_items)
+        # On a ruler with 2 * n_items * n_cells marks every middle is at a mark.
+        item = np.repeat(np.arange(n_items), 2 * n_cells)
+        middle = item.reshape(n_cells, 2 * n_items)[:, n_items]
         starts, stops = cell_bounds(n_items, n_cells, split)
-        np.testing.assert_array_equal(starts, cells.min(axis=1))
-        np.testing.assert_array_equal(stops, cells.max(axis=1) + 1)
+        for cell, start, stop in zip(middle, starts, stops):
+            near = [t for t in range(n_items) if abs(t - cell) <= 1]
+            assert near == list(range(start, stop))
 
 
 @pytest.mark.parametrize("cells", [(16, 8, 4, 2, 1), (1, 2, 3), (7, 5), (1,), (16,)])
@@ -99,8 +100,9 @@ def test_short_sequences_keep_every_level(dtype):
     (x,) = sequences((3,), dtype=dtype)
     pool = TemporalMaxPool((4, 5, 2, 1)).fit([x, *sequences(dtype=dtype)])
     a, b, c = x
-    ab, bc = np.maximum(a, b), np.maximum(b, c)
-    expected = [a, ab, bc, c, a, ab, b, bc, c, a, bc, np.maximum(ab, c)]
+    ab, bc, abc = np.maximum(a, b), np.maximum(b, c), x.max(axis=0)
+    # Middles at 1/8, 3/8, 5/8, 7/8; then at 1/10, 3/10, 5/10, 7/10, 9/10.
+    expected = [ab, abc, abc, bc, ab, ab, abc, bc, bc, a, bc, abc]
     np.testing.assert_array_equal(pool.transform([x]), [np.concatenate(expected)])
 
 
