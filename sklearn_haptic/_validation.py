@@ -423,7 +423,8 @@ def check_ratings(y, levels=None, *, name="y"):
     check_numbers(y, name)
     counts = check_array(y, dtype=np.float64, input_name=name)
     if columns is not None:
-        counts = np.pad(counts, ((0, 0), (0, 1)))[:, columns]  # the last is of 0
+        with_none = np.pad(counts, ((0, 0), (0, 1)))  # the column of index -1
+        counts = np.take(with_none, columns, axis=1)
     if levels is None:
         levels = np.arange(1, counts.shape[1] + 1)
     if counts.shape[1] != len(levels):

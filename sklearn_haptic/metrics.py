@@ -636,7 +636,7 @@ def _check_distributions(y_true, y_proba, levels):
     check_numbers(y_proba, "y_proba")
     proba = check_array(y_proba, dtype=np.float64, input_name="y_proba")
     if columns is not None:
-        proba = proba[:, columns]
+        proba = np.take(proba, columns, axis=1)
     bad = (proba < 0).any(axis=1) | (np.abs(proba.sum(axis=1) - 1) > 1e-6)
     if bad.any():
         trial = np.argmax(bad)

@@ -1,0 +1,563 @@
+"""Order and names of levels: whatever container says them, as if given by hand.
+
+Everything is compared with models and scores of plain counts 1, 2, …, made by loops
+from names and an order that were drawn at random.
+"""
+
+import warnings
+from fractions import Fraction
+
+import numpy as np
+import pandas as pd
+import polars as pl
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
+
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    DummyDistribution,
+    SensorFusionNNPOM,
+)
+from sklearn_haptic._levels import lossless_array
+from sklearn_haptic._validation import check_ratings
+from sklearn_haptic.metrics import (
+    dispersion,
+    earth_movers_distance,
+    log_score,
+    macro_mae_per_trial,
+    neg_macro_mae_scorer,
+    neg_rps_scorer,
+    pit_histogram,
+    ranked_probability_score,
+)
+from sklearn_haptic.model_selection import sensor_contributions
+from sklearn_haptic.plotting import (
+    DistributionDisplay,
+    InterraterAgreementDisplay,
+    InverseCDFDisplay,
+    PITHistogramDisplay,
+    RatingsDisplay,
+    ReliabilityDisplay,
+)
+from sklearn_haptic.ratings import (
+    interrater_agreement,
+    inverse_cdf,
+    rating_cdf,
+    rating_counts,
+    rating_distribution,
+)
+
+N = 24
+RNG = np.random.default_rng(0)
+X = RNG.normal(size=(N, 3))
+SENSORS = {"pac": [0, 1], "tdc": [2]}
+ESTIMATORS = {
+    "NNPOM": NNPOM(0),
+    "DistributionalOrdinalRegressor": DistributionalOrdinalRegressor(),
+    "SensorFusionNNPOM": SensorFusionNNPOM(SENSORS, NNPOM(1, tol=1e-2), random_state=0),
+    "DummyDistribution": DummyDistribution(),
+}
+WORDS = st.lists(
+    st.text("abcdefgh -", min_size=1, max_size=5), min_size=2, max_size=6, unique=True
+)
+NUMBERS = st.lists(
+    st.one_of(st.integers(-20, 20), st.sampled_from([0.5, 1.5, -2.25])),
+    min_size=2,
+    max_size=6,
+    unique=True,
+)
+
+
+def ranks(seed, n_levels):
+    """Index of the level that each trial was rated at; both ends occur."""
+    level = np.random.default_rng(seed).integers(n_levels, size=N)
+    level[:2] = 0, n_levels - 1
+    return level
+
+
+def counted(level, n_levels):
+    """Counts of one rating a trial, by a loop."""
+    counts = [[0] * n_levels for _ in level]
+    for trial, k in enumerate(level):
+        counts[trial][k] += 1
+    return counts
+
+
+def ordered_containers(words, names):
+    """Ratings in every container that orders its categories."""
+    categorical = pd.Categorical(words, names, ordered=True)
+    return {
+        "pandas categorical": categorical,
+        "pandas series": pd.Series(categorical, index=np.arange(len(words)) + 7),
+        "polars Enum": pl.Series(words, dtype=pl.Enum(names)),
+    }
+
+
+def labelled(counts, names, order, kind):
+    """Counts as a table whose columns are in some order."""
+    table = np.asarray(counts)[:, order]
+    names = [names[k] for k in order]
+    if kind == "pandas":
+        return pd.DataFrame(table, columns=names)
+    if kind == "pandas text":
+        return pd.DataFrame(table, columns=[*map(str, names)])
+    if kind == "pandas prefix":
+        return pd.DataFrame(table, columns=[f"n{name}" for name in names])
+    return pl.DataFrame(table, schema=[*map(str, names)], orient="row")
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+@settings(max_examples=5, deadline=None)
+@given(names=WORDS, seed=st.integers(0, 99))
+def test_ordered_categories_are_the_levels(name, names, seed):
+    level = ranks(seed, len(names))
+    model = ESTIMATORS[name]
+    plain = model.fit(X, counted(level, len(names)))
+    proba, predicted = plain.predict_proba(X), plain.predict(X)
+    words = [names[k] for k in level]
+    for y in ordered_containers(words, names).values():
+        model.fit(X, y)
+        assert model.levels_.tolist() == model.classes_.tolist() == names
+        np.testing.assert_array_equal(model.predict_proba(X), proba)
+        assert model.predict(X).tolist() == [names[k - 1] for k in predicted]
+
+
+@pytest.mark.parametrize("kind", ["pandas", "pandas text", "polars"])
+@pytest.mark.parametrize("name", ESTIMATORS)
+@settings(max_examples=5, deadline=None)
+@given(names=NUMBERS, seed=st.integers(0, 99), data=st.data())
+def test_numbers_that_label_columns_are_the_levels(name, kind, names, seed, data):
+    names = sorted(names)
+    counts = np.random.default_rng(seed).integers(1, 9, size=(N, len(names)))
+    order = data.draw(st.permutations(range(len(names))))
+    y = labelled(counts, names, order, kind)
+    model = ESTIMATORS[name]
+    plain = model.fit(X, counts)
+    proba, predicted = plain.predict_proba(X), plain.predict(X)
+    rps = ranked_probability_score(counts, proba)
+    model.fit(X, y)
+    assert model.levels_.tolist() == names
+    np.testing.assert_array_equal(model.predict_proba(X), proba)
+    assert model.predict(X).tolist() == [names[k - 1] for k in predicted]
+    assert neg_rps_scorer(model, X, y) == -rps
+    again = labelled(counts, names, order[::-1], kind)
+    assert neg_rps_scorer(model, X, again) == -rps
+    assert neg_macro_mae_scorer(model, X, again) == -macro_mae_per_trial(counts, proba)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    names=st.lists(st.integers(0, 99), min_size=2, max_size=7, unique=True),
+    kind=st.sampled_from(["pandas", "pandas text", "pandas prefix", "polars"]),
+    given_levels=st.booleans(),
+    data=st.data(),
+)
+def test_columns_are_put_in_the_order_of_levels(names, kind, given_levels, data):
+    order = data.draw(st.permutations(range(len(names))))
+    counts = np.arange(1, 3 * len(names) + 1).reshape(3, -1)
+    table = labelled(counts, names, order, kind)
+    levels = data.draw(st.permutations(names)) if given_levels else None
+    found, found_levels = check_ratings(table, levels)
+    expected = levels if given_levels else sorted(names)
+    assert found_levels.tolist() == expected
+    for trial in range(3):
+        for k, level in enumerate(expected):
+            assert found[trial, k] == counts[trial, names.index(level)]
+
+
+COUNTS = np.array([[9, 2, 0, 1], [1, 3, 6, 2], [0, 4, 4, 4]])
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        pd.DataFrame(COUNTS),
+        pd.DataFrame(COUNTS)[[0, 1, 2, 3]],
+        pl.DataFrame(COUNTS),
+        COUNTS.tolist(),
+        COUNTS.astype(np.uint64),
+        COUNTS.astype(object),
+    ],
+)
+def test_positions_of_columns_are_no_labels(table):
+    counts, levels = check_ratings(table)
+    assert levels.tolist() == [1, 2, 3, 4]
+    np.testing.assert_array_equal(counts, COUNTS)
+    assert check_ratings(table, [7, 5, 1, 0])[1].tolist() == [7, 5, 1, 0]
+
+
+@pytest.mark.parametrize(
+    ("labels", "levels"),
+    [
+        (pd.RangeIndex(1, 5), [1, 2, 3, 4]),
+        (pd.RangeIndex(4, name="rating"), [0, 1, 2, 3]),
+        (pd.Index([0, 1, 2, 3]), [0, 1, 2, 3]),
+        (["level-1", "level-2", "level-3", "level-4"], [1, 2, 3, 4]),
+        (["column_1", "column_2", "column_3", "column_4"], [1, 2, 3, 4]),
+        (["-1.5", "0", "1.5", "+20"], [-1.5, 0, 1.5, 20]),
+        (["very soft", "soft", "hard", "very hard"],) * 2,
+    ],
+)
+def test_labels_of_columns(labels, levels):
+    counts, found = check_ratings(pd.DataFrame(COUNTS, columns=labels))
+    assert found.tolist() == levels
+    np.testing.assert_array_equal(counts, COUNTS)
+
+
+def test_a_crosstab_of_ordered_ratings_keeps_their_order_and_the_level_of_nobody():
+    names = ["soft", "medium", "hard", "very hard"]
+    ratings = ["hard", "soft", "soft", "medium", "hard"]
+    objects = ["tile", "foam", "foam", "tile", "tile"]
+    given = pd.Categorical(ratings, names, ordered=True)
+    table = pd.crosstab(pd.Series(objects), given)
+    assert [*table.columns] == ["soft", "medium", "hard"]
+    counts, levels = check_ratings(table)
+    assert levels.tolist() == names
+    assert counts.tolist() == [[2, 0, 0, 0], [0, 1, 2, 0]]
+    np.testing.assert_array_equal(counts, rating_counts(given, objects).counts)
+    unordered = pd.crosstab(pd.Series(objects), pd.Series(ratings))
+    with pytest.warns(UserWarning, match="alphabetical order; .* 'hard' < 'medium' <"):
+        counts, levels = check_ratings(unordered)
+    assert levels.tolist() == ["hard", "medium", "soft"]
+    counts, levels = check_ratings(unordered, names[:3])
+    assert levels.tolist() == names[:3]
+    assert counts.tolist() == [[2, 0, 0], [0, 1, 2]]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["soft", "hard", "middling"],
+        np.array(["soft", "hard", "middling"]),
+        pd.Series(["soft", "hard", "middling"]),
+        pd.Categorical(["soft", "hard", "middling"]),
+        pl.Series(["soft", "hard", "middling"]),
+        pl.Series(["soft", "hard", "middling"], dtype=pl.Categorical),
+    ],
+)
+def test_words_in_no_order_are_sorted_with_a_warning_that_a_user_can_end(words):
+    told = (
+        "words, which have no order of their own; they are taken as 'hard' < 'middling'"
+        r" < 'soft'. Give an ordered categorical .* or levels=\[...\], lowest level"
+    )
+    sorted_counts = [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
+    with pytest.warns(UserWarning, match="^y has " + told):
+        counts, levels = check_ratings(words)
+    assert levels.tolist() == ["hard", "middling", "soft"]
+    assert counts.tolist() == sorted_counts
+    with pytest.warns(UserWarning, match="^ratings has " + told):
+        assert rating_counts(words, [1, 2, 3]).counts.tolist() == sorted_counts
+    for fit in (NNPOM(0), DummyDistribution(), SensorFusionNNPOM({"pac": [0]})):
+        with pytest.warns(UserWarning, match="^y has " + told):
+            fit.fit([[0], [1], [2]], words)
+    order = ["soft", "middling", "hard"]
+    assert check_ratings(words, order)[0].tolist() == [[1, 0, 0], [0, 0, 1], [0, 1, 0]]
+    model = NNPOM(0, levels=order).fit([[0], [1], [2]], words)
+    assert set(model.predict([[0], [1], [2]])) <= set(order)
+    assert ranked_probability_score(words, np.eye(3), levels=order) > 0
+
+
+@pytest.mark.parametrize("y", [[3, 1, 2], [1.0, 2.0], [True, False], pd.Series([2, 1])])
+def test_numbers_and_booleans_have_an_order(y):
+    assert check_ratings(y)[1].tolist() == sorted(set(y))
+
+
+def test_the_order_of_words_is_worth_more_than_half_of_the_error():
+    rng = np.random.default_rng(0)
+    names = np.array(["none", "little", "some", "much", "extreme"])
+    X = rng.normal(size=(400, 1))
+    latent = 8 * X[:, 0] + rng.logistic(size=400)
+    level = np.digitize(latent, [-6, -2, 2, 6])
+    y = pd.Series(pd.Categorical(names[level], names, ordered=True))
+    ordered = NNPOM(0).fit(X[:200], y[:200])
+    with pytest.warns(UserWarning, match="'extreme' < 'little' < 'much' < 'none'"):
+        alphabetical = NNPOM(0).fit(X[:200], names[level[:200]])
+    place = [alphabetical.levels_.tolist().index(name) for name in names]
+    true = counted(level[200:], 5)
+    error = ranked_probability_score(true, ordered.predict_proba(X[200:]))
+    of_sorted = alphabetical.predict_proba(X[200:])[:, place]
+    assert ranked_probability_score(true, of_sorted) > 2 * error
+    assert neg_rps_scorer(ordered, X[200:], y[200:]) == -error
+    assert neg_rps_scorer(ordered, X[200:], names[level[200:]]) == -error
+
+
+SCORES = [
+    ranked_probability_score,
+    earth_movers_distance,
+    log_score,
+    macro_mae_per_trial,
+    dispersion,
+    pit_histogram,
+]
+PROBA = np.array([[0.5, 0.25, 0.125, 0.125], [0, 0.25, 0.5, 0.25], [0.25] * 4])
+NAMES = [1, 2, 4, 5]
+
+
+@pytest.mark.parametrize("score", SCORES)
+@pytest.mark.parametrize("kind", ["pandas", "pandas text", "polars"])
+@settings(max_examples=10, deadline=None)
+@given(
+    order=st.permutations(range(4)),
+    order_of_proba=st.permutations(range(4)),
+    levels=st.permutations(NAMES),
+)
+def test_scores_match_truth_and_prediction_by_name(
+    score, kind, order, order_of_proba, levels
+):
+    y = labelled(COUNTS + 1, NAMES, order, kind)
+    proba = labelled(PROBA, NAMES, order_of_proba, kind)
+    expected = score(COUNTS + 1, PROBA)
+    np.testing.assert_array_equal(score(y, PROBA), expected)
+    np.testing.assert_array_equal(score(y, proba), expected)
+    place = [NAMES.index(level) for level in levels]
+    expected = score((COUNTS + 1)[:, place], PROBA[:, place])
+    np.testing.assert_array_equal(score(y, proba, levels=levels), expected)
+    np.testing.assert_array_equal(score(y, PROBA[:, place], levels=levels), expected)
+    one_each = [NAMES[k] for k in (3, 0, 2)]
+    expected = score(counted([3, 0, 2], 4), PROBA)
+    np.testing.assert_array_equal(score(one_each, proba), expected)
+
+
+def test_score_of_labelled_predictions_in_fractions():
+    y = pd.Categorical(["hard", "soft"], ["soft", "mid", "hard"], ordered=True)
+    columns = ["hard", "soft", "mid"]
+    proba = pd.DataFrame([[0.5, 0.25, 0.25], [0, 0.75, 0.25]], columns=columns)
+    by_hand = Fraction(0)
+    for row, true in zip(proba.to_dict("records"), y):
+        below = Fraction(0)
+        for level in ("soft", "mid"):
+            below += Fraction(row[level])
+            reached = y.categories.get_loc(true) <= y.categories.get_loc(level)
+            by_hand += (below - reached) ** 2
+    assert ranked_probability_score(y, proba) == float(by_hand / 2)
+
+
+def test_other_columns_than_the_model_knows_are_refused():
+    model = NNPOM(0).fit(X[:3], pd.DataFrame(COUNTS, columns=NAMES))
+    for columns in ([1, 2, 3, 4], [1, 2, 4, 6], ["a", "b", "c", "d"]):
+        y = pd.DataFrame(COUNTS, columns=columns)
+        message = r"^The columns of y_true are .*, but the levels are \[1, 2, 4, 5\]"
+        with pytest.raises(ValueError, match=message):
+            neg_rps_scorer(model, X[:3], y)
+        with pytest.raises(ValueError, match=r"^The columns of y_true are"):
+            InverseCDFDisplay.from_estimator(model, X[:1], y[:1])
+        with pytest.raises(ValueError, match=r"^The columns of y_proba are"):
+            ranked_probability_score(COUNTS, y.div(y.sum(axis=1), axis=0), levels=NAMES)
+    with pytest.raises(ValueError, match=r"rating 3 in trial 0, .*levels=\[1, 2, 4, 5"):
+        neg_rps_scorer(model, X[:3], [3, 1, 2])
+    assert neg_rps_scorer(model, X[:3], COUNTS) == neg_rps_scorer(
+        model, X[:3], pd.DataFrame(COUNTS[:, ::-1], columns=NAMES[::-1])
+    )
+
+
+def test_validation_ratings_are_matched_by_name():
+    counts = RNG.integers(1, 9, size=(N, 4))
+    y = pd.DataFrame(counts, columns=NAMES)
+    model = DistributionalOrdinalRegressor(
+        NNPOM(2, early_stopping=True, max_iter=30, tol=1e-9), random_state=0
+    )
+    plain = model.fit(X, counts, X_val=X[:9], y_val=counts[:9]).predict_proba(X)
+    model.fit(X, y, X_val=X[:9], y_val=y[:9][[5, 1, 4, 2]])
+    np.testing.assert_array_equal(model.predict_proba(X), plain)
+    with pytest.raises(ValueError, match=r"^The columns of y_val are"):
+        model.fit(X, y, X_val=X, y_val=pd.DataFrame(counts, columns=[1, 2, 3, 4]))
+
+
+@pytest.mark.parametrize("kind", ["pandas", "polars"])
+def test_searches_keep_labels_in_every_fold(kind):
+    counts = RNG.integers(1, 9, size=(N, 4))
+    groups = np.arange(N) // 2
+    y = labelled(counts, NAMES, [3, 1, 0, 2], kind)
+    for model in (NNPOM(0), DistributionalOrdinalRegressor(NNPOM(0))):
+        options = {"cv": GroupKFold(3), "scoring": neg_rps_scorer}
+        found, plain = (
+            cross_validate(
+                model,
+                X,
+                each,
+                groups=groups,
+                return_estimator=True,
+                **options,
+            )
+            for each in (y, counts)
+        )
+        np.testing.assert_array_equal(found["test_score"], plain["test_score"])
+        assert all(each.levels_.tolist() == NAMES for each in found["estimator"])
+        grid = {"levels": [None, NAMES]}
+        search = GridSearchCV(model, grid, **options).fit(X, y, groups=groups)
+        assert set(search.predict(X)) <= set(NAMES)
+
+
+@pytest.mark.parametrize("container", ["pandas series", "polars Enum"])
+def test_a_category_that_a_fold_lacks_keeps_its_column(container):
+    names = ["soft", "mid", "hard", "unused"]
+    level = np.repeat([0, 1, 2], N // 3)
+    y = ordered_containers([names[k] for k in level], names)[container]
+    folds = [(np.flatnonzero(level != k), np.flatnonzero(level == k)) for k in range(3)]
+    result = cross_validate(
+        DistributionalOrdinalRegressor(), X, y, cv=folds, return_estimator=True
+    )
+    for k, model in enumerate(result["estimator"]):
+        assert model.levels_.tolist() == names
+        proba = model.predict_proba(X)
+        assert proba.shape == (N, 4)
+        np.testing.assert_array_equal(proba[:, [k, 3]], 0)
+        by_hand = ranked_probability_score(
+            counted(level[level == k], 4), proba[level == k]
+        )
+        assert result["test_score"][k] == -by_hand
+
+
+def test_contributions_of_sensors_do_not_depend_on_the_order_of_columns():
+    counts = RNG.integers(1, 9, size=(N, 4))
+    model = DistributionalOrdinalRegressor(SensorFusionNNPOM(SENSORS, NNPOM(1)))
+    tables = [
+        sensor_contributions(model, X, y, cv=2, n_repeats=1, random_state=0)
+        for y in (counts, pd.DataFrame(counts, columns=NAMES)[[5, 1, 2, 4]])
+    ]
+    pd.testing.assert_frame_equal(*tables)
+
+
+def test_figures_name_the_levels():
+    y = pd.DataFrame(COUNTS + 1, columns=NAMES)
+    shuffled = y[[4, 1, 5, 2]]
+    proba = pd.DataFrame(PROBA, columns=NAMES)[[5, 4, 2, 1]]
+    for one in (shuffled[:1], shuffled.iloc[0]):
+        for display in (
+            InverseCDFDisplay.from_counts(one),
+            InverseCDFDisplay.from_predictions(one, proba),
+            DistributionDisplay.from_predictions(one, proba),
+        ):
+            assert display.levels.tolist() == NAMES
+            np.testing.assert_array_equal(display.counts, COUNTS[0] + 1)
+    np.testing.assert_array_equal(display.y_proba, PROBA)
+    ratings = RatingsDisplay.from_counts({"rough": shuffled, "hard": y})
+    assert ratings.levels.tolist() == NAMES
+    np.testing.assert_array_equal(ratings.counts["rough"], COUNTS + 1)
+    np.testing.assert_array_equal(
+        InterraterAgreementDisplay.from_counts(shuffled).agreement["ratings"],
+        interrater_agreement(COUNTS + 1),
+    )
+    reliability = ReliabilityDisplay.from_predictions(shuffled, proba, n_bins=2)
+    plain = ReliabilityDisplay.from_predictions(COUNTS + 1, PROBA, n_bins=2)
+    assert reliability.levels.tolist() == NAMES
+    for observed, expected in zip(reliability.observed, plain.observed, strict=True):
+        np.testing.assert_array_equal(observed, expected)
+    np.testing.assert_array_equal(
+        PITHistogramDisplay.from_predictions(shuffled, proba).heights,
+        pit_histogram(COUNTS + 1, PROBA),
+    )
+    other = y.rename(columns={4: 3})
+    with pytest.raises(ValueError, match=r"\['hard'\] has the levels \[1, 2, 3, 5\]"):
+        RatingsDisplay.from_counts({"rough": y, "hard": other})
+
+
+def test_ratings_in_the_order_of_levels():
+    y = pd.DataFrame(COUNTS + 1, columns=NAMES)[[5, 4, 2, 1]]
+    for function in (rating_distribution, rating_cdf, interrater_agreement):
+        np.testing.assert_array_equal(function(y), function(COUNTS + 1))
+    p = [0.1, 0.5, 0.9]
+    index = inverse_cdf(COUNTS + 1, p) - 1
+    np.testing.assert_array_equal(inverse_cdf(y, p), np.array(NAMES)[index])
+
+
+def test_real_counts_with_shuffled_columns(shared_data):
+    table = pd.read_csv(shared_data / "tactile_ratings" / "counts.csv")
+    plain = table[[f"n{k}" for k in range(1, 6)]].to_numpy()
+    counts, levels = check_ratings(table[["n4", "n1", "n5", "n3", "n2"]])
+    assert levels.tolist() == [1, 2, 3, 4, 5]
+    np.testing.assert_array_equal(counts, plain)
+
+
+@pytest.mark.parametrize("n", [1, 5_000, 100_000])
+def test_any_number_of_trials(n):
+    rng = np.random.default_rng(n)
+    level = rng.integers(5, size=n)
+    y = pd.Categorical.from_codes(level, list("edcba"), ordered=True)
+    expected = np.zeros((n, 5))
+    expected[np.arange(n), level] = 1
+    counts, levels = check_ratings(y)
+    np.testing.assert_array_equal(counts, expected)
+    assert levels.tolist() == list("edcba")
+    objects = rng.integers(50, size=n)
+    table = rating_counts(y, objects)
+    by_loop = {}
+    for each, k in zip(objects.tolist(), level.tolist()):
+        by_loop.setdefault(each, [0] * 5)[k] += 1
+    assert table.counts.tolist() == [by_loop[each] for each in sorted(by_loop)]
+    aligned = table.counts_for(objects)
+    assert aligned.tolist() == [by_loop[each] for each in objects.tolist()]
+
+
+@settings(deadline=None)
+@given(
+    objects=st.lists(
+        st.integers(0, 2**64 + 3) | st.sampled_from([2**53, 2**53 + 1, 2**63 - 1]),
+        min_size=1,
+    )
+    | st.lists(st.text(max_size=3), min_size=1),
+    data=st.data(),
+)
+def test_counts_are_aligned_to_trials_whatever_the_ids(objects, data):
+    levels = [1, 2, 4]
+    ratings = [data.draw(st.sampled_from(levels)) for _ in objects]
+    table = rating_counts(ratings, objects, levels=levels)
+    wanted = data.draw(st.lists(st.sampled_from(objects), min_size=1))
+    given_by_people = list(zip(objects, ratings))
+    expected = [[given_by_people.count((o, k)) for k in levels] for o in wanted]
+    assert table.counts_for(wanted).tolist() == expected
+    assert table.objects.tolist() == sorted(set(objects))
+    unknown = 7.5 if isinstance(objects[0], int) else "not one of them"
+    with pytest.raises(ValueError, match=f"no ratings of objects .*{unknown}"):
+        table.counts_for([*wanted, unknown])
+
+
+def test_ids_beyond_64_bits_stay_apart():
+    assert lossless_array([5, 2**63, 2**63 + 1]).tolist() == [5, 2**63, 2**63 + 1]
+    assert lossless_array(["a", "a\0"]).tolist() == ["a", "a\0"]
+    assert lossless_array([1, 2]).dtype == np.int64
+    ids = [2**63, 2**63 + 1, 5]
+    counts = RNG.integers(1, 9, size=(N, 3))
+    groups = np.repeat(np.arange(N // 3), 3)
+    far = [2**63 + each if each else 0 for each in groups.tolist()]
+    model = NNPOM(1, early_stopping=True, max_iter=20, tol=1e-9, random_state=0)
+    expected = model.fit(X, counts, groups=groups).predict_proba(X)
+    np.testing.assert_array_equal(
+        model.fit(X, counts, groups=far).predict_proba(X), expected
+    )
+    table = rating_counts([1, 2, 3], ids)
+    assert table.counts_for(ids).tolist() == [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+
+
+@pytest.mark.parametrize(
+    "many",
+    [
+        [[2**62, 2**62, 2**62], [2**70, 1, 3]],
+        np.array([[2**63, 2**63, 2**63], [2**64 - 1, 1, 3]], dtype=np.uint64),
+        np.array([[2**70, 2**70, 2**70], [2**71, 1, 3]], dtype=object),
+        pd.DataFrame([[2**63, 2**63, 2**63], [2**64 - 1, 1, 3]], dtype="uint64"),
+    ],
+)
+def test_counts_beyond_64_bits_are_counts(many):
+    exact = [[Fraction(int(n)) for n in row] for row in np.asarray(many, dtype=object)]
+    share = [[float(n / sum(row)) for n in row] for row in exact]
+    np.testing.assert_allclose(rating_distribution(many), share, rtol=1e-15)
+    np.testing.assert_allclose(rating_cdf(many), np.cumsum(share, axis=1), rtol=1e-15)
+    assert inverse_cdf(many, 0.5).tolist() == [2, 1]
+    for model in (NNPOM(0, alpha=0.1), DummyDistribution()):
+        proba = model.fit([[0], [1]], many).predict_proba([[0], [1]])
+        assert np.isfinite(proba).all() and ranked_probability_score(many, proba) >= 0
+
+
+def test_nothing_is_warned_about_where_levels_are_known():
+    names = ["soft", "mid", "hard"]
+    y = [names[k] for k in ranks(0, 3)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for model in (NNPOM(0, levels=names), DummyDistribution(levels=names)):
+            model.fit(X, y)
+            neg_rps_scorer(model, X, y)
+            ReliabilityDisplay.from_estimator(model, X, y)
