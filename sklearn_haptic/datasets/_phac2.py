@@ -83,8 +83,8 @@ def load_phac2(
     """Load one exploratory procedure of the PHAC-2 corpus.
 
     Only the sensors, trials and rows asked for are read. Download the files from
-    https://doi.org/10.17617/3.0C79KW (CC BY-SA 4.0). Requires h5py and pandas:
-    ``pip install sklearn_haptic[phac2]``.
+    https://doi.org/10.17617/3.0C79KW (CC BY-SA 4.0). Requires h5py:
+    ``pip install h5py``.
 
     Parameters
     ----------

@@ -246,7 +246,7 @@ def _read_variables(path):
             return list(_walk_hdf5(file))
     try:
         check_mat5(data)
-        with warnings.catch_warnings():  # of SciPy 1.18, about matrices passed over here
+        with warnings.catch_warnings():  # SciPy 1.18, about what is passed over
             warnings.filterwarnings("ignore", ".*spmatrix", DeprecationWarning)
             contents = loadmat(BytesIO(data))
     except Exception as error:  # scipy raises a dozen types for damaged files
