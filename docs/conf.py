@@ -5,16 +5,16 @@ No network is needed. `-D plot_gallery=0` leaves the examples unexecuted; `git c
 """
 
 import warnings
-from importlib import metadata
 
 from docutils.nodes import SkipNode
 from latex2mathml.converter import convert
 
+from sklearn_haptic import __version__
 from sklearn_haptic._documentation import DOCUMENTATION_URL
 
 project = "sklearn_haptic"
 author = copyright = "the sklearn_haptic developers"
-version = release = metadata.version(project)
+version = release = __version__
 
 extensions = [
     "myst_parser",

@@ -161,5 +161,5 @@ def test_axes_on_no_grid_are_refused():
 
 def test_without_matplotlib_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(ImportError, match=r"pip install 'sklearn_haptic\[plot\]'"):
+    with pytest.raises(ImportError, match="pip install matplotlib"):
         SignalsDisplay.from_trials(recording(), sampling_rate=10)

@@ -38,8 +38,7 @@ def open_hdf5(path):
         import h5py
     except ImportError as error:
         raise ImportError(
-            f"Reading {path} requires h5py; install it with "
-            "`pip install sklearn_haptic[phac2]`."
+            f"Reading {path} requires h5py; install it with `pip install h5py`."
         ) from error
     path = Path(path)
     if not path.exists():

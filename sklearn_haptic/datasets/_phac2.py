@@ -89,7 +89,7 @@ def load_phac2(
 
     Only the sensors, trials and rows asked for are read. Download the files from
     https://doi.org/10.17617/3.0C79KW (CC BY-SA 4.0). Requires h5py:
-    ``pip install "sklearn_haptic[phac2]"``.
+    ``pip install h5py``.
 
     Parameters
     ----------

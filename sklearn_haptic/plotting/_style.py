@@ -21,8 +21,7 @@ def axes_of(
         from matplotlib import pyplot as plt
     except ImportError as error:
         raise ImportError(
-            f"{display} needs matplotlib; install it with "
-            "pip install 'sklearn_haptic[plot]'."
+            f"{display} needs matplotlib; install it with `pip install matplotlib`."
         ) from error
     if ax is None:
         _, ax = plt.subplots(figsize=figsize, layout="constrained")
