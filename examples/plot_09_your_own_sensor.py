@@ -19,7 +19,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from sklearn.compose import make_column_transformer
-from sklearn.model_selection import GroupKFold, cross_val_predict
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
@@ -32,6 +31,7 @@ from sklearn_haptic import (
     TemporalMaxPool,
 )
 from sklearn_haptic.metrics import earth_movers_distance, ranked_probability_score
+from sklearn_haptic.model_selection import cross_val_predict_proba
 from sklearn_haptic.plotting import AtomsDisplay, InverseCDFDisplay, SignalsDisplay
 
 rng = np.random.default_rng(0)
@@ -127,8 +127,10 @@ model = make_pipeline(features, StandardScaler(), regressor)
 # 4. Objects never touched before
 # -------------------------------
 # In each fold all trials of some objects are held out, or the model would be asked
-# about objects that it knows. The baselines predict one distribution for all, whatever
-# the sensors say. Lower is better.
+# about objects that it knows. `cross_val_predict_proba` keeps the trials of an object
+# together, and the counts as they are; scikit-learn's `cross_val_predict` would train
+# on ranks. The baselines predict one distribution for all, whatever the sensors say.
+# Lower is better.
 models = {
     "model": model,
     "marginal": DummyDistribution("marginal"),
@@ -138,14 +140,7 @@ predicted = {}
 print("\nadjective  predicted by   RPS    EMD")
 for adjective, counts in y.items():
     for name, each in models.items():
-        proba = cross_val_predict(
-            each,
-            trials,
-            counts,
-            groups=objects,
-            cv=GroupKFold(4),
-            method="predict_proba",
-        )
+        proba = cross_val_predict_proba(each, trials, counts, groups=objects, cv=4)
         predicted[adjective, name] = proba
         rps = ranked_probability_score(counts, proba)
         emd = earth_movers_distance(counts, proba)

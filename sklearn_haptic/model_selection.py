@@ -6,9 +6,9 @@ it; scikit-learn's function of nearly this name must not be used with counts.
 A *candidate* is one setting of the parameters that a search tried. Its cost is the
 seconds that the fitted model takes to predict one trial, all steps included, without
 caches; :func:`neg_seconds_scorer` measures it. Its score is the mean test score over
-the folds, higher being better. The standard error of either is the standard deviation
-over the folds, divided by the square root of their number. Candidates whose score or
-cost is not finite, such as those whose fit failed, are left out.
+the folds, higher being better, and its standard error the standard deviation of the
+folds' scores over the square root of their number. Candidates whose score or cost is
+not finite, such as those whose fit failed, are left out.
 
 The sensors of a model are such a choice too: :func:`sensor_subsets` tries them all.
 :func:`sensor_contributions` holds out one after the other where a model combines them.
@@ -62,6 +62,8 @@ __all__ = [
 
 # Name of what `neg_seconds_scorer` measures, in a search and in `sensor_subsets`.
 _COST = "neg_seconds"
+# Times that differ by a smaller factor are equal: those of one model do, too.
+_SAME_TIME = 1.1
 
 
 class Candidates(NamedTuple):
@@ -69,7 +71,6 @@ class Candidates(NamedTuple):
 
     index: np.ndarray  # type: ignore[assignment]  # position in cv_results_
     seconds: np.ndarray  # mean cost, lower is better
-    seconds_se: np.ndarray  # its standard error
     score: np.ndarray  # mean test score, higher is better
     score_se: np.ndarray  # its standard error
     metric: str
@@ -77,7 +78,7 @@ class Candidates(NamedTuple):
 
 
 def read_candidates(search, metric=None):
-    """Read cost, score and standard errors of each candidate of a search.
+    """Read cost, score and standard error of each candidate of a search.
 
     Parameters
     ----------
@@ -102,7 +103,7 @@ def read_candidates(search, metric=None):
     -----
     UserWarning
         If the search did not time the use of its candidates. Their cost is then the
-        mean time to fit and score them on one fold, without a standard error.
+        mean time to fit and score them on one fold.
     """
     if isinstance(search, Mapping):
         results = search
@@ -115,10 +116,10 @@ def read_candidates(search, metric=None):
     score, score_se = _mean_and_se(results, metric)
     is_timed = f"mean_test_{_COST}" in results
     if is_timed:
-        seconds, seconds_se = _mean_and_se(results, _COST)
-        seconds, cost = -seconds, "time to predict, seconds a trial"
+        seconds = np.negative(results[f"mean_test_{_COST}"])
+        cost = "time to predict, seconds a trial"
     else:
-        seconds, seconds_se = _fit_and_score_time(results)
+        seconds = _fit_and_score_time(results)
         cost = "time to fit and score, seconds a fold"
     usable = np.isfinite(score) & np.isfinite(score_se) & np.isfinite(seconds)
     if "iter" in results:
@@ -137,8 +138,9 @@ def read_candidates(search, metric=None):
             stacklevel=3,
         )
     index = np.flatnonzero(usable)
-    columns = (each[index] for each in (seconds, seconds_se, score, score_se))
-    return Candidates(index, *columns, metric, cost)
+    return Candidates(
+        index, seconds[index], score[index], score_se[index], metric, cost
+    )
 
 
 def _mean_and_se(results, metric):
@@ -157,14 +159,13 @@ def _mean_and_se(results, metric):
 
 
 def _fit_and_score_time(results):
-    """Mean seconds to fit and score each candidate on one fold, as if exact."""
+    """Mean seconds to fit and score each candidate on one fold."""
     for time in ("mean_fit_time", "mean_score_time"):
         if time not in results:
             raise ValueError(
                 f"The search has no {time!r}; give a fitted search or its cv_results_."
             )
-    seconds = np.add(results["mean_fit_time"], results["mean_score_time"])
-    return seconds, np.zeros(len(seconds))
+    return np.add(results["mean_fit_time"], results["mean_score_time"])
 
 
 def is_non_dominated(cost, score):
@@ -192,7 +193,7 @@ def is_non_dominated(cost, score):
 def best_and_cheapest(candidates):
     """Choose by score, and by cost within one standard error of the best score.
 
-    Costs within one standard error of the lowest are as low: of these, the best score.
+    Costs up to a tenth above the lowest are as low: of these, the best score.
 
     Parameters
     ----------
@@ -204,11 +205,10 @@ def best_and_cheapest(candidates):
     best, cheapest : int
         Positions in the arrays of ``candidates``.
     """
-    _, seconds, seconds_se, score, score_se, *_ = candidates
+    _, seconds, score, score_se, *_ = candidates
     best = np.lexsort((seconds, -score))[0]
     near = np.flatnonzero(score >= score[best] - score_se[best])
-    fastest = near[seconds[near].argmin()]
-    near = near[seconds[near] <= seconds[fastest] + seconds_se[fastest]]
+    near = near[seconds[near] <= _SAME_TIME * seconds[near].min()]
     cheapest = near[np.lexsort((seconds[near], -score[near]))[0]]
     return int(best), int(cheapest)
 
@@ -320,10 +320,11 @@ def cheapest_within_one_se(
     Returns
     -------
     index : int
-        Position of the candidate in ``cv_results``. Candidates whose time is within
-        one standard error of the fastest's are as fast: of these, the one with the
-        best score; among those equal in score, the faster, then the first. Of several
-        best, the standard error of the fastest counts.
+        Position of the candidate in ``cv_results``. Candidates up to a tenth slower
+        than the fastest are as fast, since the times of one and the same model differ
+        by that much: of these, the one with the best score; among those equal in
+        score, the faster, then the first. Of several best, the standard error of the
+        fastest counts.
 
     Raises
     ------

@@ -113,21 +113,18 @@ def test_time_to_fit_beside_a_cache_is_refused_as_a_cost_in_words(clock, tmp_pat
     assert search.best_params_ == {"head__seconds": 0.5}
 
 
-def test_candidates_as_fast_within_a_standard_error_go_by_score():
-    def results(first, second, scores=(-0.5, -0.4)):
-        seconds = np.array([first, second]).T
-        splits = np.transpose([np.add(scores, d) for d in (-0.5, 0.5)]).T
+def test_candidates_up_to_a_tenth_slower_go_by_score():
+    def results(seconds):
+        columns = {"rps": [-0.5, -0.4], "neg_seconds": np.negative(seconds)}
+        spread = {"rps": 0.5, "neg_seconds": 0.0}  # of the two splits
         return {
-            **{f"split{k}_test_neg_seconds": -s for k, s in enumerate(seconds)},
-            "mean_test_neg_seconds": -seconds.mean(axis=0),
-            **{f"split{k}_test_rps": s for k, s in enumerate(splits)},
-            "mean_test_rps": splits.mean(axis=0),
+            f"{prefix}_test_{name}": np.add(column, sign * spread[name])
+            for name, column in columns.items()
+            for prefix, sign in [("split0", -1), ("split1", 1), ("mean", 0)]
         }
 
-    # The standard error of the faster one's time is 1.
-    assert cheapest_within_one_se(results([9, 11], [10.9, 10.9])) == 1
-    assert cheapest_within_one_se(results([9, 11], [11.1, 11.1])) == 0
-    assert cheapest_within_one_se(results([10, 10], [10.5, 10.5])) == 0
+    assert cheapest_within_one_se(results([10, 10.9])) == 1
+    assert cheapest_within_one_se(results([10, 11.1])) == 0
 
 
 def test_a_sleeping_predictor_costs_what_it_sleeps():
