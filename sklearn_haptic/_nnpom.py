@@ -57,6 +57,12 @@ _LARGEST_LATENT = 1e300
 def validation_split(n_trials, groups, fraction, random_state):
     """Hold out a fraction of the groups, or of the trials where there are none."""
     groups = np.arange(n_trials) if groups is None else groups
+    if len(np.unique(groups)) == 1:
+        raise ValueError(
+            f"All trials are of one object (n_samples={n_trials}), but early stopping "
+            "trains on some objects and validates on others; give trials of two or "
+            "more, or set early_stopping=False."
+        )
     splitter = GroupShuffleSplit(1, test_size=fraction, random_state=random_state)
     return next(splitter.split(np.empty(n_trials), groups=groups))
 

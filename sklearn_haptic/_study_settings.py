@@ -72,6 +72,8 @@ def describe(value):
         value = value.item()
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
+    if isinstance(value, np.ndarray):
+        return _describe_array(value)
     if isinstance(value, os.PathLike):
         return describe(os.fspath(value))
     if isinstance(value, (bytes, bytearray, memoryview)):
@@ -82,8 +84,6 @@ def describe(value):
         return [describe(item) for item in value]
     if isinstance(value, (set, frozenset)):
         return {"set": sorted(map(_to_text, value))}
-    if isinstance(value, np.ndarray):
-        return _describe_array(value)
     if _is_table(value):
         return _describe_table(value)
     if isinstance(value, BaseEstimator):

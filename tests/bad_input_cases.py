@@ -937,7 +937,7 @@ SETTING_CASES = [
         (
             "one group, and early stopping",
             ValueError,
-            "n_samples=1|at least|groups",
+            "^All trials are of one object .*; give trials of two or more, or set",
             lambda _: call(
                 NNPOM(early_stopping=True).fit, X, COUNTS, groups=np.zeros(N)
             ),

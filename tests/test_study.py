@@ -6,17 +6,24 @@ import shutil
 import signal
 import subprocess
 import sys
+import unicodedata
 from functools import partial
 from itertools import chain, product
+from multiprocessing import get_context
+from multiprocessing.pool import ThreadPool
 from pathlib import Path
 
 import joblib
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
+from sklearn import config_context
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
+from sklearn.metrics import make_scorer
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils import Bunch
 
@@ -187,6 +194,95 @@ def test_leftovers_of_a_kill_do_no_harm(folder, copied):
     assert_same_study(run_study(CORPUS, copied, **SETTINGS), read_study(folder))
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "._fast_slide_hard_0.json",
+        "fast_slide_hard_0 (1).json",
+        "fast_slide_hard_0 copy.json",
+        "Copy of fast_slide_hard_0.json",
+        "fast_slide_hard_0.sync-conflict-20260101.json",
+        ".DS_Store",
+        "notes.json",
+    ],
+)
+@pytest.mark.parametrize("content", ["a copy", b"\0\5\x16\7", None])
+def test_files_that_are_no_units(folder, copied, name, content):
+    for kind in COMPUTE:
+        stray = copied / kind / name
+        if content is None:
+            stray.mkdir()
+            continue
+        record = copied / "models" / "fast_slide_hard_0.json"
+        stray.write_bytes(record.read_bytes() if content == "a copy" else content)
+    assert_same_study(read_study(copied), read_study(folder))
+    assert_same_study(run_study(CORPUS, copied, **SETTINGS), read_study(folder))
+
+
+@pytest.mark.parametrize("name", ["choices", "baselines"])
+@pytest.mark.parametrize("value", ["nothing", None, 3, {"alpha": 1}, [1]])
+def test_record_without_choices(copied, name, value):
+    path = copied / "models" / "fast_slide_hard_0.json"
+    record = json.loads(path.read_bytes())
+    if value == "nothing":
+        del record[name]
+    else:
+        record[name] = value
+    path.write_text(json.dumps(record))
+    with pytest.raises(
+        ValueError,
+        match=rf"models/fast_slide_hard_0\.csv has no list of {name}; delete",
+    ):
+        read_study(copied)
+
+
+@pytest.mark.parametrize("name", ["fast_slide_hard_0.json", "fast_slide_hard_0.csv"])
+def test_links_are_no_units(folder, copied, name):
+    """A link may lead anywhere, to a device without end for one."""
+    path = copied / "models" / name
+    elsewhere = copied / "elsewhere"
+    shutil.copy(path, elsewhere)
+    for target in (elsewhere, os.devnull, copied / "nowhere"):
+        path.unlink()
+        path.symlink_to(target)
+        assert read_record(copied, ("models", "fast_slide", "hard", 0)) is None
+        study = run_study(CORPUS, copied, **SETTINGS)
+        assert_same_study(study, read_study(folder))
+        assert not path.is_symlink()
+    assert elsewhere.read_bytes() == (folder / "models" / name).read_bytes() or (
+        name.endswith("json")
+    )
+
+
+def test_settings_that_are_a_link(copied):
+    path = copied / "study.json"
+    path.rename(copied / "elsewhere")
+    path.symlink_to(copied / "elsewhere")
+    with pytest.raises(ValueError, match=r"study\.json is damaged \(it is no file of"):
+        read_study(copied)
+
+
+def test_full_disk(tmp_path):
+    """The file and the cause are named, and what was written of it is gone."""
+    code = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+from sklearn_haptic._study_store import write_unit
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+write_unit(Path(sys.argv[1]), ("features", "hold", "pac"), {"features": np.ones(1000)})
+"""
+    process = subprocess.run(
+        [sys.executable, "-c", code, tmp_path],
+        cwd=Path(__file__).parents[1],
+        capture_output=True,
+        text=True,
+    )
+    path = tmp_path / "features" / "hold_pac.npz"
+    assert f"OSError: [Errno 27] File too large: '{path}'" in process.stderr
+    assert not list(path.parent.iterdir())
+
+
 def test_nothing_is_done_twice(copied, monkeypatch):
     before = modified(copied)
 
@@ -293,6 +389,205 @@ def test_wrong_settings(tmp_path, wrong, message):
         run_study(CORPUS, tmp_path, **{**SETTINGS, **wrong})
 
 
+# Checks at the start ------------------------------------------------------------
+
+
+def sized(n_objects, n_trials=1):
+    return partial(make_haptic_corpus, n_objects, n_trials, random_state=0)
+
+
+@pytest.mark.parametrize(
+    ("n_objects", "changes", "message"),
+    [
+        (1, {"n_splits": 5}, "has 1 object, but split='group_kfold' .*=5 requires 5"),
+        (
+            1,
+            {"split": "paper"},
+            "has 1 object, but split='paper' .* requires 3 or more",
+        ),
+        (2, {}, "has 2 objects, but split='group_kfold' with n_splits=2 requires 4"),
+        (2, {"split": "paper"}, "has 2 objects, but split='paper' .* requires 3 or mo"),
+        (3, {}, "has 3 objects, but split='group_kfold' with n_splits=2 requires 4"),
+        (9, {"n_splits": 10}, "has 9 objects, but .* n_splits=10 requires 10 or more"),
+    ],
+)
+def test_too_few_objects(tmp_path, n_objects, changes, message):
+    with pytest.raises(ValueError, match=message):
+        run_study(sized(n_objects), tmp_path, **SETTINGS | changes)
+    assert not (tmp_path / "features").exists()
+
+
+@pytest.mark.parametrize(
+    ("n_objects", "changes"),
+    [(3, {"split": "paper"}), (3, {"n_splits": 3}), (4, {}), (300, {"split": "paper"})],
+)
+def test_enough_objects(tmp_path, n_objects, changes):
+    tiny = {"adjectives": ["hard"], "sensors": ["tdc"], "alpha": [1.0], "n_starts": 1}
+    study = run_study(sized(n_objects), tmp_path, **SETTINGS | tiny | changes)
+    objects = study.scores.query("held_out == 'none'")["object"]
+    n_tested = -(-n_objects // 10) if "split" in changes else n_objects
+    assert objects.nunique() == len(objects) == n_tested
+
+
+def changed_corpus(**changes):
+    """A corpus that is loaded once: then its features are not computed any more."""
+    calls = []
+
+    def corpus(**asked):
+        assert not calls, "features are computed before names are checked"
+        calls.append(asked)
+        bunch = CORPUS(**asked)
+        for name, change in changes.items():
+            bunch[name] = change(bunch[name])
+        return bunch
+
+    return corpus
+
+
+def renamed(name):
+    return lambda ratings: {name: ratings["hard"]}
+
+
+def with_index(change):
+    return lambda trials: trials.set_axis(change(list(trials.index)))
+
+
+def put(value, place=3):
+    def change(values):
+        values = list(values)
+        values[place] = value
+        return values
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"ratings": renamed("wet/dry")}, "cannot name a file; give names without sla"),
+        ({"ratings": renamed("h" * 300)}, "cannot name a file; .* at most 250 bytes"),
+        ({"ratings": renamed("ha\rd")}, r"adjective 'ha\\rd' has a control character"),
+        ({"ratings": renamed("ha\x00d")}, "adjective .* has a control character; give"),
+        ({"ratings": lambda r: {"hard": -r["hard"]}}, "'hard'.* has a negative count"),
+        (
+            {"ratings": lambda r: {"hard": 0 * r["hard"]}},
+            "'hard'.* has no ratings in t",
+        ),
+        ({"trials": with_index(put("a\rb"))}, "index .* the name 'a.*b' has a control"),
+        ({"trials": with_index(put("a\ud800"))}, "index .* has a control character"),
+        ({"trials": with_index(put(None))}, "index .* has None in place 3; give whole"),
+        ({"trials": with_index(put("foam_101_01"))}, "2 trials named 'foam_101_01' in"),
+        (
+            {"objects": put(None)},
+            r"corpus\.objects has None in place 3; give whole numb",
+        ),
+        (
+            {"objects": put(np.nan)},
+            r"corpus\.objects has nan in place 3; give whole nu",
+        ),
+        (
+            {"objects": put("1")},
+            r"corpus\.objects has '1' in place 3; give whole numbe",
+        ),
+        (
+            {"objects": put(2**64)},
+            r"corpus\.objects has numbers beyond 64 bits; give t",
+        ),
+        (
+            {"objects": put(True)},
+            r"corpus\.objects has True in place 3; give whole num",
+        ),
+        (
+            {"objects": lambda ids: ids[:0]},
+            r"corpus\.objects is empty; give at least o",
+        ),
+    ],
+)
+def test_names_and_ratings_are_checked_first(tmp_path, changes, message):
+    settings = SETTINGS | {"adjectives": None}
+    with pytest.raises(ValueError, match=message):
+        run_study(changed_corpus(**changes), tmp_path, **settings)
+    assert not (tmp_path / "features").exists()
+
+
+# Names --------------------------------------------------------------------------
+
+
+def store_ids(folder, trials, objects):
+    """Ids as a unit of trials keeps them."""
+    n = len(objects)
+    corpus = Bunch(
+        trials=pd.DataFrame({"pdc": np.zeros(n)}, index=pd.Index(trials, dtype=object)),
+        objects=objects,
+        ratings={"hard": np.ones((n, 5), dtype=int)},
+    )
+    study = study_of(folder, corpus=lambda **_: corpus)
+    table, record = COMPUTE["trials"](study, "hold")
+    write_unit(folder, ("trials", "hold"), table, **record)
+    return read_unit(folder, ("trials", "hold"))[0]
+
+
+TEXT = st.text() | st.sampled_from(
+    ["1_1", "11", "007", "7", "1e3", "NA", "", " 1", "٣"]
+)
+NUMBERS = st.integers(-(2**63), 2**63 - 1)
+
+
+@given(names=st.lists(TEXT, min_size=1, max_size=9, unique=True), data=st.data())
+def test_ids_come_back_as_they_were(tmp_path_factory, names, data):
+    n = len(names)
+    lists = {"min_size": n, "max_size": n}
+    objects = data.draw(st.lists(TEXT, **lists) | st.lists(NUMBERS, **lists))
+    folder = tmp_path_factory.mktemp("ids")
+    try:
+        table = store_ids(folder, names, objects)
+    except ValueError as error:
+        assert "has a control character; give names without" in str(error)
+        texts = [*names, *map(str, objects)]
+        assert any(unicodedata.category(c) in ("Cc", "Cs") for c in "".join(texts))
+        return
+    assert table["trial"].tolist() == names
+    assert table["object"].tolist() == objects
+    assert list(map(type, table["object"].tolist())) == list(map(type, objects))
+
+
+@pytest.mark.parametrize("n", [1, 5_000, 100_000])
+def test_ids_of_many_trials(tmp_path, n):
+    objects = [f"{i:06d}" for i in range(n)]
+    table = store_ids(tmp_path, list(range(n)), objects)
+    assert table["object"].tolist() == objects
+    assert table["trial"].tolist() == list(range(n))
+
+
+def test_objects_with_names_like_numbers(folder, tmp_path):
+    """The study is the same whatever its objects are called, if in the same order."""
+    ids = np.unique(CORPUS(procedure="fast_slide", sensors=["tdc"]).objects)
+    names = ["007", "1", "11", "1_1", "1e1", "7", "8", "８"]  # in order
+    assert len(ids) == len(names)
+    to_name = dict(zip(ids, names))
+
+    def corpus(**asked):
+        bunch = CORPUS(**asked)
+        bunch.objects = [to_name[each] for each in bunch.objects]
+        return bunch
+
+    study, expected = run_study(corpus, tmp_path, **SETTINGS), read_study(folder)
+    expected.scores["object"] = expected.scores["object"].map(to_name)
+    assert_same_study(study, expected)
+
+
+# Configuration of scikit-learn ----------------------------------------------------
+
+
+@pytest.mark.parametrize("container", ["pandas", "polars"])
+def test_output_of_transformers(folder, tmp_path, container):
+    pytest.importorskip(container)
+    with config_context(transform_output=container):
+        study = run_study(CORPUS, tmp_path, **SETTINGS)
+    assert_same_study(study, read_study(folder))
+    assert data_of(tmp_path) == data_of(folder)
+
+
 def test_corpus_without_ratings(tmp_path):
     def corpus(**asked):
         return Bunch(**CORPUS(**asked) | {"ratings": {}})
@@ -307,6 +602,69 @@ def test_nothing_finished(tmp_path):
         read_study(tmp_path)
 
 
+# Starts -----------------------------------------------------------------------
+
+
+def start_studies(folder, random_state, barrier, results):
+    """Start a study in each of many folders, at the same time as another process."""
+    for i in range(N_STARTS):
+        barrier.wait()
+        try:
+            open_study(folder / f"{i}", {"random_state": random_state})
+            results.put((i, random_state, None))
+        except ValueError as error:
+            results.put((i, random_state, str(error)))
+
+
+N_STARTS = 100
+
+
+def test_of_two_studies_that_start_together_one_goes_on(tmp_path):
+    context = get_context("forkserver")
+    barrier, results = context.Barrier(2), context.Queue()
+    processes = [
+        context.Process(target=start_studies, args=(tmp_path, seed, barrier, results))
+        for seed in (0, 1)
+    ]
+    for process in processes:
+        process.start()
+    outcomes = [results.get(timeout=60) for _ in range(2 * N_STARTS)]
+    for process in processes:
+        process.join()
+    for i in range(N_STARTS):
+        (one, other) = sorted(
+            (outcome[1:] for outcome in outcomes if outcome[0] == i),
+            key=lambda outcome: outcome[1] is not None,
+        )
+        assert one[1] is None
+        settings = json.loads((tmp_path / f"{i}" / "study.json").read_bytes())
+        assert settings == {"random_state": one[0]}
+        assert f"holds a study with random_state={one[0]}, not {other[0]}; " in other[1]
+        assert [path.name for path in (tmp_path / f"{i}").iterdir()] == ["study.json"]
+
+
+def test_start_where_there_are_no_hard_links(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", refuse)
+    open_study(tmp_path, {"n_starts": 1})
+    with pytest.raises(ValueError, match="holds a study with n_starts=1, not 2"):
+        open_study(tmp_path, {"n_starts": 2})
+    assert [path.name for path in tmp_path.iterdir()] == ["study.json"]
+
+
+def test_threads_that_write_one_unit(tmp_path):
+    unit, table = ("models", "hold", "hard", 0), pd.DataFrame({"rps": np.arange(1e4)})
+    with ThreadPool(8) as pool:
+        pool.map(lambda _: write_unit(tmp_path, unit, table), range(100))
+    pd.testing.assert_frame_equal(read_unit(tmp_path, unit)[0], table)
+    assert not list(tmp_path.rglob("*.tmp"))
+
+
+# Descriptions of settings -----------------------------------------------------
+
+
 def test_description_of_settings(tmp_path):
     assert describe(partial(sorted, tmp_path, key=[np.int64(3)], reverse=None)) == {
         "function": "builtins.sorted",
@@ -316,6 +674,141 @@ def test_description_of_settings(tmp_path):
     described = describe(DistributionalOrdinalRegressor(NNPOM(7)))
     assert described["estimator"]["n_hidden"] == 7
     assert json.loads(json.dumps(described)) == described
+
+
+class Touches:
+    """A corpus of a few recordings, as an object that is called."""
+
+    def __init__(self, *values):
+        self.values = np.array(values)
+
+    def __call__(self, **_):
+        return self.values
+
+    def load(self, **_):
+        return self.values
+
+
+def adder(n):
+    return lambda x: x + n
+
+
+def table_of(value, library=pd):
+    """A long table, of which `repr` shows the ends."""
+    column = np.arange(1000.0)
+    column[500] = value
+    return library.DataFrame({"touch": column})
+
+
+SEED = 0
+# Each makes a value, the same in another process; no two values are equal.
+VALUES = {
+    "number": lambda: 1,
+    "text": lambda: "1",
+    "text of two": lambda: "1, 2",
+    "list": lambda: [1, 2],
+    "nested": lambda: [[1], 2],
+    "NaN": lambda: np.nan,
+    "float": lambda: 0.1,
+    "float32": lambda: np.float32(0.1),
+    "bytes": lambda: b"1",
+    "date": lambda: np.datetime64("2020-01-01"),
+    "keys": lambda: {"1": 2},
+    "numbers as keys": lambda: {1: 2},
+    "set": lambda: {"b", "a", "c"},
+    "array": lambda: np.arange(2000),
+    "array in the middle": lambda: np.where(
+        np.arange(2000) == 1000, 0, np.arange(2000)
+    ),
+    "array of another type": lambda: np.arange(2000, dtype=np.int32),
+    "array of another shape": lambda: np.arange(2000).reshape(2, -1),
+    "touches": lambda: [np.zeros((5, 2)), np.zeros((4, 2))],
+    "other touches": lambda: [np.zeros((4, 2)), np.zeros((5, 2))],
+    "objects": lambda: np.array([np.zeros(3), "a", None], dtype=object),
+    "masked": lambda: np.ma.masked_array([1, 2], [False, True]),
+    "table": lambda: table_of(0),
+    "table in the middle": lambda: table_of(1),
+    "table with names": lambda: table_of(0).rename(columns={"touch": "grip"}),
+    "table with rows": lambda: table_of(0).rename(index={500: -1}),
+    "table of text": lambda: table_of(0).astype(str),
+    "column": lambda: table_of(0)["touch"],
+    "touches in a table": lambda: pd.DataFrame({"pac": [np.zeros(3), np.ones(2)]}),
+    "levels": lambda: pd.Series(pd.Categorical(["a"], ["a", "b"], ordered=True)),
+    "other levels": lambda: pd.Series(pd.Categorical(["a"], ["b", "a"], ordered=True)),
+    "polars": lambda: table_of(0, pytest.importorskip("polars")),
+    "polars in the middle": lambda: table_of(1, pytest.importorskip("polars")),
+    "function": lambda: make_haptic_corpus,
+    "other function": lambda: run_study,
+    "class": lambda: Touches,
+    "lambda": lambda: lambda x: x + 1,
+    "other lambda": lambda: lambda x: x + 2,
+    "default": lambda: lambda x, n=3: x + n,
+    "closure": lambda: adder(1),
+    "other closure": lambda: adder(2),
+    "global variable": lambda: lambda x: x + SEED,
+    "object": lambda: Touches(1, 2),
+    "other object": lambda: Touches(1, 3),
+    "method": lambda: Touches(1, 2).load,
+    "other method": lambda: Touches(1, 3).load,
+    "partial": lambda: partial(make_haptic_corpus, 1),
+    "scorer": lambda: make_scorer(metrics.ranked_probability_score),
+    "other scorer": lambda: make_scorer(metrics.earth_movers_distance),
+    "estimator": lambda: NNPOM(3),
+    "generator": lambda: np.random.default_rng(0),
+    "other generator": lambda: np.random.default_rng(1),
+}
+
+
+def descriptions():
+    return {
+        name: json.dumps(describe(make()), sort_keys=True)
+        for name, make in VALUES.items()
+    }
+
+
+def test_descriptions_tell_values_apart():
+    described = descriptions()
+    assert len(set(described.values())) == len(described)
+    assert descriptions() == described
+
+
+def test_descriptions_are_the_same_in_every_session():
+    code = "import json, test_study; print(json.dumps(test_study.descriptions()))"
+    process = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=Path(__file__).parent,
+        env=os.environ | {"PYTHONHASHSEED": "7"},
+        capture_output=True,
+        check=True,
+    )
+    assert json.loads(process.stdout) == descriptions()
+
+
+def test_global_variable_of_a_function(monkeypatch):
+    before = describe(VALUES["global variable"]())
+    monkeypatch.setattr(sys.modules[__name__], "SEED", 1)
+    assert describe(VALUES["global variable"]()) != before
+
+
+def test_settings_that_cannot_be_recognised(tmp_path):
+    with (
+        open(os.devnull) as file,
+        pytest.raises(
+            ValueError,
+            match=r"^corpus could not be recognised .*TextIOWrapper.*; give a",
+        ),
+    ):
+        run_study(partial(make_haptic_corpus, file), tmp_path / "study", **SETTINGS)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("n", [1, 5_000, 100_000])
+def test_descriptions_of_many_trials(n):
+    """A mebibyte at least takes less than a second; of `repr` all look the same."""
+    trials = pd.DataFrame({"pdc": [np.full((50, 2), i, np.float32) for i in range(n)]})
+    before = describe(trials)
+    trials["pdc"].iloc[n // 2][25, 1] += 1
+    assert describe(trials) != before
 
 
 # Results --------------------------------------------------------------------
@@ -480,6 +973,22 @@ def test_models_of_a_fold(folder):
         rows = table[table["held_out"] == (held_out or "none")]
         np.testing.assert_array_equal(rows.filter(like="proba_"), proba)
         np.testing.assert_array_equal(rows["object"], corpus.objects[test])
+
+
+@pytest.mark.parametrize("first", [np.nan, -np.inf])
+def test_candidate_without_a_score(first):
+    X, counts = np.zeros((4, 1)), np.array([[1, 2], [2, 1], [1, 1], [0, 3]])
+    candidates = [DistributionalOrdinalRegressor(NNPOM(0)) for _ in range(4)]
+    parts = Parts(np.arange(2), np.array([2]), np.array([3]))
+    scores = dict(zip(map(id, candidates), [first, -2.0, np.nan, -1.0]))
+
+    def scoring(model, X, y):
+        return scores[id(model)]
+
+    best, score, model = fit_best(candidates, X, counts, parts, scoring)
+    assert (best, score, model) == (3, -1.0, candidates[3])
+    with pytest.raises(ValueError, match="gives NaN for every network on the valid"):
+        fit_best(candidates[2:3], X, counts, parts, scoring)
 
 
 def test_first_of_equal_candidates():
