@@ -4,7 +4,7 @@ from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.base import BaseEstimator
 from sklearn.utils._param_validation import StrOptions
 from sklearn.utils.validation import (
     _num_samples,
@@ -14,12 +14,12 @@ from sklearn.utils.validation import (
 )
 
 from ._documentation import DocumentedEstimator
+from ._ordinal import OrdinalClassifierMixin
 from ._typing import Trials, _fit_context
 from ._validation import check_ratings
-from .metrics import ranked_probability_score
 
 
-class DummyDistribution(DocumentedEstimator, ClassifierMixin, BaseEstimator):
+class DummyDistribution(DocumentedEstimator, OrdinalClassifierMixin, BaseEstimator):
     """Predict the same distribution for every trial, whatever its features.
 
     The two baselines that a model must beat: which one is harder depends on
@@ -74,7 +74,6 @@ class DummyDistribution(DocumentedEstimator, ClassifierMixin, BaseEstimator):
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
-        tags.classifier_tags.poor_score = True
         tags.input_tags.sparse = True
         tags.no_validation = True  # of X, which may be trials
         return tags
@@ -136,25 +135,3 @@ class DummyDistribution(DocumentedEstimator, ClassifierMixin, BaseEstimator):
         """
         proba = self.predict_proba(X)
         return self.levels_[proba.argmax(axis=1)]
-
-    def score(
-        self, X: Trials, y: ArrayLike, sample_weight: ArrayLike | None = None
-    ) -> float:
-        """Return the negative mean ranked probability score; higher is better.
-
-        Parameters
-        ----------
-        X : array-like of length n_trials
-            Features or trials, ignored but for their number.
-        y : array-like of shape (n_trials, n_levels) or (n_trials,)
-            Counts of each rating, or one rating a trial.
-        sample_weight : array-like of shape (n_trials,), default=None
-            Weight of each trial.
-
-        Returns
-        -------
-        score : float
-        """
-        return -ranked_probability_score(
-            y, self.predict_proba(X), levels=self.levels_, sample_weight=sample_weight
-        )

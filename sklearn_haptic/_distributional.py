@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import expit, logit
 from sklearn.base import (
     BaseEstimator,
-    ClassifierMixin,
     MetaEstimatorMixin,
     clone,
     is_regressor,
@@ -30,6 +29,7 @@ from sklearn.utils.validation import (
 
 from ._documentation import DocumentedEstimator
 from ._nnpom import NNPOM, validation_split
+from ._ordinal import OrdinalClassifierMixin
 from ._positions import (
     crossing_positions,
     population_quadrature,
@@ -47,7 +47,6 @@ from ._validation import (
     validate_rated_trials,
     weighted,
 )
-from .metrics import neg_rps_scorer
 from .ratings import _level_index
 
 # With 20 nodes the distribution function is off by less than 1e-4 for weights of the
@@ -70,7 +69,7 @@ class DistributionalOrdinalRegressor(
     DocumentedEstimator,
     CallbackSupportMixin,
     MetaEstimatorMixin,
-    ClassifierMixin,
+    OrdinalClassifierMixin,
     BaseEstimator,
 ):
     """Predict the distribution of the ratings a crowd would give.
@@ -228,11 +227,6 @@ class DistributionalOrdinalRegressor(
         self.n_quantiles = n_quantiles
         self.levels = levels
         self.random_state = random_state
-
-    def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.classifier_tags.poor_score = True  # on classes that have no order
-        return tags
 
     @_fit_context(prefer_skip_nested_validation=False)
     def fit(
@@ -549,27 +543,6 @@ class DistributionalOrdinalRegressor(
         p = check_random_state(random_state).uniform(size=(len(rows), n_samples))
         rating = self.levels_[_level_index(rows, p)]
         return rating.reshape(*proba.shape[:-1], n_samples)
-
-    def score(
-        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
-    ) -> float:
-        """Return the negative mean ranked probability score; higher is better.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-            Features of each trial.
-        y : array-like of shape (n_trials, n_levels) or (n_trials,)
-            Counts of each rating, or one rating a trial; as in `fit` for several
-            attributes, whose scores are averaged.
-        sample_weight : array-like of shape (n_trials,), default=None
-            Weight of each trial.
-
-        Returns
-        -------
-        score : float
-        """
-        return neg_rps_scorer(self, X, y, sample_weight)
 
 
 def _cdf(proba):

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import (
     BaseEstimator,
-    ClassifierMixin,
     MetaEstimatorMixin,
     clone,
 )
@@ -26,6 +25,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ._documentation import DocumentedEstimator
 from ._nnpom import NNPOM
+from ._ordinal import OrdinalClassifierMixin
 from ._threads import one_blas_thread
 from ._typing import (
     FloatArray,
@@ -125,7 +125,7 @@ class SensorFusionNNPOM(
     DocumentedEstimator,
     CallbackSupportMixin,
     MetaEstimatorMixin,
-    ClassifierMixin,
+    OrdinalClassifierMixin,
     BaseEstimator,
 ):
     """Combine a network for each sensor by the activations of their hidden units.
@@ -231,11 +231,6 @@ class SensorFusionNNPOM(
         self.final_estimator = final_estimator
         self.held_out = held_out
         self.random_state = random_state
-
-    def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.classifier_tags.poor_score = True  # on classes that have no order
-        return tags
 
     @_fit_context(prefer_skip_nested_validation=False)
     def fit(

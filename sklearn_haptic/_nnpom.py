@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.base import BaseEstimator
 from sklearn.callback import CallbackSupportMixin
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.model_selection import GroupShuffleSplit
@@ -17,6 +17,7 @@ from sklearn.utils.validation import (
 )
 
 from ._documentation import DocumentedEstimator
+from ._ordinal import OrdinalClassifierMixin
 from ._proportional_odds import (
     EvenedFeatures,
     NetworkLoss,
@@ -50,6 +51,8 @@ from ._validation import (
 )
 from .metrics import _macro_mae
 
+# In units of the total weight; more would make no difference but overflow.
+_LARGEST_PENALTY = 1e300
 # Differences between latent responses and thresholds stay finite.
 _LARGEST_LATENT = 1e300
 
@@ -65,6 +68,93 @@ def validation_split(n_trials, groups, fraction, random_state):
         )
     splitter = GroupShuffleSplit(1, test_size=fraction, random_state=random_state)
     return next(splitter.split(np.empty(n_trials), groups=groups))
+
+
+def relative_weights(sample_weight):
+    """Weights of trials in units of the largest; all stay above 0."""
+    relative = sample_weight / sample_weight.max()
+    return np.maximum(relative, np.finfo(np.float64).tiny)
+
+
+def single_ratings(X, counts, groups, sample_weight):
+    """Turn counts into observations without positions: one for each level of a trial.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_trials, n_features)
+    counts : ndarray of shape (n_trials, ..., n_levels)
+    groups : ndarray of shape (n_trials,), or None
+    sample_weight : ndarray of shape (n_trials,)
+        Trials of weight 0 are left out of all that is returned.
+
+    Returns
+    -------
+    X, groups
+    level, weight : ndarray of the shape of `counts`
+        What `NNPOM.fit_with_positions` trains on.
+    validation_weight : ndarray of the shape of `counts`
+        In place of `weight` where it validates: a trial counts by its own weight, by
+        however many people it was rated.
+    """
+    used = sample_weight > 0
+    X, counts, sample_weight = X[used], counts[used], sample_weight[used]
+    groups = None if groups is None else groups[used]
+    level = np.broadcast_to(np.arange(counts.shape[-1]), counts.shape)
+    validation_weight = ((counts > 0).T * relative_weights(sample_weight)).T
+    return X, groups, level, weighted(counts, sample_weight), validation_weight
+
+
+def hold_out_trials(estimator, n_trials, groups, fraction, random_state):
+    """Hold out trials for early stopping, whole objects if these are given.
+
+    Parameters
+    ----------
+    estimator : estimator object
+        Whose ``fit`` calls this.
+    n_trials : int
+    groups : ndarray of shape (n_trials,), or None
+        The object of each trial.
+    fraction : float
+        Share of the objects, or of the trials, that is held out; at least one.
+    random_state : RandomState instance
+
+    Returns
+    -------
+    train, held_out : ndarray of int
+        Indices of trials.
+
+    Raises
+    ------
+    ValueError
+        If nothing would be left to train on.
+
+    Warns
+    -----
+    UserWarning
+        If there are no groups.
+    """
+    units = "trial" if groups is None else "object"
+    n_units = n_trials if groups is None else len(np.unique(groups))
+    if np.ceil(fraction * n_units) >= n_units:
+        raise ValueError(
+            f"Early stopping holds out {fraction:.3g} of the {units}s, at least one, "
+            f"but there {'is' if n_units == 1 else 'are'} {n_units}, which leaves none "
+            f"to train on; give more {units}s, a smaller validation_fraction, or set "
+            "early_stopping=False."
+        )
+    if groups is None:
+        name = type(estimator).__name__
+        warnings.warn(
+            "Early stopping holds out single trials, since fit was given no groups: "
+            "trials of an object may be on both sides, and then it stops too late. "
+            "Call fit(..., groups=objects), with range(n_trials) if each trial is of "
+            "another object. Searches and cross-validation pass groups on after\n"
+            "    sklearn.set_config(enable_metadata_routing=True)\n"
+            f"    {name}(...).set_fit_request(groups=True)",
+            UserWarning,
+            stacklevel=4,  # beyond this, fit, and its decorator
+        )
+    return validation_split(n_trials, groups, fraction, random_state)
 
 
 def attributes_of(positions, level, weight):
@@ -111,7 +201,9 @@ def rank_levels(positions, level, weight, n_levels):
     return all_present, observations, level_weights
 
 
-class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEstimator):
+class NNPOM(
+    DocumentedEstimator, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstimator
+):
     """Proportional-odds ordinal regression on one layer of logistic units.
 
     The neural-network proportional odds model of Gutiérrez et al. [1]_, with a
@@ -152,7 +244,8 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
         Hold out some trials, measure their error every 10 iterations, stop when
         it has not decreased in ``n_iter_no_change`` iterations, and keep the
         best model. The error is the per-trial macro-averaged absolute error of
-        the most probable level.
+        the most probable level. Give `fit` the trials' objects as ``groups``, so
+        that whole objects are held out.
     n_iter_no_change : int, default=150
         Patience of early stopping, in iterations.
     validation_fraction : float, default=0.1
@@ -262,11 +355,6 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
         self.levels = levels
         self.random_state = random_state
 
-    def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.classifier_tags.poor_score = True  # on classes that have no order
-        return tags
-
     @_fit_context(prefer_skip_nested_validation=True)
     def fit(
         self,
@@ -287,9 +375,15 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
             several attributes, as an array of shape (n_trials, n_attributes,
             n_levels), are learnt together: the attributes share the hidden units.
         sample_weight : array-like of shape (n_trials,), default=None
-            Weight of each trial; 2 equals the trial given twice.
+            Weight of each trial, also among those held out for early stopping. 2
+            equals the trial given twice, if groups keep both on one side. Penalties
+            are beside the weighted sum: a factor of all weights acts like its inverse
+            on ``alpha``.
         groups : array-like of shape (n_trials,), default=None
-            The object of each trial. Early stopping holds out whole objects.
+            The object of each trial; early stopping holds out whole objects, and
+            warns if it has to do without. In a search or cross-validation they reach
+            `fit` after ``sklearn.set_config(enable_metadata_routing=True)`` and
+            ``NNPOM(...).set_fit_request(groups=True)``.
 
         Returns
         -------
@@ -299,17 +393,16 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
         X, counts, self.levels_ = validate_rated_trials(self, X, y, self.levels)
         groups = check_groups(groups, X)
         sample_weight = check_weights(sample_weight, X)
-        used = sample_weight > 0
-        X, weight = X[used], weighted(counts[used], sample_weight[used])
-        level = np.broadcast_to(np.arange(len(self.levels_)), weight.shape)
+        X, groups, level, weight, counted = single_ratings(
+            X, counts, groups, sample_weight
+        )
         rng = check_random_state(self.random_state)
         if not self.early_stopping:
             return self._fit(X, None, level, weight, None, rng)
-        groups = None if groups is None else groups[used]
-        train, held_out = validation_split(
-            len(X), groups, self.validation_fraction, rng
+        train, held_out = hold_out_trials(
+            self, len(X), groups, self.validation_fraction, rng
         )
-        validation = X[held_out], None, level[held_out], weight[held_out]
+        validation = X[held_out], None, level[held_out], counted[held_out]
         return self._fit(X[train], None, level[train], weight[train], validation, rng)
 
     @with_callbacks
@@ -352,7 +445,8 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
             non-negative weights of the position and out of the hidden units;
             for the "lbfgs" solver.
         validation : tuple of (X, positions, level, weight), default=None
-            Trials for early stopping; None for no early stopping.
+            Trials for early stopping; None for no early stopping. Observations of
+            zero weight do not count; those of a trial share its weight.
         feature_names : ndarray of shape (n_features,), default=None
             Names of the features, if they have any; the last feature is named
             ``"position"``.
@@ -398,6 +492,11 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
                 "n_hidden=0 leaves nothing that several attributes could share; set it "
                 "to at least 1, or fit a model to each attribute."
             )
+        # Only their ratio matters; a power of four is exact, also under the root.
+        exponent = 2 * (np.frexp(weight.sum())[1] // 2)
+        with np.errstate(over="ignore"):
+            alpha = min(np.ldexp(self.alpha, -exponent), _LARGEST_PENALTY)
+        weight = np.ldexp(weight, -exponent)
         self._present, observations, level_weights = rank_levels(
             positions, level, weight, len(self.levels_)
         )
@@ -414,16 +513,16 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
             X = X - centre
             spread = total_spread(X, trial_weight) or 1.0
             X = X / spread
-        alpha, evened = self.alpha, None
+        evened = None
         if self.solver == "lbfgs":
-            evened = EvenedFeatures(X, self.alpha, weight.sum() / len(X))
+            evened = EvenedFeatures(X, alpha, trial_weight)
             params = change_weights(
                 params, evened.to_inputs, X.shape[1], n_hidden, n_inputs
             )
             X = evened.inputs
             n_inputs = X.shape[1] + (positions is not None)
             n_others = n_inputs + 1 - X.shape[1]  # the position and the output
-            alpha = np.append(evened.alpha, np.full(n_others, self.alpha))
+            alpha = np.append(evened.alpha, np.full(n_others, alpha))
         if len(observations) == 1:
             fun = NetworkLoss(X, *observations[0], n_hidden, alpha)
         else:
@@ -451,7 +550,8 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
                 latent = forward(X_val, at, *self._weights)[0]
                 latent = latent[..., i] if self._several else latent
                 predicted = self._proba_of(latent, i).argmax(axis=-1)
-                errors.append(_macro_mae(predicted, true, counted > 0).mean())
+                error = _macro_mae(predicted, true, counted > 0)
+                errors.append(np.average(error, weights=counted.max(axis=1)))
             return np.mean(errors)
 
         def end_iteration():
@@ -648,7 +748,7 @@ class NNPOM(DocumentedEstimator, CallbackSupportMixin, ClassifierMixin, BaseEsti
 
     @property
     def _weights(self):
-        output = self.coefs_[1] if self.n_hidden else self.intercepts_
+        output = self.coefs_[1] if len(self.coefs_) > 1 else self.intercepts_
         return self.coefs_[0], self.intercepts_, output
 
     @one_blas_thread

@@ -304,13 +304,18 @@ def check_weights(sample_weight, X):
 
 
 def weighted(counts, sample_weight):
-    """Multiply each trial's counts by its weight; refuse a total that overflows."""
-    with np.errstate(over="ignore"):
+    """Multiply each trial's counts by its weight; refuse totals out of range."""
+    with np.errstate(over="ignore", under="ignore"):
         weight = (counts.T * sample_weight).T
         total = weight.sum()
     if not np.isfinite(total):
         raise ValueError(
             "The total of y, times sample_weight, overflows; divide both by a constant."
+        )
+    if total < np.finfo(np.float64).tiny:
+        raise ValueError(
+            "The total of y, times sample_weight, underflows; multiply both by a "
+            "constant."
         )
     return weight
 
