@@ -471,7 +471,7 @@ def test_dictionary_is_learned_from_patches(limit):
 @pytest.mark.parametrize("limit", [1, 20, 500])
 def test_most_trials_give_no_patch(n_fingers, limit):
     """As many patches as asked for, each drawn once, of far more trials."""
-    trials = electrodes([2] * 700, n_fingers)
+    trials = electrodes([2] * 5000, n_fingers)
     seen = []
 
     def learn(observations, n_atoms, *_, **__):
