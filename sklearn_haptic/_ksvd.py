@@ -25,12 +25,14 @@ from ._threads import one_blas_thread
 from ._typing import FloatArray, Memory, Names, RandomState, Trials, _fit_context
 from ._validation import (
     Sequences,
+    channel_names,
     check_numbers,
     check_sparsity,
     check_table,
     check_trials,
     is_table,
     row_index,
+    transposed_hint,
 )
 
 
@@ -335,15 +337,17 @@ class _DictionaryCoder(
             return task.call_on_fit_task_end(estimator=self, X=X, y=y)
 
         rng = check_random_state(self.random_state)
-        n_nonzero_coefs = check_sparsity(self.n_nonzero_coefs, self.n_atoms)
+        self._channel_names = None
         if self._codes_trials:
             vars(self).pop("feature_names_in_", None)  # of an earlier fit to a table
+            self._channel_names = channel_names(X)
             observations = self._draw_from_trials(X, rng)
         else:
             rows = check_table(self, X, dtype=[np.float64, np.float32])
             observations = draw_observations(
                 [rows], [len(rows)], self.max_train_windows, np.ndarray.__getitem__, rng
             )
+        n_nonzero_coefs = check_sparsity(self.n_nonzero_coefs, self.n_atoms)
         # Callbacks have to see the iterations, and may stop them.
         watched = hasattr(self, "_skl_callbacks")
         learn = check_memory(None if watched else self.memory).cache(learn_dictionary)
@@ -371,7 +375,9 @@ class _DictionaryCoder(
         )
         return self
 
-    def _sequences(self, trials, lengths, encode_trial, index, **options):
+    def _sequences(
+        self, trials, lengths, encode_trial, index, unit="frames", **options
+    ):
         """Return trials' codes, each made by `encode_trial` on demand."""
         encode_trial = partial(
             encode_trial,
@@ -385,6 +391,7 @@ class _DictionaryCoder(
             index,
             encode=encode_trial,
             lengths=lengths,
+            unit=unit,
         )
 
     @property
@@ -640,32 +647,49 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
         )
 
     def _check_windowed(self, X, n_channels=None):
+        """Validate what is cut into windows; return the trials and numbers of windows.
+
+        A row of a table is a trial of one channel.
+        """
+        window = self._windows["window"]
         if is_table(X):
             check_numbers(X, "X")
             X = check_array(X, dtype=[np.float64, np.float32])
-        return check_trials(X, n_channels=n_channels, min_times=self._windows["window"])
+            if X.shape[1] < window:
+                raise ValueError(
+                    f"X is a table whose rows of {X.shape[1]} values are taken for "
+                    f"trials, but one window takes {window} time samples; give a "
+                    "list of trials or use a shorter window."
+                )
+        trials = check_trials(X, n_channels=n_channels, names=self._channel_names)
+        for i, trial in enumerate(trials):
+            if len(trial) < window:
+                raise ValueError(
+                    f"Trial {i} of X has {len(trial)} time samples, but one window "
+                    f"takes {window}; remove it or use a shorter window."
+                    f"{transposed_hint(trial.shape)}"
+                )
+        step = window_step(**self._windows)
+        return trials, [(len(trial) - window) // step + 1 for trial in trials]
 
     def _draw_from_trials(self, X, rng):
-        trials = self._check_windowed(X)
+        trials, lengths = self._check_windowed(X)
         self.n_features_in_ = trials[0].shape[1]
 
         def observe(trial, indices):
             windows = sliding_windows(trial, **self._windows)
             return windows[np.unravel_index(indices, windows.shape[:2])]
 
-        counts = [n * self.n_features_in_ for n in self._lengths(trials)]
+        counts = [n * self.n_features_in_ for n in lengths]
         return draw_observations(trials, counts, self.max_train_windows, observe, rng)
 
     def _transform_trials(self, X):
-        trials = self._check_windowed(X, self.n_features_in_)
+        trials, lengths = self._check_windowed(X, self.n_features_in_)
         return self._sequences(
             trials,
-            self._lengths(trials),
+            lengths,
             encode_windows,
             row_index(X),
+            unit="windows",
             **self._windows,
         )
-
-    def _lengths(self, trials):
-        """Return the number of windows in each trial."""
-        return [len(sliding_windows(trial, **self._windows)) for trial in trials]

@@ -21,6 +21,7 @@ from ._threads import one_blas_thread
 from ._typing import FloatArray, Memory, Names, Trials, _fit_context
 from ._validation import (
     Sequences,
+    channel_names,
     check_sequences,
     check_table,
     check_trials,
@@ -327,6 +328,7 @@ class TemporalMaxPool(
         """Validate `X`; return its arrays of shape (n_times_i, n_columns)."""
         if reset:
             self._takes_table = is_table(X)
+            self._channel_names = None if self._takes_table else channel_names(X)
         if self._takes_table:
             if not is_table(X):
                 raise ValueError(
@@ -339,7 +341,7 @@ class TemporalMaxPool(
         if isinstance(X, Sequences):
             check_sequences(X, n_columns=n_columns)
         else:
-            X = check_trials(X, n_channels=n_columns)
+            X = check_trials(X, n_channels=n_columns, names=self._channel_names)
         if reset:
             named = isinstance(X, Sequences)
             self.n_features_in_ = len(X.feature_names) if named else X[0].shape[1]

@@ -13,7 +13,13 @@ from sklearn.utils.validation import check_is_fitted
 from ._ksvd import _DictionaryCoder, _UnwrappedSequences, draw_observations, encode
 from ._pooling import cell_bounds, check_cells
 from ._typing import Memory, Names, RandomState, Trials, _fit_context
-from ._validation import check_numbers, check_trials, is_table, row_index
+from ._validation import (
+    check_numbers,
+    check_trials,
+    is_table,
+    row_index,
+    transposed_hint,
+)
 
 # Electrodes whose mean is each pixel: rows from the tip of the finger to its base,
 # columns left, middle, right.
@@ -487,6 +493,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
                 f"X has {self.n_features_in_} channels, which is no multiple of the "
                 f"{layout.shape[2]} electrodes of layout; select the electrodes' "
                 "channels or give the layout of your sensor."
+                f"{transposed_hint(trials[0].shape)}"
             )
         patch_size, step = self._check_patch_size(), self.step
 
@@ -520,7 +527,10 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
                 "X is a table, but fit was given trials; give a collection of trials."
             )
         trials = check_trials(
-            X, ndims=(len(self._frame_shape) + 1,), n_channels=self._frame_shape
+            X,
+            ndims=(len(self._frame_shape) + 1,),
+            n_channels=self._frame_shape,
+            names=self._channel_names,
         )
         return self._sequences(
             trials,

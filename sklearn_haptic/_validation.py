@@ -9,7 +9,7 @@ scikit-learn's ordinary two-dimensional input; every transformer takes both.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from datetime import date, timedelta
 from numbers import Real
 from typing import TYPE_CHECKING, Any, overload
@@ -37,8 +37,7 @@ from ._typing import FloatArray, Names
 if TYPE_CHECKING:
     import pandas as pd
 
-
-_TEXT_OR_DATE = (str, bytes, date, timedelta, np.datetime64, np.timedelta64)
+_NO_NUMBERS = (str, bytes, date, timedelta, np.datetime64, np.timedelta64)
 
 
 class Sequences(Sequence[FloatArray]):
@@ -60,6 +59,8 @@ class Sequences(Sequence[FloatArray]):
         Returns the array of a trial. None if `trials` are the arrays.
     lengths : sequence of int, default=None
         Length of each array; by default that of each trial.
+    unit : str, default="time samples"
+        What the rows of an array are.
     """
 
     def __init__(
@@ -70,10 +71,12 @@ class Sequences(Sequence[FloatArray]):
         *,
         encode: Callable[[Any], FloatArray] | None = None,
         lengths: Sequence[int] | None = None,
+        unit: str = "time samples",
     ) -> None:
         self.feature_names = np.asarray(feature_names, dtype=object)
         self.row_index = row_index
         self.lengths = [len(trial) for trial in trials] if lengths is None else lengths
+        self.unit = unit
         self._trials = trials
         self._encode = encode
 
@@ -94,6 +97,7 @@ class Sequences(Sequence[FloatArray]):
             None if self.row_index is None else self.row_index[key],
             encode=self._encode,
             lengths=self.lengths[key],
+            unit=self.unit,
         )
 
     @one_blas_thread
@@ -119,18 +123,16 @@ def is_table(X):
     """
     if isinstance(X, Sequences):
         return False
-    if sparse.issparse(X) or isinstance(X, (str, bytes)) or not hasattr(X, "__len__"):
+    if (
+        sparse.issparse(X)
+        or isinstance(X, (str, bytes, Mapping, Set))
+        or not hasattr(X, "__len__")
+    ):
         return True
-    if hasattr(X, "to_numpy"):  # DataFrame or Series, of pandas or polars
-        columns = getattr(X, "columns", None)
-        if columns is not None and len(columns) == 0:
-            return True
-        cells = X if columns is None else X[columns[0]]
-        return not any(_ndim(cell) >= 1 for cell in cells)
-    if isinstance(X, np.ndarray) and X.dtype != object:
+    if _has_columns(X):
+        return not _columns_of_trials(X)
+    if isinstance(X, np.ndarray) and (X.dtype != object or X.ndim != 1):
         return X.ndim <= 2
-    if isinstance(X, np.ndarray) and X.ndim != 1:
-        return True
     if len(X) == 0:
         return True
     ndims = {_ndim(trial) for trial in X}
@@ -139,7 +141,24 @@ def is_table(X):
     return ndims == {0}
 
 
-def check_trials(X, *, ndims=(2,), n_channels=None, min_times=1):
+def channel_names(X):
+    """Return the column names of trials that are data frames, None if none has any."""
+    if isinstance(X, Sequences) or is_table(X):
+        return None
+    return next(filter(None, map(_names, _cells(X))), None)
+
+
+def transposed_hint(shape):
+    """Return a sentence for errors: a trial has more channels than samples."""
+    if len(shape) != 2 or shape[1] <= shape[0]:
+        return ""
+    return (
+        f" Its shape {shape} is taken for {_count(shape[0], 'time samples')} of "
+        f"{_samples(shape[1:])}; transpose it if that is wrong."
+    )
+
+
+def check_trials(X, *, ndims=(2,), n_channels=None, names=None, min_times=1):
     """Validate a collection of trials; return a list of floating-point arrays.
 
     Parameters
@@ -147,11 +166,14 @@ def check_trials(X, *, ndims=(2,), n_channels=None, min_times=1):
     X : collection of array-like
         List, tuple, object array, Series or one-column DataFrame of arrays, or
         one array with the trials along its first axis. A one-dimensional trial
-        is one channel.
+        is one channel. Columns of trials that are data frames are put in the
+        order of `names`.
     ndims : tuple of int, default=(2,)
         Numbers of dimensions that a trial may have.
     n_channels : int or tuple of int, default=None
         Required shape of one time sample; by default that of the first trial.
+    names : list, default=None
+        :func:`channel_names` of the trials given to `fit`; by default of these.
     min_times : int, default=1
         Fewest time samples that a trial may have.
 
@@ -168,19 +190,21 @@ def check_trials(X, *, ndims=(2,), n_channels=None, min_times=1):
         not of real numbers or of another shape than the rest; the message names
         the trial.
     """
-    cells = _column_cells(X) if hasattr(X, "to_numpy") else X
-    if cells is None:
-        raise ValueError(
-            "X has several columns of trials; choose one with ColumnTransformer, a "
-            "transformer for each sensor."
-        )
+    cells = _cells(X)
     _check_any(cells)
-    trials = [_check_trial(cell, i, ndims, min_times) for i, cell in enumerate(cells)]
+    where = "the first trial" if n_channels is None else "fit"
+    named = "the first trial" if n_channels is None or names is None else "fit"
+    names = channel_names(cells) if names is None else names
+    trials = [
+        _check_trial(_in_order(cell, i, names, named), i, ndims, min_times)
+        for i, cell in enumerate(cells)
+    ]
     shape = trials[0].shape[1:] if n_channels is None else n_channels
     shape = (shape,) if np.ndim(shape) == 0 else tuple(shape)
-    where = "the first trial" if n_channels is None else "fit"
     for i, trial in enumerate(trials):
-        _check_samples(i, trial.shape[1:], shape, where)
+        swapped = (len(trial),) == shape != trial.shape[1:]
+        hint = transposed_hint(trial.shape) if swapped else ""
+        _check_samples(i, trial.shape[1:], shape, where, hint)
     if len({trial.dtype for trial in trials}) > 1:
         trials = [trial.astype(np.float64, copy=False) for trial in trials]
     return trials
@@ -206,7 +230,7 @@ def check_sequences(sequences, *, n_columns=None, min_times=1):
     """
     _check_any(sequences)
     for i, length in enumerate(sequences.lengths):
-        _check_length(i, length, min_times)
+        _check_length(i, length, min_times, sequences.unit)
     if n_columns is not None:
         _check_samples(0, (len(sequences.feature_names),), (n_columns,), "fit")
 
@@ -227,31 +251,32 @@ def check_numbers(values, name):
         If a value is text, a date, complex or masked, or rows differ in length.
     """
     array = check_regular(values, name)
-    columns = getattr(values, "columns", ())
-    dtypes = values.dtypes if len(columns) else ()
-    odd = [  # dates of polars, which become numbers in an array
-        column
-        for column, dtype in zip(columns, dtypes)
-        if getattr(dtype, "is_temporal", bool)()
-    ]
-    if not odd and not _holds_text_or_dates(array):
+    if not (hasattr(values, "columns") and hasattr(values, "dtypes")):
+        if _holds_no_numbers(array):
+            raise ValueError(
+                f"{name} is not an array of numbers (it holds text or dates); convert "
+                "it."
+            )
         return
-    odd = odd or [c for c in columns if _holds_text_or_dates(np.asarray(values[c]))]
-    where = f"its column {odd[0]!r}" if odd else "it"
-    raise ValueError(
-        f"{name} is not an array of numbers ({where} holds text or dates); convert it."
-    )
-
-
-def _holds_text_or_dates(array):
-    return array.dtype.kind in "SUTMm" or (
-        array.dtype.kind == "O"
-        and any(isinstance(value, _TEXT_OR_DATE) for value in array.flat)
-    )
+    # Column by column: an array of them all may make numbers of dates.
+    for i, dtype in enumerate(values.dtypes):
+        if _is_numeric(dtype):
+            continue
+        if _holds_no_numbers(np.asarray(_column(values, i))):
+            column = values.columns[i]
+            raise ValueError(
+                f"{name} is not an array of numbers (column {column!r} holds text or "
+                "dates); convert it or leave it out."
+            )
 
 
 def check_regular(values, name):
-    """Refuse masked values, rows of unequal length and complex numbers."""
+    """Refuse masked and complex values, rows of unequal length and what is no array."""
+    if isinstance(values, (Mapping, Set, Iterator)) and not sparse.issparse(values):
+        raise ValueError(
+            f"{name} is a {type(values).__name__}, which is no array; give a list, an "
+            "array or a DataFrame."
+        )
     if np.ma.is_masked(values):
         raise ValueError(
             f"{name} has masked values, which are no data; fill or remove them."
@@ -598,29 +623,110 @@ def _count_values(values, levels, name):
     return matches.astype(np.float64), levels
 
 
-def _column_cells(X):
-    """Return the cells of a Series or one-column frame; None for several columns."""
-    if getattr(X, "ndim", len(getattr(X, "shape", ()))) == 2:
-        if X.shape[1] != 1:
-            return None
-        X = X[X.columns[0]]
-    return list(X)
+def _has_columns(X):
+    """Whether X is a DataFrame, a Series or an object array of two dimensions."""
+    if hasattr(X, "to_numpy") and hasattr(X, "shape"):
+        return True
+    return isinstance(X, np.ndarray) and X.dtype == object and X.ndim == 2
+
+
+def _column(X, i):
+    """Return column i of a DataFrame or an array; a Series is its only column."""
+    if len(X.shape) == 1:
+        return X
+    if hasattr(X, "to_series"):  # polars
+        return X.to_series(i)
+    return X.iloc[:, i] if hasattr(X, "iloc") else X[:, i]
+
+
+def _columns_of_trials(X):
+    """Return the numbers of the columns that hold arrays."""
+    n_columns = 1 if len(X.shape) == 1 else X.shape[1]
+    dtypes = X.dtypes if hasattr(X, "columns") else [X.dtype] * n_columns
+    return [
+        i
+        for i, dtype in enumerate(dtypes)
+        if not _is_numeric(dtype) and any(_ndim(cell) >= 1 for cell in _column(X, i))
+    ]
+
+
+def _is_numeric(dtype):
+    """Whether a data type of NumPy, pandas or polars is one of real numbers."""
+    if hasattr(dtype, "is_numeric"):
+        return dtype.is_numeric()
+    return dtype.kind in "biuf"
+
+
+def _holds_no_numbers(array):
+    if array.dtype.kind != "O":
+        return array.dtype.kind in "SUTMm"
+    return any(isinstance(value, _NO_NUMBERS) for value in array.flat)
+
+
+def _cells(X):
+    """Return the trials of a collection as a sequence; refuse several columns."""
+    if not _has_columns(X):
+        return X
+    if len(X.shape) == 2 and X.shape[1] != 1:
+        labels = getattr(X, "columns", range(X.shape[1]))
+        of_trials = [labels[i] for i in _columns_of_trials(X)]
+        raise ValueError(
+            f"X has {X.shape[1]} columns, of which {of_trials} hold trials; choose one "
+            "with ColumnTransformer, a transformer for each sensor."
+        )
+    return list(_column(X, 0))
+
+
+def _names(trial):
+    """Return the column names of a data frame that has any, else None."""
+    if not hasattr(trial, "columns"):
+        return None
+    names = list(trial.columns)
+    return None if names == list(range(len(names))) else names
+
+
+def _in_order(trial, i, names, where):
+    """Return a trial with its columns, if they have names, in the order of `names`."""
+    own = None if names is None else _names(trial)
+    if own is None or own == names:
+        return trial
+    odd = [name for name in [*names, *own] if own.count(name) != names.count(name)]
+    if odd:
+        raise ValueError(
+            f"Trial {i} of X and {where} differ in the column {odd[0]!r}; give all "
+            "trials the same columns."
+        )
+    return trial[names]
 
 
 def _ndim(trial):
+    if hasattr(trial, "ndim"):
+        return trial.ndim
+    if hasattr(trial, "columns"):  # a frame of polars
+        return 2
     try:
-        return trial.ndim if hasattr(trial, "ndim") else np.ndim(trial)
+        return np.ndim(trial)
     except ValueError:  # rows of unequal length
         return 2
 
 
+def _count(n, units):
+    """Return a number with its unit, given in the plural."""
+    return f"{n} {units.removesuffix('s') if n == 1 else units}"
+
+
 def _samples(shape):
     if len(shape) == 1:
-        return f"{shape[0]} channel{'s' * (shape[0] != 1)}"
+        return _count(shape[0], "channels")
     return "frames of " + " × ".join(map(str, shape))
 
 
 def _check_trial(trial, i, ndims, min_times):
+    if _ndim(trial) == 0 and not isinstance(trial, (Mapping, Set)):
+        raise ValueError(
+            f"Trial {i} of X is {trial!r}, not an array of shape (n_times, "
+            "n_channels); give its recording or leave the trial out."
+        )
     check_numbers(trial, f"Trial {i} of X")
     try:
         trial = np.asarray(trial)
@@ -659,18 +765,17 @@ def _check_any(trials):
         raise ValueError("X holds no trials; at least one is required.")
 
 
-def _check_length(i, length, min_times):
+def _check_length(i, length, min_times, unit="time samples"):
     if length < min_times:
         raise ValueError(
-            f"Trial {i} of X has {length} time samples, but at least {min_times} "
-            f"{'is' if min_times == 1 else 'are'} required; remove it or use shorter "
-            "windows or fewer cells."
+            f"Trial {i} of X has {_count(length, unit)}, but at least {min_times} "
+            f"{'is' if min_times == 1 else 'are'} required; remove it."
         )
 
 
-def _check_samples(i, shape, expected, where):
+def _check_samples(i, shape, expected, where, hint=""):
     if shape != expected:
         raise ValueError(
             f"Trial {i} of X has {_samples(shape)}, but {_samples(expected)} "
-            f"{'is' if expected == (1,) else 'are'} expected, as in {where}."
+            f"{'is' if expected == (1,) else 'are'} expected, as in {where}.{hint}"
         )

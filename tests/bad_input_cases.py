@@ -6,6 +6,7 @@ of its own.
 
 import re
 from collections.abc import Callable
+from datetime import date
 from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
@@ -191,6 +192,16 @@ NOT_NUMBERS = {
         "^X is not an array of numbers .*dates.*; convert it",
         lambda: dates(X),
     ),
+    "a column of dates": (
+        ValueError,
+        "^X is not an array of numbers .column 'when' holds text or dates.; convert it",
+        lambda: TABLE.assign(when=[date(2020, 1, 1)] * N),
+    ),
+    "a dict": (
+        ValueError,
+        "^X is a dict, which is no array; give a list, an array or a DataFrame",
+        lambda: dict(enumerate(X)),
+    ),
     "complex numbers": (
         ValueError,
         "Complex data not supported: .* is not an array of .*; give real",
@@ -309,6 +320,10 @@ def fitted_to_trials(name):
     return TRIAL_CODERS[name]().fit(TRIALS)
 
 
+def named(trial):
+    return pd.DataFrame(trial).add_prefix("x")
+
+
 def with_trial(trial):
     return [TRIALS[0], trial, *TRIALS[2:]]
 
@@ -367,12 +382,39 @@ NOT_TRIALS = {
         lambda: with_trial(np.zeros((2, 2, 2, 2))),
     ),
     "a missing trial": (
-        "Trial 1 of X",
+        "^Trial 1 of X is None, not an array of shape .*; give its recording or leave",
         lambda: with_trial(None),
     ),
+    "NaN for a trial": (
+        "^Trial 1 of X is nan, not an array of shape .*; give its recording or leave",
+        lambda: with_trial(np.nan),
+    ),
+    "a trial with a column of dates": (
+        "^Trial 1 of X is not an array of numbers .column 'when' holds .*; convert it",
+        lambda: with_trial(named(TRIALS[1]).assign(when=date(2020, 1, 1))),
+    ),
+    "trials of other column names": (
+        "^Trial 1 of X and the first trial differ in the column 'x3'; give all trials",
+        lambda: [
+            named(TRIALS[0]),
+            named(TRIALS[1]).rename(columns={"x3": "force"}),
+        ],
+    ),
+    "a transposed trial": (
+        r"^Trial 2 of X has .* shape \(10, 19\)|^Trial 1 of X has 9 channels, but 19",
+        lambda: with_trial(TRIALS[1].T),
+    ),
     "several sensors": (
-        "X has several columns of trials; choose one with ColumnTransformer",
+        "^X has 2 columns, of which .'a', 'b'. hold trials; choose one with Column",
         lambda: pd.DataFrame({"a": TRIALS, "b": TRIALS}),
+    ),
+    "a column of ids beside a sensor": (
+        "^X has 2 columns, of which .'pac'. hold trials; choose one with ColumnTran",
+        lambda: pd.DataFrame({"id": range(4), "pac": TRIALS}),
+    ),
+    "objects of two columns": (
+        "^X has 2 columns, of which .0, 1. hold trials; choose one with ColumnTransf",
+        lambda: pd.DataFrame({"a": TRIALS, "b": TRIALS}).to_numpy(),
     ),
 }
 TRIAL_CASES = [
@@ -784,8 +826,32 @@ SETTING_CASES = [
         (
             "a window longer than a trial",
             ValueError,
-            "Trial 0 of X has 8 time samples, but at least 9 are required; remove",
+            "^Trial 0 of X has 8 time samples, but one window takes 9; remove it or",
             lambda _: call(KSVDTransformer(3, window=9).fit, TRIALS),
+        ),
+        (
+            "transposed trials",
+            ValueError,
+            r"time samples, but one .* \(3, 99\) is taken for 3 .* channels; transpose",
+            lambda _: call(KSVDTransformer(3, window=9).fit, [np.ones((3, 99))] * 2),
+        ),
+        (
+            "a table narrower than a window",
+            ValueError,
+            "^X is a table whose rows of 4 values are taken for trials, .*; give a",
+            lambda _: call(KSVDTransformer(3, window=9).fit, X),
+        ),
+        (
+            "a dict of trials",
+            ValueError,
+            "^X is a dict, which is no array; give a list, an array or a DataFrame",
+            lambda _: call(KSVDTransformer(3, window=9).fit, dict(enumerate(TRIALS))),
+        ),
+        (
+            "an iterator over trials",
+            ValueError,
+            "^X is a list_iterator, which is no array; give a list, an array or a Data",
+            lambda _: call(KSVDTransformer(3, window=9).fit, iter(TRIALS)),
         ),
         (
             "dict_init of another shape",

@@ -20,7 +20,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn_haptic import _ksvd
 from sklearn_haptic._ksvd import KSVDTransformer, draw_observations
 from sklearn_haptic._pooling import TemporalMaxPool
-from sklearn_haptic._validation import Sequences
+from sklearn_haptic._validation import Sequences, check_sequences
 
 DTYPES = [np.float64, np.float32]
 N_CHANNELS = 2
@@ -425,7 +425,7 @@ def test_errors_name_the_mend():
     with pytest.raises(ValueError, match="set window to the number of time samples"):
         KSVDTransformer().fit(trials)
     model = KSVDTransformer(4, 2, window=20, random_state=0)
-    with pytest.raises(ValueError, match=r"Trial 1 of X has 19 .* 20 are required"):
+    with pytest.raises(ValueError, match=r"Trial 1 of X has 19 .* takes 20"):
         model.fit([trials[0], trials[1][:19]])
     with pytest.raises(ValueError, match="Trial 0 of X has 1 channel, but 2"):
         model.fit(trials).transform([trials[0][:, :1]])
@@ -481,3 +481,55 @@ def test_parameters_set_after_fit_wait_for_the_next(form):
         assert model.get_feature_names_out().tolist() == names
         for before, after in zip(codes, model.transform(X), strict=True):
             np.testing.assert_array_equal(before, after)
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars"])
+def test_channels_are_those_of_the_same_name(library):
+    trials = [pd.DataFrame(trial, columns=["left", "right"]) for trial in make_trials()]
+    swapped = [trial[["right", "left"]] for trial in trials]
+    if library == "polars":
+        trials, swapped = [[pl.from_pandas(t) for t in X] for X in (trials, swapped)]
+    model = KSVDTransformer(4, 2, window=20, max_iter=2, random_state=0)
+    pool = make_pipeline(clone(model), TemporalMaxPool((2, 1)))
+    for step in (pool, TemporalMaxPool((2, 1))):
+        expected = step.fit(make_trials()).transform(make_trials())
+        for X in (trials, [trials[0], *swapped[1:]]):
+            np.testing.assert_array_equal(step.fit(X).transform(swapped), expected)
+            np.testing.assert_array_equal(step.transform(make_trials()), expected)
+    model.fit(trials)
+    wrong = [pd.DataFrame(trial, columns=["left", "middle"]) for trial in make_trials()]
+    with pytest.raises(
+        ValueError, match="Trial 0 of X and fit differ in the column 'r"
+    ):
+        model.transform(wrong)
+    model.fit(make_trials()).transform(wrong)
+
+
+def test_messages_count_samples_and_windows():
+    trials = make_trials()
+    model = KSVDTransformer(4, 2, window=20, max_iter=1, random_state=0).fit(trials)
+    codes = model.transform([trials[0], trials[1][:29]])
+    assert codes.unit == codes[:1].unit == "windows"
+    assert codes.lengths[1] == len(codes[1]) == 1
+    with pytest.raises(ValueError, match=r"^Trial 1 of X has 1 window, but"):
+        check_sequences(codes, min_times=4)
+    message = (
+        r"^Trial 0 of X has 3 time samples, but one window takes 20; .*\. Its shape "
+        r"\(3, 1000\) is taken for 3 time samples of 1000 channels; transpose it"
+    )
+    with pytest.raises(ValueError, match=message):
+        model.fit([np.ones((3, 1000))] * 2)
+    with pytest.raises(ValueError, match=r"^[^.]*12 time samples, [^.]* 20; [^.]*\.$"):
+        model.fit([trials[0], trials[1][:12]])
+    with pytest.raises(
+        ValueError, match="a table whose rows of 6 values are taken for"
+    ):
+        model.fit(np.ones((30, 6)))
+
+
+@pytest.mark.parametrize("window, overlap", [(1, 0), (7, 0.5), (20, 0.99), (22, 0.3)])
+def test_number_of_windows(window, overlap):
+    trials = [np.zeros((n, 1)) for n in range(window, window + 60)]
+    model = KSVDTransformer(1, 1, window=window, overlap=overlap, max_iter=0)
+    codes = model.fit(trials).transform(trials)
+    assert codes.lengths == [len(each) for each in codes]

@@ -1,5 +1,8 @@
 """Which inputs are tables, which are trials, and what bad ones are told."""
 
+from datetime import date
+from itertools import permutations
+
 import numpy as np
 import pandas as pd
 import polars as pl
@@ -8,6 +11,8 @@ from scipy import sparse
 
 from sklearn_haptic._validation import (
     Sequences,
+    channel_names,
+    check_numbers,
     check_ratings,
     check_sparsity,
     check_trials,
@@ -37,6 +42,9 @@ TABLES = {
     "frame": pd.DataFrame({"a": [1.0, 2.0], "b": [3.0, 4.0]}),
     "one-column frame of numbers": pd.DataFrame({"a": [1.0, 2.0]}),
     "polars frame": pl.DataFrame({"a": [1.0, 2.0], "b": [3.0, 4.0]}),
+    "dict": {"a": TRIAL, "b": TRIAL},
+    "frame of numbers and names": pd.DataFrame({"a": ["x", "y"], "b": [3.0, 4.0]}),
+    "polars frame of numbers and names": pl.DataFrame({"a": ["x", "y"], "b": [3, 4]}),
     "objects in two dimensions": np.array([[1, "a"], [2, "b"]], dtype=object),
 }
 TRIALS = {
@@ -48,6 +56,9 @@ TRIALS = {
     "one-column frame": pd.DataFrame({"pac": RAGGED}),
     "sequences": Sequences(RAGGED, ["a", "b"]),
     "vectors of two lengths": [[1, 2, 3], [4, 5]],
+    "object array with a column": object_array(RAGGED).reshape(2, 1),
+    "frames": [pd.DataFrame(TRIAL, columns=["a", "b"]), TRIAL],
+    "frames of polars": [pl.DataFrame(TRIAL, schema=["a", "b"])] * 2,
     "object array of vectors": object_array([np.ones(3), np.ones(3)]),
     "polars lists": pl.DataFrame({"pac": [[1.0, 2.0], [3.0]]}),
 }
@@ -87,18 +98,100 @@ def test_float32_is_kept_and_not_copied_but_mixtures_are_float64():
             "Trial 1 of X has frames of 3 × 5, but frames of 3 × 4 are expected",
         ),
         ([TRIAL], {"min_times": 4}, "Trial 0 of X has 3 time samples, but at least 4"),
+        ([TRIAL[:1]], {"min_times": 2}, "Trial 0 of X has 1 time sample, but at"),
+        ([TRIAL, TRIAL.T], {}, r"3 channels, .* shape \(2, 3\) is taken for 2 time"),
+        ([TRIAL, None], {}, "Trial 1 of X is None, not an array of shape .* leave the"),
+        (pd.Series([np.nan, TRIAL]), {}, "Trial 0 of X is nan, not an array of shape"),
+        (
+            pd.DataFrame({"id": [1, 2], "pac": RAGGED}),
+            {},
+            r"X has 2 columns, of which \['pac'\] hold trials; choose one with Column",
+        ),
+        (
+            object_array([*RAGGED, *RAGGED]).reshape(2, 2),
+            {},
+            r"which \[0, 1\] hold tri",
+        ),
         ([TRIAL, TRIAL * np.nan], {}, "Trial 1 of X contains NaN or infinity"),
         ([[["a", "b"]]], {}, "Trial 0 of X is not an array of numbers"),
         (
             pd.DataFrame({"pac": RAGGED, "pdc": RAGGED}),
             {},
-            "several columns of trials; choose one with ColumnTransformer",
+            r"2 columns, of which \['pac', 'pdc'\] hold trials; choose one with Col",
         ),
     ],
 )
 def test_bad_trials(X, options, message):
     with pytest.raises(ValueError, match=message):
         check_trials(X, **options)
+
+
+FRAME = pd.DataFrame({"x": [1.0, 2, 3], "y": [4.0, 5, 6], 7: [7.0, 8, 9]})
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars"])
+@pytest.mark.parametrize("order", list(permutations(range(3))))
+def test_columns_of_trials_are_matched_by_name(library, order):
+    first = FRAME.rename(columns=str)
+    swapped = first.iloc[:, list(order)]
+    wanted = np.array([[row[name] for name in "xy7"] for _, row in first.iterrows()])
+    if library == "polars":
+        first, swapped = pl.from_pandas(first), pl.from_pandas(swapped)
+    for X, names in [
+        ([first, swapped], None),
+        ([swapped], channel_names([first])),
+        (object_array([swapped]), ["x", "y", "7"]),
+        ([wanted, first, swapped], None),
+    ]:
+        for trial in check_trials(X, n_channels=names and 3, names=names):
+            np.testing.assert_array_equal(trial, wanted)
+
+
+def test_columns_that_are_not_those_of_the_first_trial_or_of_fit():
+    other = FRAME.rename(columns={"y": "z"})
+    with pytest.raises(ValueError, match="Trial 1 of X and the first trial differ in"):
+        check_trials([FRAME, other])
+    message = "Trial 0 of X and fit differ in the column 'y'; give all trials the same"
+    for bad in (other, FRAME[["x", 7]], FRAME[["x", "x", 7]]):
+        with pytest.raises(ValueError, match=message.replace("'y'", "('y'|'x')")):
+            check_trials([bad], n_channels=3, names=channel_names([FRAME]))
+
+
+def test_trials_without_names_are_taken_as_they_are():
+    plain = FRAME.set_axis(range(3), axis=1)
+    assert channel_names([plain, FRAME.to_numpy()]) is None
+    for X in ([plain], [FRAME.to_numpy()]):
+        trials = check_trials(X, n_channels=3, names=channel_names([FRAME]))
+        np.testing.assert_array_equal(trials[0], FRAME.to_numpy())
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars"])
+@pytest.mark.parametrize(
+    "values",
+    [
+        pd.date_range("2020", periods=3),
+        pd.date_range("2020", periods=3, tz="UTC"),
+        pd.timedelta_range("1s", periods=3),
+        pd.Series([date(2020, 1, 1)] * 3, dtype=object),
+        pd.Series(["1", "2", "3"]),
+    ],
+    ids=["times", "zone", "durations", "dates", "text"],
+)
+def test_a_column_of_dates_or_text_is_named(library, values):
+    frame = pd.DataFrame if library == "pandas" else pl.DataFrame
+    table = frame({"force": [1.0, 2, 3], "when": list(values)})
+    with pytest.raises(ValueError, match=r"^X is not .* \(column 'when' holds text or"):
+        check_numbers(table, "X")
+    check_numbers(table[["force"]], "X")
+
+
+@pytest.mark.parametrize(
+    "values", [{}, {"a": [1]}, {1, 2}, iter([1]), (i for i in [1]), map(abs, [1])]
+)
+def test_what_is_no_array(values):
+    name = type(values).__name__
+    with pytest.raises(ValueError, match=f"^X is a {name}, which is no array; give a"):
+        check_numbers(values, "X")
 
 
 def test_row_index():
