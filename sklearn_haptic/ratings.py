@@ -5,6 +5,7 @@ People rate an object on an ordered scale, so an object's ratings are a table of
 columns of a labelled table of counts are put in the order of the levels.
 """
 
+from dataclasses import dataclass
 from numbers import Real
 
 import numpy as np
@@ -33,7 +34,8 @@ _PAIR = [
 ]
 
 
-class RatingTable(Bunch):
+@dataclass(frozen=True, eq=False)
+class RatingTable:
     """How many people gave each object each rating; made by `rating_counts`.
 
     Parameters
@@ -59,11 +61,6 @@ class RatingTable(Bunch):
     counts: NDArray[np.int64]
     objects: np.ndarray
     levels: np.ndarray
-
-    def __init__(
-        self, counts: NDArray[np.int64], objects: np.ndarray, levels: np.ndarray
-    ) -> None:
-        super().__init__(counts=counts, objects=objects, levels=levels)
 
     def counts_for(self, objects: ArrayLike) -> NDArray[np.int64]:
         """Return the counts of the object of each trial.
@@ -103,7 +100,7 @@ class RatingTable(Bunch):
 
 def rating_counts(
     ratings: ArrayLike, objects: ArrayLike, *, levels: ArrayLike | None = None
-) -> "RatingTable":
+) -> RatingTable:
     """Count how many people gave each object each rating.
 
     Parameters

@@ -1,6 +1,6 @@
 import pickle
 from fractions import Fraction
-from itertools import product
+from itertools import combinations_with_replacement, product
 
 import numpy as np
 import pytest
@@ -413,3 +413,29 @@ def test_macro_mae_of_level_indices_by_hand():
     assert _macro_mae(predicted, level).tolist() == [0.5, 1.5]
     counted = np.array([[True] * 4, [False, True, True, True]])
     assert _macro_mae(predicted, level, counted).tolist() == [0.5, 0]
+
+
+def test_sorting_never_increases_the_mean_error_but_can_increase_the_macro_mae():
+    levels, n = range(3), 5
+    worse = 0
+    for predicted in product(levels, repeat=n):
+        for true in combinations_with_replacement(levels, n):
+            errors, macro = [], []
+            for each in (predicted, sorted(predicted)):
+                error = [abs(a - b) for a, b in zip(each, true)]
+                by_level = [
+                    np.mean([e for e, t in zip(error, true) if t == level])
+                    for level in set(true)
+                ]
+                errors.append(sum(error))
+                macro.append(np.mean(by_level))
+                assert _macro_mae(np.array([each]), np.array([true]))[0] == (
+                    pytest.approx(macro[-1])
+                )
+            assert errors[1] <= errors[0]
+            worse += macro[1] > macro[0] + 1e-12
+    assert worse > 0
+    true = np.array([[2] * 8 + [4] * 91])  # of the counts 0, 0, 1, 0, 11
+    predicted = np.array([[2] * 8 + [0] * 91])
+    assert _macro_mae(predicted, true)[0] == 2
+    assert _macro_mae(np.sort(predicted), true)[0] == pytest.approx(2.912, abs=1e-3)

@@ -12,10 +12,8 @@ from sklearn.linear_model import LogisticRegression
 
 from sklearn_haptic import NNPOM
 from sklearn_haptic.metrics import pit_histogram
-from sklearn_haptic.plotting import (
-    PITHistogramDisplay,
-    ReliabilityDisplay,
-)
+from sklearn_haptic.plotting import PITHistogramDisplay, ReliabilityDisplay
+from sklearn_haptic.plotting._calibration import _reliability
 
 COUNTS = np.tile([0, 2, 6, 3, 1], (10, 1))
 DISPLAYS = [PITHistogramDisplay, ReliabilityDisplay]
@@ -156,36 +154,66 @@ def test_equal_predictions_share_a_bin_and_its_marker_is_larger():
     assert areas[0] == pytest.approx(3 * areas[1])
 
 
-def test_bars_reach_the_diagonal_unless_a_t_test_over_objects_rejects_it():
-    counts, proba, groups = touches(40, 1, width=0.5)
+def test_bars_of_one_bin_reach_the_diagonal_unless_a_t_test_rejects_it():
+    counts, proba, groups = touches(40, 3)
     display = ReliabilityDisplay.from_predictions(
-        counts, proba, n_bins=4, groups=groups
+        counts, proba, n_bins=1, groups=groups
     )
     rejected = []
     for k in range(4):
+        observed = counts[::3, k + 1 :].sum(axis=1) / 12
+        predicted = proba[:, k + 1 :].sum(axis=1).reshape(40, 3).mean(axis=1)
+        p = stats.ttest_rel(observed, predicted).pvalue
+        ((x, low), (_, high)) = display.errorbars_[k].get_segments()[0]
+        assert (low <= x <= high) != (p < 0.05)
+        assert (low + high) / 2 == pytest.approx(observed.mean())
+        rejected.append(p < 0.05)
+    assert 0 < sum(rejected) < 4
+
+
+def test_bars_of_bins_by_a_loop():
+    counts, proba, groups = touches(9, 3)
+    display = ReliabilityDisplay.from_predictions(
+        counts, proba, n_bins=3, groups=groups
+    )
+    for k in range(4):
         predicted = proba[:, k + 1 :].sum(axis=1)
         observed = counts[:, k + 1 :].sum(axis=1) / 12
-        for each, segment in zip(
-            np.split(np.argsort(predicted), 4), display.errorbars_[k].get_segments()
-        ):
-            p = stats.ttest_rel(observed[each], predicted[each]).pvalue
-            (x, low), (_, high) = segment
-            assert (low <= x <= high) != (p < 0.05)
-            assert (low + high) / 2 == pytest.approx(observed[each].mean())
-            rejected.append(p < 0.05)
-    assert 0 < sum(rejected) < 16
+        squares, variances = 0, []
+        for trials in np.split(np.argsort(predicted), 3):
+            variances.append(0)
+            for o in range(9):
+                of_object = [t for t in trials if groups[t] == o]
+                if of_object:
+                    squares += sum(observed[t] - predicted[t] for t in of_object) ** 2
+                    p = np.mean([predicted[t] for t in of_object])
+                    variances[-1] += len(of_object) ** 2 * p * (1 - p)
+        share = stats.beta.ppf(0.95, 0.5, 4)
+        expected = np.sqrt(9 * share * squares * np.divide(variances, sum(variances)))
+        np.testing.assert_allclose(display.half_widths[k], expected / 9)
 
 
-def test_a_bin_of_one_object_says_nothing_against_the_diagonal():
+@pytest.mark.parametrize("n_objects", [6, 12, 30, 60])
+@pytest.mark.parametrize("n_trials", [1, 10])
+def test_bars_of_right_forecasts_miss_the_diagonal_in_one_case_of_twenty(
+    n_objects, n_trials
+):
+    missed = []
+    for seed in range(300):
+        counts, proba, groups = touches(n_objects, n_trials, seed=seed)
+        for k in range(1, 5):
+            predicted = proba[:, k:].sum(axis=1)
+            observed = counts[:, k:].sum(axis=1) / 12
+            x, y, _, margin = _reliability(predicted, observed, 5, groups)
+            missed.extend(np.abs(y - x) > margin)
+    assert 0.02 < np.mean(missed) < 0.08
+
+
+def test_forecasts_that_are_certain_have_no_bars():
     display = ReliabilityDisplay.from_predictions(
-        [[3, 1]] * 2 + [[1, 3]] * 2,
-        [[0.9, 0.1], [0.8, 0.2], [0.2, 0.8], [0.1, 0.9]],
-        n_bins=2,
-        groups=[7, 7, 8, 8],
+        [[4, 0], [4, 0], [0, 4]], np.eye(2)[[0, 0, 1]], groups=[1, 2, 3], n_bins=2
     )
-    (below, above) = display.errorbars_[0].get_segments()
-    np.testing.assert_allclose(below[:, 1], [0.15, 0.35])
-    np.testing.assert_allclose(above[:, 1], [0.65, 0.85])
+    np.testing.assert_array_equal(display.half_widths, 0)
 
 
 def test_thresholds_are_named_and_differ_in_lightness_and_marker(proba):
