@@ -104,9 +104,9 @@ plt.show()
 # -------------
 # Hidden units and penalty, over folds of objects. The best candidate owes its place in
 # part to chance; `cheapest_within_one_se` takes the fastest of those within one
-# standard error of it. The time is that to predict one touch, from the features on,
-# which `neg_seconds_scorer` measures. Candidates that are as fast, within a tenth, go by
-# their score.
+# standard error of it. The time is that to predict one touch, here from its features,
+# which `neg_seconds_scorer` measures. Where times differ by less than a tenth, the
+# score decides.
 counts, units, strengths = corpus.ratings["hard"], [0, 2, 5], penalties[1:4]
 search = GridSearchCV(
     model,

@@ -21,9 +21,10 @@ import time
 
 import matplotlib.pyplot as plt
 import numpy as np
+from sklearn import set_config
 from sklearn.base import clone
 from sklearn.decomposition import PCA
-from sklearn.model_selection import GroupKFold
+from sklearn.model_selection import GridSearchCV, GroupKFold, GroupShuffleSplit
 from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import (
@@ -39,8 +40,10 @@ from sklearn_haptic.metrics import (
     earth_movers_distance,
     log_score,
     macro_mae_per_trial,
+    neg_macro_mae_scorer,
     ranked_probability_score,
 )
+from sklearn_haptic.model_selection import cross_val_predict_proba
 from sklearn_haptic.plotting import (
     DistributionDisplay,
     InverseCDFDisplay,
@@ -68,10 +71,22 @@ plt.show()
 # %%
 # 2. From the paper's settings to the defaults
 # --------------------------------------------
-# Each step changes one thing, and keeps those before. The paper searched for the number
-# of hidden units and the penalty of its network; here they stay as they are.
+# Each step changes one thing, and keeps those before. `PAPER_2020` is one setting of
+# the grid that the paper searches: ten hidden units and a penalty of 1. Beside it
+# stands the paper's search over five penalties, by MAE^M on objects held out for it.
+# The paper also searches five numbers of hidden units, which is left out here.
+#
+# The paper's network stops early, on objects held out of its training. These two lines
+# pass the objects of the touches on to `fit`, in a search too.
+set_config(enable_metadata_routing=True)
 paper = DistributionalOrdinalRegressor(
     **PAPER_2020, levels=corpus.levels, random_state=0
+).set_fit_request(groups=True)
+searched = GridSearchCV(
+    paper,
+    {"estimator__alpha": [0.001, 0.01, 0.1, 1.0, 10.0]},
+    scoring=neg_macro_mae_scorer,
+    cv=GroupShuffleSplit(1, test_size=1 / 9, random_state=0),
 )
 steps = {
     "a penalty that fits": {
@@ -87,6 +102,7 @@ steps = {
 models = {
     "guess: mean": DummyDistribution("marginal", levels=corpus.levels),
     "guess: barycentre": DummyDistribution("barycentre", levels=corpus.levels),
+    "the paper's, searched": searched,
     "the paper's": paper,
 }
 for name, change in steps.items():
@@ -99,7 +115,7 @@ for name, change in steps.items():
 pipeline = make_haptic_pipeline(sensors, random_state=0)
 features = make_pipeline(pipeline["features"], pipeline["scale"], PCA())
 X = features.fit_transform(corpus.trials)
-folds = [*GroupKFold(4, shuffle=True, random_state=0).split(X, groups=corpus.objects)]
+folds = GroupKFold(4, shuffle=True, random_state=0)
 scores = {
     "MAE^M": macro_mae_per_trial,
     "EMD": earth_movers_distance,
@@ -109,19 +125,13 @@ scores = {
 }
 
 
-def predict(model, counts):
-    """Predicted distribution of each touch, by a model of the other objects."""
-    proba = np.empty(counts.shape)
-    for train, test in folds:
-        proba[test] = clone(model).fit(X[train], counts[train]).predict_proba(X[test])
-    return proba
-
-
 proba, table, seconds = {}, {}, {}
 for name, model in models.items():
     started = time.perf_counter()
     for adjective in adjectives:
-        proba[name, adjective] = predict(model, corpus.ratings[adjective])
+        proba[name, adjective] = cross_val_predict_proba(
+            model, X, corpus.ratings[adjective], groups=corpus.objects, cv=folds
+        )
     seconds[name] = time.perf_counter() - started
     table[name] = [
         [
@@ -148,11 +158,11 @@ for name, rows in table.items():
 # The dispersion is 1 if predictions are as wide as they should be, and less if they
 # are narrower.
 #
-# What improves most is a penalty in proportion to the features; the paper's search for
-# one, left out here, stands for it. Log-odds of p reach into the tails and gain a
-# little. Showing every level, early stopping and hidden units hardly matter here,
-# except for the time: the linear model is the fastest. The mixture reads the same fit
-# in another way. It averages probabilities where the paper decides on one rating at
+# What improves most is a penalty in proportion to the features. The paper's search over
+# penalties is no substitute for it: it hardly improves on the setting beside it.
+# Log-odds of p, showing every level, early stopping and hidden units hardly matter
+# here, except for the time: the linear model is the fastest. The mixture reads the same
+# fit in another way. It averages probabilities where the paper decides on one rating at
 # each position, so that no rating has probability 0. It has the best RPS and the best
 # log score, and the price is paid in MAE^M and EMD.
 figure, panels = plt.subplots(1, 2, figsize=(6.4, 4), sharey=True, layout="constrained")
@@ -170,9 +180,9 @@ plt.show()
 
 # %%
 # “Rough” is hard to feel. There the paper's settings lose to both guesses by either
-# score. The defaults are no better than the mean by RPS, and lose to the barycentre by
-# MAE^M.
-first_and_last = [*table][:3] + [*table][-1:]
+# score, searched or not. The defaults are no better than the mean by RPS, and lose to
+# the barycentre by MAE^M.
+first_and_last = [*table][:4] + [*table][-1:]
 for name in first_and_last:
     maem, _, rps, *_ = table[name]
     print(f"{name:<24} MAE^M of rough {maem[2]:.3f}, RPS {rps[2]:.3f}")

@@ -17,7 +17,10 @@ import pandas as pd
 from scipy import sparse
 from scipy.io import savemat
 from sklearn.compose import make_column_transformer
+from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import RepeatedKFold
+from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
@@ -45,6 +48,8 @@ from sklearn_haptic.metrics import (
 from sklearn_haptic.model_selection import (
     cheapest_within_one_se,
     contribution_summary,
+    cross_val_predict_proba,
+    neg_seconds_scorer,
     sensor_contributions,
     sensor_subsets,
     speed_accuracy_frontier,
@@ -1783,7 +1788,73 @@ FUNCTION_CASES = [
     *of_search(cheapest_within_one_se),
     *of_summary(contribution_summary),
     *cases(
+        "cross_val_predict_proba",
+        *(
+            (
+                given,
+                ValueError,
+                message,
+                lambda _, a=arguments, o=options: call(
+                    cross_val_predict_proba, *a, **o
+                ),
+            )
+            for given, message, arguments, options in [
+                (
+                    "a trial without an object",
+                    "^groups has no object for trial 1; name the object of every trial",
+                    (DummyDistribution(), X, COUNTS),
+                    {"groups": [0, None, *OBJECTS[2:]]},
+                ),
+                (
+                    "a splitter that tests a trial twice",
+                    "^cv tests trial 0 2 times; choose a splitter that tests each",
+                    (DummyDistribution(), X, COUNTS),
+                    {"cv": RepeatedKFold(n_splits=2, n_repeats=2)},
+                ),
+                (
+                    "test trials among the training trials",
+                    "^cv trains on trial 0 in the fold that tests it; leave the test",
+                    (DummyDistribution(), X, COUNTS),
+                    {"cv": [(np.arange(N), np.arange(N))]},
+                ),
+                (
+                    "a classifier that takes each level for a label of its own",
+                    "^KNeighborsClassifier took each column of y for labels of its own",
+                    (KNeighborsClassifier(2), X, (COUNTS > 2).astype(int)),
+                    {"cv": 2},
+                ),
+                (
+                    "a method without columns of levels",
+                    wrong_type("method"),
+                    (DummyDistribution(), X, COUNTS),
+                    {"method": "decision_function"},
+                ),
+            ]
+        ),
+    ),
+    *cases(
+        "neg_seconds_scorer",
+        (
+            "a model that is not fitted",
+            NotFittedError,
+            "is not fitted yet",
+            lambda _: call(neg_seconds_scorer, DummyDistribution(), X),
+        ),
+    ),
+    *cases(
         "sensor_contributions",
+        (
+            "a trial without an object",
+            ValueError,
+            "^groups has no object for trial 1; name the object of every trial",
+            lambda _: call(
+                sensor_contributions,
+                FUSION,
+                X,
+                COUNTS,
+                groups=[0, np.nan, *OBJECTS[2:]],
+            ),
+        ),
         (
             "a model that is no fusion",
             TypeError,

@@ -12,7 +12,7 @@ from scipy.special import expit, logit
 from sklearn.base import BaseEstimator, clone
 from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestClassifier
 from sklearn.linear_model import LogisticRegression, Ridge, RidgeClassifier
-from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_predict
+from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -32,6 +32,7 @@ from sklearn_haptic._positions import (
     training_observations,
     unit_gauss_legendre,
 )
+from sklearn_haptic.model_selection import cross_val_predict_proba
 
 
 def ordinal_trials(n_objects=20, n_trials=5, n_features=4, seed=0):
@@ -340,15 +341,10 @@ def test_search_by_object_with_two_dimensional_target():
         cv=GroupKFold(4),
     ).fit(X, counts, groups=objects)
     assert np.isfinite(search.cv_results_["mean_test_score"]).all()
-    proba = cross_val_predict(
-        pipeline,
-        X,
-        counts,
-        groups=objects,
-        cv=GroupKFold(4),
-        method="predict_proba",
-    )
-    assert proba.shape == counts.shape
+    proba = cross_val_predict_proba(pipeline, X, counts, groups=objects, cv=4)
+    for train, test in GroupKFold(4).split(X, groups=objects):
+        model = clone(pipeline).fit(X[train], counts[train])
+        np.testing.assert_array_equal(proba[test], model.predict_proba(X[test]))
 
 
 def test_levels_absent_from_a_fold_keep_their_column():

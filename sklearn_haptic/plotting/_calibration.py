@@ -57,6 +57,7 @@ class PITHistogramDisplay:
     See Also
     --------
     sklearn_haptic.metrics.pit_histogram : The heights alone, and how they are defined.
+    sklearn_haptic.model_selection.cross_val_predict_proba : Predicts held-out objects.
 
     Notes
     -----
@@ -296,6 +297,7 @@ class ReliabilityDisplay:
     See Also
     --------
     sklearn.calibration.CalibrationDisplay : The same for binary labels.
+    sklearn_haptic.model_selection.cross_val_predict_proba : Predicts held-out objects.
 
     Notes
     -----
