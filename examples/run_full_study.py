@@ -7,10 +7,11 @@ Run it as
     python examples/run_full_study.py --jobs 8 --phac2 \
         phac_train_test_pos_neg_90_10_1_20.h5 --ratings ratings.mat
 
-Interrupt it whenever you like; the same command goes on where it stopped. The folder
-then holds every prediction (see docs/study.md), and two figures like those of the
-paper: figure_11.png, predicted and true ratings of an object, and figure_12.png, what
-each sensor contributes.
+Interrupt it whenever you like; the same command goes on where it stopped. It prints the
+scores beside those of guesses that know no touch, and what each sensor contributes. The
+folder then holds every prediction (see docs/study.md), and two figures like those of
+the paper: figure_11.png, predicted and true ratings of an object, and figure_12.png,
+what each sensor contributes.
 """
 
 import argparse
@@ -24,6 +25,7 @@ from sklearn_haptic.model_selection import contribution_summary
 from sklearn_haptic.plotting import InverseCDFDisplay, SensorContributionsDisplay
 from sklearn_haptic.study import run_study
 
+SCORES = {"macro_mae": "MAE^M", "emd": "EMD", "rps": "RPS", "log_score": "log score"}
 DEMO = {
     "procedures": ["hold", "fast_slide"],
     "adjectives": ["hard", "rough"],
@@ -58,9 +60,46 @@ def make_corpus(arguments):
     return partial(make_haptic_corpus, n_objects, n_trials, random_state=0)
 
 
+def print_scores(study, metric):
+    """Print a score of the full model and of both baselines; lower is better.
+
+    A star marks a model that is no better than the better baseline.
+    """
+    keys = ["adjective", "procedure"]
+    full = study.scores[study.scores["held_out"] == "none"]
+    model = full.groupby(keys)[metric].mean().unstack()
+    guesses = study.baselines.groupby([*keys, "strategy"])[metric].mean().unstack()
+    worse = model >= guesses.min(axis=1).unstack()
+    table = model.map("{:.3f}".format) + worse.map({True: "*", False: " "}.get)
+    # All procedures touch the same objects, and baselines know nothing else.
+    table = table.join(guesses.groupby("adjective").mean().map("{:.3f}".format))
+    print(f"\n{SCORES[metric]}\n{table.to_string()}")
+    print(f"{worse.to_numpy().sum()} of {worse.size} no better than a baseline (*)")
+    objects = full.groupby([*keys, "object"])[metric].mean().groupby(keys)
+    print(f"standard error over objects, mean: {objects.sem().mean():.3f}")
+
+
+def print_means(study):
+    """Print the mean of each score over all adjectives and procedures."""
+    keys, scores = ["adjective", "procedure"], list(SCORES)
+    full = study.scores[study.scores["held_out"] == "none"]
+    table = study.baselines.groupby([*keys, "strategy"])[scores].mean()
+    table = table.groupby("strategy").mean()
+    table.loc["model"] = full.groupby(keys)[scores].mean().mean()
+    print(f"\n{table.rename(columns=SCORES).to_string(float_format='{:.3f}'.format)}")
+    largest = study.choices["alpha"] == study.choices["alpha"].max()
+    print(f"\nlargest penalty chosen: {largest.sum()} of {len(largest)} networks")
+
+
 def print_summary(scores):
     """Print Figure 12 as a table."""
     summary = contribution_summary(scores, by=["procedure", "adjective"])
+    for p in ("p_starts", "p_objects"):
+        differ = summary[summary[p] < 0.05]
+        print(
+            f"{p} < .05: {len(differ)} of {len(summary)} holdouts, "
+            f"in {(differ['difference'] > 0).sum()} the sensor helps"
+        )
     for (procedure, adjective), rows in summary.groupby(["procedure", "adjective"]):
         full = rows.iloc[0]
         print(
@@ -110,6 +149,9 @@ def main():
     folder = arguments.folder or Path("study_demo" if arguments.demo else "study")
     corpus = make_corpus(arguments)
     study = run_study(corpus, folder, n_jobs=arguments.jobs, **options)
+    for metric in ("macro_mae", "rps"):
+        print_scores(study, metric)
+    print_means(study)
     print_summary(study.scores)
     plot_contributions(study.scores).savefig(folder / "figure_12.png", dpi=150)
     plot_ratings(study.scores).savefig(folder / "figure_11.png", dpi=150)

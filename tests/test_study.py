@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import unicodedata
+from fractions import Fraction
 from functools import partial
 from itertools import chain, product
 from multiprocessing import get_context
@@ -17,7 +18,7 @@ import joblib
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 from sklearn import config_context
@@ -30,6 +31,8 @@ from sklearn.utils import Bunch
 from sklearn_haptic import (
     NNPOM,
     DistributionalOrdinalRegressor,
+    DummyDistribution,
+    KSVDTransformer,
     SensorFusionNNPOM,
     metrics,
 )
@@ -44,6 +47,7 @@ from sklearn_haptic._study_units import (
     COMPUTE,
     Parts,
     Study,
+    cells_of,
     compute_models,
     derive_seed,
     fit_best,
@@ -52,6 +56,8 @@ from sklearn_haptic._study_units import (
     split_objects,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.datasets._phac2 import PROCEDURE_STATES
+from sklearn_haptic.datasets._phac2 import SENSORS as SENSORS_OF_PHAC2
 from sklearn_haptic.model_selection import contribution_summary
 from sklearn_haptic.study import Progress, read_study, run_study
 
@@ -475,7 +481,10 @@ def put(value, place=3):
         ),
         ({"trials": with_index(put("a\rb"))}, "index .* the name 'a.*b' has a control"),
         ({"trials": with_index(put("a\ud800"))}, "index .* has a control character"),
-        ({"trials": with_index(put(None))}, "index .* has None in place 3; give whole"),
+        (
+            {"trials": with_index(put(None))},
+            "index .* has (None|nan) in place 3; give whole",
+        ),
         ({"trials": with_index(put("foam_101_01"))}, "2 trials named 'foam_101_01' in"),
         (
             {"objects": put(None)},
@@ -533,6 +542,7 @@ TEXT = st.text() | st.sampled_from(
 NUMBERS = st.integers(-(2**63), 2**63 - 1)
 
 
+@settings(deadline=None)
 @given(names=st.lists(TEXT, min_size=1, max_size=9, unique=True), data=st.data())
 def test_ids_come_back_as_they_were(tmp_path_factory, names, data):
     n = len(names)
@@ -616,7 +626,7 @@ def start_studies(folder, random_state, barrier, results):
             results.put((i, random_state, str(error)))
 
 
-N_STARTS = 100
+N_STARTS = 50
 
 
 def test_of_two_studies_that_start_together_one_goes_on(tmp_path):
@@ -861,6 +871,39 @@ def test_summary_of_contributions(folder):
     )
 
 
+def test_baselines(folder):
+    """Those of all objects that are not tested, fitted here by hand."""
+    study = read_study(folder)
+    corpus = CORPUS(procedure="fast_slide", sensors=["tdc"])
+    keys = ["procedure", "adjective", "fold", "strategy"]
+    table = study.baselines.set_index(keys)
+    assert set(table.index) == set(
+        product(["fast_slide"], ["cold", "hard"], [0, 1], ["marginal", "barycentre"])
+    )
+    assert len(table) == 8
+    for (_, adjective, fold, strategy), row in table.iterrows():
+        y = corpus.ratings[adjective]
+        of_fold = study.scores[["adjective", "fold"]].eq([adjective, fold]).all(axis=1)
+        test = np.isin(corpus.objects, study.scores.loc[of_fold, "object"])
+        shares = y[~test] / y[~test].sum(axis=1, keepdims=True)
+        if strategy == "marginal":
+            proba = shares.mean(axis=0)
+        else:
+            cdf = np.median(np.cumsum(shares, axis=1), axis=0)
+            proba = np.diff(cdf, prepend=0)
+        np.testing.assert_allclose(
+            row.filter(like="proba_").to_numpy(float), proba, rtol=1e-12, atol=1e-15
+        )
+        predicted = np.tile(proba, (test.sum(), 1))
+        assert row["rps"] == pytest.approx(
+            metrics.ranked_probability_score(y[test], predicted)
+        )
+        model = DummyDistribution(strategy).fit(y[~test], y[~test])
+        assert row["macro_mae"] == pytest.approx(
+            metrics.macro_mae_per_trial(y[test], model.predict_proba(y[test]))
+        )
+
+
 def study_of(folder, **changes):
     defaults = {
         "corpus": CORPUS,
@@ -1070,6 +1113,56 @@ def test_dictionary_of_three_fifths_of_the_trials_of_each_object():
         learnt_from[i] = not np.array_equal(other_dictionary, dictionary)
         assert not np.array_equal(other[i], features[i])
     assert learnt_from.reshape(2, 5).sum(axis=1).tolist() == [3, 3]
+
+
+def covered(i, n_cells, n_windows):
+    """Windows of one of several cells; where these are more, all that touch it."""
+    if n_windows >= n_cells:
+        bounds = i * n_windows // n_cells, (i + 1) * n_windows // n_cells
+        return range(*bounds)
+    start, stop = Fraction(i, n_cells), Fraction(i + 1, n_cells)
+    return [
+        w
+        for w in range(n_windows)
+        if Fraction(w, n_windows) < stop and Fraction(w + 1, n_windows) > start
+    ]
+
+
+@pytest.mark.parametrize(
+    ("procedure", "n_windows", "cells"),
+    [
+        ("squeeze", 12, (16, 8, 4, 2, 1)),
+        ("hold", 39, (16, 8, 4, 2, 1)),
+        ("slow_slide", 18, (16, 8, 4, 2, 1)),
+        ("fast_slide", 7, (8, 4, 2, 1)),
+    ],
+)
+def test_pyramid_of_the_paper_at_full_size(procedure, n_windows, cells):
+    """The paper's section 2.2.2; the shortest of 600 trials is pooled here by hand."""
+    corpus = make_haptic_corpus(60, 10, procedure, sensors=["tdc"], random_state=0)
+    trials = list(corpus.trials["tdc"])
+    features, dictionary = learn_features(
+        trials, corpus.objects, procedure, "tdc", seed=0
+    )
+    assert features.shape == (600, sum(cells) * 2 * 2 * 10)  # cells, fingers, signs
+    shortest = np.argmin([len(trial) for trial in trials])
+    coder = KSVDTransformer(window=50, dict_init=dictionary, remove_mean=False)
+    codes = coder.set_params(n_atoms=10, max_iter=0).fit(trials).transform(trials)
+    codes = codes[int(shortest)]
+    assert len(codes) == n_windows
+    expected = [
+        codes[list(covered(i, n, n_windows))].max(axis=0)
+        for n in cells
+        for i in range(n)
+    ]
+    np.testing.assert_allclose(features[shortest], np.concatenate(expected), rtol=1e-5)
+
+
+def test_pyramid_of_each_sensor_is_that_of_the_paper():
+    short = {(p, s): cells_of(p, s) for p in PROCEDURE_STATES for s in SENSORS_OF_PHAC2}
+    fast = {("fast_slide", sensor) for sensor in ("pdc", "tac", "tdc")}
+    assert {key for key, cells in short.items() if cells == (8, 4, 2, 1)} == fast
+    assert set(short.values()) == {(8, 4, 2, 1), (16, 8, 4, 2, 1)}
 
 
 @pytest.mark.parametrize("shape", [(12, 40), (30, 5)])

@@ -1,0 +1,126 @@
+"""What a study of generated touches takes, and what its patience changes.
+
+Run as ``OMP_NUM_THREADS=1 python benchmarks/study.py``; with ``--patience`` only the
+first table, with ``--objects 15 30 60`` only the second. Processor time of one process;
+Hold, five sensors, the paper's split, its grid and ten starts.
+"""
+
+import argparse
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from sklearn_haptic import NNPOM, PAPER_2020, DistributionalOrdinalRegressor
+from sklearn_haptic._study_store import write_unit
+from sklearn_haptic._study_units import COMPUTE, Study
+from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.metrics import neg_macro_mae_scorer
+
+SENSORS = ["pac", "pdc", "tac", "tdc", "electrodes"]
+ADJECTIVES = ["hard", "rough"]
+
+
+def stopping(patience, max_iter):
+    """Return a regressor that stops early."""
+    network = NNPOM(early_stopping=True, max_iter=max_iter, n_iter_no_change=patience)
+    return DistributionalOrdinalRegressor(network)
+
+
+def a_study(folder, n_objects, regressor, scoring=None):
+    return Study(
+        corpus=partial(make_haptic_corpus, n_objects, 10, random_state=0),
+        folder=Path(folder),
+        sensors=SENSORS,
+        split="paper",
+        n_splits=5,
+        n_repeats=2,
+        n_hidden=[1, 5, 10, 20, 30],
+        alpha=[0.001, 0.01, 0.1, 1.0, 10.0],
+        n_starts=10,
+        regressor=regressor,
+        scoring=scoring,
+        random_state=0,
+    )
+
+
+def timed(study, *unit):
+    """Compute a unit and keep it; return seconds, content and record."""
+    started = process_time()
+    content, record = COMPUTE[unit[0]](study, *unit[1:])
+    seconds = process_time() - started
+    write_unit(study.folder, unit, content, seconds=seconds, **record)
+    return seconds, content, record
+
+
+def compute_features(study):
+    """Compute the features of all sensors; return the mean seconds of one."""
+    timed(study, "trials", "hold")
+    return np.mean([timed(study, "features", "hold", s)[0] for s in SENSORS])
+
+
+def print_patience(n_objects=60):
+    print(f"\n{n_objects} objects: patience of early stopping\n")
+    print(
+        "| adjective | patience | iterations | seconds | MAE^M | RPS | other networks |"
+    )
+    print("|---|---|---|---|---|---|---|")
+    with TemporaryDirectory() as folder:
+        compute_features(a_study(folder, n_objects, None))
+        for adjective in ADJECTIVES:
+            first = None
+            for patience, max_iter in ((30, 200), (150, 500)):
+                study = a_study(folder, n_objects, stopping(patience, max_iter))
+                seconds, table, record = timed(study, "models", "hold", adjective, 0)
+                full = table[table["held_out"] == "none"]
+                chosen = [(c["n_hidden"], c["alpha"]) for c in record["choices"]]
+                first = first or chosen
+                others = sum(a != b for a, b in zip(first, chosen))
+                print(
+                    f"| {adjective} | {patience} | {max_iter} | {seconds:.0f} "
+                    f"| {full['macro_mae'].mean():.3f} | {full['rps'].mean():.3f} "
+                    f"| {others} of {len(chosen)} |",
+                    flush=True,
+                )
+
+
+def print_seconds(sizes):
+    print("\nProcessor seconds of a unit, means of " + " and ".join(ADJECTIVES) + "\n")
+    print(
+        "| objects | a dictionary and its features | all models of a fold "
+        "| the same, paper's settings |"
+    )
+    print("|---|---|---|---|")
+    settings = [
+        (stopping(30, 200), None),
+        (DistributionalOrdinalRegressor(**PAPER_2020), neg_macro_mae_scorer),
+    ]
+    for n_objects in sizes:
+        with TemporaryDirectory() as folder:
+            seconds = [compute_features(a_study(folder, n_objects, None))]
+            for regressor, scoring in settings:
+                study = a_study(folder, n_objects, regressor, scoring)
+                units = [("models", "hold", adjective, 0) for adjective in ADJECTIVES]
+                seconds.append(np.mean([timed(study, *unit)[0] for unit in units]))
+            print(
+                f"| {n_objects} | " + " | ".join(f"{s:.1f}" for s in seconds) + " |",
+                flush=True,
+            )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--patience", action="store_true")
+    parser.add_argument("--objects", type=int, nargs="*", default=[15, 30, 60])
+    arguments = parser.parse_args()
+    with threadpool_limits(1, user_api="blas"):
+        print_patience()
+        if not arguments.patience:
+            print_seconds(arguments.objects)
+
+
+if __name__ == "__main__":
+    main()
