@@ -6,6 +6,7 @@ a position as one more feature, and its label is the object's inverse CDF there.
 At prediction p sweeps the population.
 """
 
+import warnings
 from numbers import Integral
 from typing import Any, Literal, Self
 
@@ -19,6 +20,7 @@ from sklearn.base import (
     is_regressor,
 )
 from sklearn.callback import CallbackSupportMixin
+from sklearn.frozen import FrozenEstimator
 from sklearn.utils import check_random_state, gen_batches
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import (
@@ -28,10 +30,13 @@ from sklearn.utils.validation import (
 )
 
 from ._documentation import DocumentedEstimator
-from ._nnpom import NNPOM, validation_split
+from ._frozen import check_frozen, unfrozen
+from ._nnpom import NNPOM, hold_out_trials, relative_weights
 from ._ordinal import OrdinalClassifierMixin
 from ._positions import (
     crossing_positions,
+    largest_jump_error,
+    population_cells,
     population_quadrature,
     quantile_grid,
     share_below,
@@ -50,12 +55,21 @@ from ._validation import (
 from .ratings import _level_index
 
 # With 20 nodes the distribution function is off by less than 1e-4 for weights of the
-# log-odds up to 2, 1e-3 up to 4.
+# log-odds up to 2, 1e-3 up to 4. They are used if on some training trials they differ
+# by no more than this from the first number of cells.
 _MIXTURE_NODES = 20
+_SMOOTH_ERROR, _SMOOTH_TRIALS = 0.003, 32
+# What jumps is averaged over cells, over more where the first may be off by this much.
+_CELLS = (384, 1024)
+_JUMP_ERROR = 0.0045
 # With 33 nodes networks of up to 30 units were off by less than 1e-2, 1e-4 on average,
 # where a grid of 99 positions is off by 1e-2.
 _CROSSING_NODES = 33
-_BATCH_SIZE = 256
+# More rows than this make scikit-learn's histogram boosting stop early by itself.
+_AUTO_EARLY_STOPPING = 10_000
+# Few trials at a time, so that what is predicted for them stays in the cache; of rows
+# that are repeated for every position no more than so many, and so many values.
+_BATCH_SIZE, _BATCH_ROWS, _BATCH_VALUES = 256, 2**14, 2**22
 
 
 def decide(proba, rule):
@@ -63,6 +77,20 @@ def decide(proba, rule):
     if rule == "argmax":
         return proba.argmax(axis=-1)
     return np.sum(np.cumsum(proba[..., :-1], axis=-1) < 0.5, axis=-1)
+
+
+def validates_on_rows(estimator, n_rows):
+    """Whether an estimator, or a step of it, holds out some rows to stop early."""
+    params = estimator.get_params()
+    for name, fraction in params.items():
+        step = name.removesuffix("validation_fraction")
+        if step == name or fraction is None:
+            continue
+        patient = params.get(f"{step}n_iter_no_change") is not None
+        early = params.get(f"{step}early_stopping", patient)
+        if early is True or (early == "auto" and n_rows > _AUTO_EARLY_STOPPING):
+            return True
+    return False
 
 
 class DistributionalOrdinalRegressor(
@@ -85,6 +113,9 @@ class DistributionalOrdinalRegressor(
         ``NNPOM(n_hidden=0, alpha=3)``. `NNPOM`, or another that has the methods
         named in the Notes, shares a trial's features between its observations; any
         other is fitted on one row for each observation, labelled 0, 1, … by level.
+        One in a `sklearn.frozen.FrozenEstimator` is used as it was fitted, to the
+        features and the position as given by ``p_transform``; `fit` then only checks
+        that its inputs and levels are those of the trials.
     n_duplicates : int, default=15
         Observations of each trial. Their weights sum to this number, which an
         estimator's penalty works against.
@@ -106,15 +137,16 @@ class DistributionalOrdinalRegressor(
     decode : {"mixture", "quantile"}, default="mixture"
         "mixture" averages the probabilities of the levels over the population:
         calibrated, better by RPS and log score. "quantile" decides on one
-        rating at each of ``n_quantiles`` positions and counts them (the
-        paper): sharper, better by absolute error, with probabilities that are
-        often exactly 0.
+        rating at each position and measures the share of each (the paper):
+        sharper, better by absolute error, with probabilities that are often
+        exactly 0. This parameter and the next two are choices at prediction:
+        `set_params` may change them after `fit`.
     rule : {"median", "argmax"}, default="median"
-        How "quantile" decides: the median level, or the most probable (the
-        paper).
+        How "quantile" decides: the median level, at every position, or the most
+        probable, at ``n_quantiles`` positions (the paper).
     n_quantiles : int, default=99
-        Positions of "quantile", evenly spaced: 0.01, …, 0.99. `NNPOM` needs them
-        for the rule "argmax" alone; see the Notes.
+        Positions of the rule "argmax", and of the ratings of trials held out for
+        early stopping, evenly spaced: 0.01, …, 0.99.
     levels : array-like of shape (n_levels,), default=None
         All ordered levels, so that one absent from the training data keeps its
         column. By default they are what ``y`` is labelled with: the categories of an
@@ -158,7 +190,13 @@ class DistributionalOrdinalRegressor(
     ``fit_with_positions`` and ``predict_proba_with_positions`` take the features of a
     trial once for all its positions, and ``predict_latent_with_positions``, with
     ``thresholds_``, lets "quantile" find by the rule "median" where the latent
-    response crosses each threshold instead of trying ``n_quantiles`` positions.
+    response crosses each threshold.
+
+    The population is swept on 20 quadrature nodes where these suffice, which `fit`
+    finds out on some of its trials, as for a `NNPOM` or a logistic regression. What
+    jumps as p grows, such as trees or any regressor, whose ratings are rounded, is
+    predicted at 384 positions, and at 1024 more for trials whose jumps need them, so
+    that the distribution function is off by less than 0.005 (`benchmarks/ordinal.py`).
 
     References
     ----------
@@ -250,10 +288,16 @@ class DistributionalOrdinalRegressor(
             counts of several attributes, as an array of shape (n_trials,
             n_attributes, n_levels), are learnt together; see the Notes.
         sample_weight : array-like of shape (n_trials,), default=None
-            Weight of each trial.
+            Weight of each trial, also among those held out for early stopping. With
+            ``sampling="level"`` 2 equals the trial given twice, if groups keep both
+            on one side; the other samplings draw positions for each trial. A factor
+            of all weights acts like its inverse on the estimator's penalty.
         groups : array-like of shape (n_trials,), default=None
             The object of each trial, so that an estimator with
-            ``early_stopping=True`` validates on whole objects.
+            ``early_stopping=True`` validates on whole objects; it warns if it has
+            to do without. In a search or cross-validation they reach `fit` after
+            ``sklearn.set_config(enable_metadata_routing=True)`` and
+            ``DistributionalOrdinalRegressor(...).set_fit_request(groups=True)``.
         X_val : array-like of shape (n_val_trials, n_features), default=None
             Trials on which an estimator with ``early_stopping=True`` validates; by
             default a share of those in ``X``.
@@ -266,16 +310,26 @@ class DistributionalOrdinalRegressor(
         self : DistributionalOrdinalRegressor
             The fitted regressor.
         """
-        X, counts, self.levels_ = validate_rated_trials(self, X, y, self.levels)
+        frozen = isinstance(self.estimator, FrozenEstimator)
+        levels = self.levels
+        if levels is None and frozen:
+            levels = getattr(self.estimator, "levels_", None)
+        X, counts, self.levels_ = validate_rated_trials(self, X, y, levels)
         self.classes_ = self.levels_
         groups = check_groups(groups, X)
         sample_weight = check_weights(sample_weight, X)
         used = sample_weight > 0
-        X, counts = X[used], counts[used]
+        X, counts, sample_weight = X[used], counts[used], sample_weight[used]
         groups = None if groups is None else groups[used]
         rng = check_random_state(self.random_state)
         self.estimator_ = self._make_estimator(rng)
+        self._p_transform = self.p_transform
+        self._shares_features = hasattr(self.estimator_, "fit_with_positions")
         validation = self._check_validation(X_val, y_val)
+        if frozen:
+            self._check_frozen(X, counts)
+            self._smooth = self._is_smooth(X)
+            return self
         positions, level, weight = (
             each.reshape(*counts.shape[:-1], -1)
             for each in training_observations(
@@ -286,18 +340,38 @@ class DistributionalOrdinalRegressor(
                 rng,
             )
         )
-        weight = weighted(weight, sample_weight[used])
+        weight = weighted(weight, sample_weight)
         inputs = self._transform(positions)
+        if validation is not None:
+            validation = self._validation_set(*validation)
+        elif self._shares_features and getattr(
+            self.estimator_, "early_stopping", False
+        ):
+            train, held_out = hold_out_trials(
+                self, len(X), groups, self.estimator_.validation_fraction, rng
+            )
+            validation = self._validation_set(
+                X[held_out], counts[held_out], relative_weights(sample_weight)[held_out]
+            )
+            X, inputs, level, weight = (a[train] for a in (X, inputs, level, weight))
         context = self._init_callback_context(max_subtasks=1)
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
         task = context.subcontext(task_name="fit estimator")
         with task.propagate_callback_context(self.estimator_):
-            if hasattr(self.estimator_, "fit_with_positions"):
-                self._fit_sharing_features(
-                    X, counts, inputs, level, weight, groups, validation, rng
+            if self._shares_features:
+                self.estimator_.fit_with_positions(
+                    X,
+                    inputs,
+                    level,
+                    weight,
+                    levels=self.levels_,
+                    monotone=self.monotone,
+                    validation=validation,
+                    feature_names=getattr(self, "feature_names_in_", None),
                 )
             else:
                 self._fit_repeated_rows(X, inputs, level, weight)
+        self._smooth = self._is_smooth(X)
         context.call_on_fit_task_end(
             estimator=self, X=X, y=y, reconstruction_attributes={}
         )
@@ -309,9 +383,8 @@ class DistributionalOrdinalRegressor(
             return None
         if X_val is None or y_val is None:
             raise ValueError("X_val and y_val belong together; give both or neither.")
-        if not (
-            hasattr(self.estimator_, "fit_with_positions")
-            and getattr(self.estimator_, "early_stopping", False)
+        if isinstance(self.estimator, FrozenEstimator) or not (
+            self._shares_features and getattr(self.estimator_, "early_stopping", False)
         ):
             raise ValueError(
                 "X_val requires an estimator that stops early; use an NNPOM with "
@@ -322,33 +395,35 @@ class DistributionalOrdinalRegressor(
         check_consistent_length(X_val, counts)
         return X_val, counts
 
-    def _fit_sharing_features(
-        self, X, counts, inputs, level, weight, groups, validation, rng
-    ):
-        if validation is not None:
-            validation = self._validation_set(*validation)
-        elif getattr(self.estimator_, "early_stopping", False):
-            train, held_out = validation_split(
-                len(X), groups, self.estimator_.validation_fraction, rng
+    def _check_frozen(self, X, counts):
+        """Check a fitted estimator, which takes features and the position."""
+        if self.monotone:
+            raise ValueError(
+                "monotone=True constrains what is fitted, but estimator is frozen; set "
+                "monotone=False, predicted distributions are sorted in any case."
             )
-            validation = self._validation_set(X[held_out], counts[held_out])
-            X, inputs, level, weight = (a[train] for a in (X, inputs, level, weight))
-        self.estimator_.fit_with_positions(
-            X,
-            inputs,
-            level,
-            weight,
-            levels=self.levels_,
-            monotone=self.monotone,
-            validation=validation,
-            feature_names=getattr(self, "feature_names_in_", None),
-        )
+        self._present = np.arange(len(self.levels_))
+        levels = self.levels_ if self._shares_features else self._present
+        if is_regressor(self.estimator_):
+            levels = None
+        n_inputs = X.shape[1] + 1
+        check_frozen(self.estimator, "estimator", n_inputs, levels, position=True)
+        middle = self._transform(np.array([0.5]))
+        predicted = self._predict_at(X[:1], middle).shape[2:]
+        if predicted != counts.shape[1:]:
+            raise ValueError(
+                f"estimator is frozen and predicts an array of shape {predicted} for a "
+                f"trial, but y has {counts.shape[1:]}; fit it to the same attributes "
+                "and levels."
+            )
 
     def _make_estimator(self, rng):
         if self.estimator is None:
             estimator = NNPOM(n_hidden=0, alpha=3.0)
         else:
             estimator = clone(self.estimator)
+        if isinstance(estimator, FrozenEstimator):
+            return unfrozen(estimator)
         if self.random_state is not None:
             seed = int(rng.randint(np.iinfo(np.int32).max))
             names = [
@@ -360,16 +435,16 @@ class DistributionalOrdinalRegressor(
         return estimator
 
     def _transform(self, positions):
-        return logit(positions) if self.p_transform == "logit" else positions
+        return logit(positions) if self._p_transform == "logit" else positions
 
-    def _validation_set(self, X, counts):
+    def _validation_set(self, X, counts, sample_weight=1.0):
         """Trials at the positions of the grid, with their true ratings there."""
         grid = quantile_grid(self.n_quantiles)
         rows = counts.reshape(-1, counts.shape[-1])
         level = _level_index(rows, np.broadcast_to(grid, (len(rows), len(grid))))
         level = level.reshape(*counts.shape[:-1], -1)
         inputs = np.broadcast_to(self._transform(grid), level.shape)
-        return X, inputs, level, np.ones(level.shape)
+        return X, inputs, level, (np.ones(level.shape).T * sample_weight).T
 
     def _fit_repeated_rows(self, X, inputs, level, weight):
         name = type(self.estimator_).__name__
@@ -390,6 +465,14 @@ class DistributionalOrdinalRegressor(
         self._present = np.unique(level)
         if not is_regressor(self.estimator_):  # classes without gaps
             level = np.searchsorted(self._present, level)
+        if validates_on_rows(self.estimator_, len(rows)):
+            warnings.warn(
+                f"{name} stops early by rows that it holds out itself, other positions "
+                "of the trials that it learns from, and so stops too late; set its "
+                "early_stopping=False (or n_iter_no_change=None).",
+                UserWarning,
+                stacklevel=4,  # beyond this, fit, and its decorator
+            )
         if np.ptp(weight) == 0:
             self.estimator_.fit(rows, level)
             return
@@ -418,28 +501,63 @@ class DistributionalOrdinalRegressor(
         """
         check_is_fitted(self)
         X = check_table(self, X, dtype=np.float64, reset=False)
-        # Few trials at a time, so that what is predicted for them stays in the cache.
-        batches = gen_batches(len(X), _BATCH_SIZE)
-        proba = np.concatenate([self._decode(X[batch]) for batch in batches])
+        proba = self._decode(X)
         return proba / proba.sum(axis=-1, keepdims=True)
 
     def _decode(self, X):
         if self.decode == "mixture":
-            positions, weight = population_quadrature(_MIXTURE_NODES)
-            at_position = self._predict_at(X, self._transform(positions))
-            return np.einsum("tp...,p->t...", at_position, weight)
-        if self.rule == "median" and hasattr(
-            self.estimator_, "predict_latent_with_positions"
-        ):
-            return self._decode_latent(X)
-        positions = quantile_grid(self.n_quantiles)
-        at_position = self._predict_at(X, self._transform(positions))
-        decided = decide(at_position, self.rule)[..., None]
-        return np.mean(decided == np.arange(len(self.levels_)), axis=1)
+            if self._smooth:
+                return self._average(X, *population_quadrature(_MIXTURE_NODES))
+            return self._average_over_cells(X)
+        if self.rule == "argmax":
+            grid = quantile_grid(self.n_quantiles)
+            return self._average(X, grid, np.ones(len(grid)), "argmax")
+        if hasattr(self.estimator_, "predict_latent_with_positions"):
+            batches = gen_batches(len(X), _BATCH_SIZE)
+            return np.concatenate([self._decode_latent(X[batch]) for batch in batches])
+        return self._average_over_cells(X, "median")
+
+    def _is_smooth(self, X):
+        """Whether few nodes give about the same mixture of training trials as many."""
+        some = X[:: max(1, len(X) // _SMOOTH_TRIALS)][:_SMOOTH_TRIALS]
+        few = self._average(some, *population_quadrature(_MIXTURE_NODES))
+        many = self._average(some, *population_cells(_CELLS[0]))
+        return np.abs(np.cumsum(few - many, axis=-1)).max() <= _SMOOTH_ERROR
+
+    def _average_over_cells(self, X, rule=None):
+        """Average what may jump anywhere, with more cells for the trials that need."""
+        positions, weight = population_cells(_CELLS[0])
+        proba, error = self._average(X, positions, weight, rule, with_error=True)
+        rough = error > _JUMP_ERROR
+        if rough.any():
+            proba[rough] = self._average(X[rough], *population_cells(_CELLS[1]), rule)
+        return proba
+
+    def _average(self, X, positions, weight, rule=None, *, with_error=False):
+        """Average probabilities, or what a rule decides, over positions.
+
+        With `with_error` also return the largest error by jumps between positions.
+        """
+        size = _BATCH_SIZE
+        if not hasattr(self.estimator_, "predict_proba_with_positions"):
+            rows = min(_BATCH_ROWS, _BATCH_VALUES // X.shape[1])
+            size = max(1, min(size, rows // len(positions)))
+        inputs, averages, errors = self._transform(positions), [], []
+        for batch in gen_batches(len(X), size):
+            at_position = self._predict_at(X[batch], inputs)
+            if rule is not None:
+                decided = decide(at_position, rule)[..., None]
+                at_position = (decided == np.arange(len(self.levels_))).astype(float)
+            averages.append(np.einsum("tp...,p->t...", at_position, weight))
+            if with_error:
+                cdf = np.cumsum(at_position, axis=-1)
+                errors.append(largest_jump_error(cdf, weight))
+        average = np.concatenate(averages)
+        return (average, np.concatenate(errors)) if with_error else average
 
     def _decode_latent(self, X):
         """Quantile decoding at every position: where f crosses the thresholds."""
-        to_position = expit if self.p_transform == "logit" else np.positive
+        to_position = expit if self._p_transform == "logit" else np.positive
         inputs = self._transform(crossing_positions(_CROSSING_NODES))
         latent = self.estimator_.predict_latent_with_positions(X, inputs)
         thresholds = self.estimator_.thresholds_

@@ -24,7 +24,8 @@ from sklearn.utils._param_validation import HasMethods
 from sklearn.utils.validation import check_is_fitted
 
 from ._documentation import DocumentedEstimator
-from ._nnpom import NNPOM
+from ._frozen import check_frozen, unfrozen
+from ._nnpom import NNPOM, hold_out_trials, single_ratings
 from ._ordinal import OrdinalClassifierMixin
 from ._threads import one_blas_thread
 from ._typing import (
@@ -34,7 +35,12 @@ from ._typing import (
     _fit_context,
     with_callbacks,
 )
-from ._validation import check_table
+from ._validation import (
+    check_groups,
+    check_table,
+    check_weights,
+    validate_rated_trials,
+)
 
 _Network: TypeAlias = NNPOM | FrozenEstimator
 _NETWORK = HasMethods(["fit_with_positions", "hidden_activations_with_positions"])
@@ -121,6 +127,13 @@ def _resolve_columns(sensor, columns, feature_names, n_features):
     return columns
 
 
+def n_units(network):
+    """Hidden units of a network, fitted if it is frozen."""
+    if isinstance(network, FrozenEstimator):
+        return len(network.intercepts_)
+    return network.n_hidden
+
+
 class SensorFusionNNPOM(
     DocumentedEstimator,
     CallbackSupportMixin,
@@ -148,7 +161,8 @@ class SensorFusionNNPOM(
         ``NNPOM(n_hidden=10, alpha=10)``.
     final_estimator : NNPOM, default=None
         The combined network. By default ``NNPOM(n_hidden=0, alpha=10)``; the paper's
-        has hidden units too.
+        has hidden units too. One in a `sklearn.frozen.FrozenEstimator` is used as it
+        was fitted, to as many activations and the same levels.
     held_out : str, default=None
         A sensor whose activations are zero in training and prediction.
     random_state : int, RandomState instance or None, default=None
@@ -251,28 +265,47 @@ class SensorFusionNNPOM(
             One rating a trial, or how many people gave each rating. Labels say what
             the levels are, as for `NNPOM`.
         sample_weight : array-like of shape (n_trials,), default=None
-            Weight of each trial; 2 equals the trial given twice.
+            Weight of each trial, as in :meth:`NNPOM.fit`.
         groups : array-like of shape (n_trials,), default=None
-            The object of each trial. Early stopping holds out whole objects.
+            The object of each trial; early stopping holds out whole objects, the same
+            for all networks, and warns if it has to do without. In a search or
+            cross-validation they reach `fit` after
+            ``sklearn.set_config(enable_metadata_routing=True)`` and
+            ``SensorFusionNNPOM(...).set_fit_request(groups=True)``.
 
         Returns
         -------
         self : SensorFusionNNPOM
             The fitted networks.
         """
-        X = check_table(self, X, dtype=np.float64)
+        final = self.final_estimator
+        known = "levels_" if isinstance(final, FrozenEstimator) else "levels"
+        X, counts, levels = validate_rated_trials(
+            self, X, y, getattr(final, known, None)
+        )
+        groups = check_groups(groups, X)
+        sample_weight = check_weights(sample_weight, X)
         names = getattr(self, "feature_names_in_", None)
         self.sensors_ = resolve_sensors(self.sensors, names, X.shape[1])
         self._has_position = False
-
-        def fit_sensor(network, columns):
-            network.fit(X[:, columns], y, sample_weight, groups=groups)
-
-        def fit_final(network):
-            hidden = self._activations(X)
-            network.fit(hidden, y, sample_weight, groups=groups)
-
-        return self._fit_networks(X, fit_sensor, fit_final)
+        X, groups, level, weight, counted = single_ratings(
+            X, counts, groups, sample_weight
+        )
+        validation = None
+        if self.early_stopping:
+            seed = self.random_state
+            if seed is None:
+                seed = self._stopping_early()[0].random_state
+            train, held_out = hold_out_trials(
+                self,
+                len(X),
+                groups,
+                self.validation_fraction,
+                check_random_state(seed),
+            )
+            validation = X[held_out], None, level[held_out], counted[held_out]
+            X, level, weight = X[train], level[train], weight[train]
+        return self._fit_networks(X, None, level, weight, levels, validation)
 
     @with_callbacks
     def fit_with_positions(
@@ -325,70 +358,63 @@ class SensorFusionNNPOM(
                 "SensorFusionNNPOM; set monotone=False, predicted distributions are "
                 "sorted in any case."
             )
-        if weight.ndim == 3:
-            raise ValueError(
-                "y has the ratings of several attributes, which a SensorFusionNNPOM "
-                "cannot share; use an NNPOM, or fit a model to each attribute."
-            )
         self.n_features_in_ = X.shape[1] + 1
         if feature_names is not None:
             self.feature_names_in_ = np.append(feature_names, "position")
         self.sensors_ = resolve_sensors(self.sensors, feature_names, X.shape[1])
         self._has_position = True
+        return self._fit_networks(X, positions, level, weight, levels, validation)
 
-        def fit(network, inputs_of):
-            held_out = None
-            if validation is not None and network.early_stopping:
-                held_out = (*inputs_of(*validation[:2]), *validation[2:])
-            network.fit_with_positions(
-                *inputs_of(X, positions),
-                level,
-                weight,
-                levels=levels,
-                validation=held_out,
+    def _fit_networks(self, X, positions, level, weight, levels, validation):
+        if weight.ndim == 3:
+            raise ValueError(
+                "y has the ratings of several attributes, which a SensorFusionNNPOM "
+                "cannot share; use an NNPOM, or fit a model to each attribute."
             )
-
-        def fit_sensor(network, columns):
-            fit(network, lambda X, positions: (X[:, columns], positions))
-
-        def fit_final(network):
-            fit(network, lambda X, positions: (self._activations(X, positions), None))
-
-        return self._fit_networks(X, fit_sensor, fit_final)
-
-    def _fit_networks(self, X, fit_sensor, fit_final):
         if self.held_out is not None and self.held_out not in self.sensors_:
             raise ValueError(
                 f"held_out={self.held_out!r} is not among the sensors "
                 f"{list(self.sensors_)}; name one of them."
             )
-        networks, final_network = self._make_networks()
-        self._n_hidden = {name: each.n_hidden for name, each in networks.items()}
+        networks, final_network = self._make_networks(levels)
+        self._n_hidden = {name: n_units(each) for name, each in networks.items()}
         networks.pop(self.held_out, None)
-        unfitted = {
-            sensor: network
-            for sensor, network in networks.items()
-            if not isinstance(network, FrozenEstimator)
-        }
         self.sensor_networks_ = {
-            sensor: network if sensor in unfitted else network.estimator
-            for sensor, network in networks.items()
+            sensor: unfrozen(network) for sensor, network in networks.items()
         }
-        self.final_network_ = final_network
-        context = self._init_callback_context(max_subtasks=len(unfitted) + 1)
+        self.final_network_ = unfrozen(final_network)
+        self.levels_ = self.classes_ = levels
+
+        def of_sensor(columns):
+            return lambda X, positions: (X[:, columns], positions)
+
+        def of_all(X, positions):
+            return self._activations(X, positions), None
+
+        tasks = [
+            (f"fit network of {sensor}", network, of_sensor(self.sensors_[sensor]))
+            for sensor, network in networks.items()
+        ]
+        tasks.append(("fit combined network", final_network, of_all))
+        tasks = [task for task in tasks if not isinstance(task[1], FrozenEstimator)]
+        context = self._init_callback_context(max_subtasks=len(tasks))
         context.call_on_fit_task_begin(estimator=self, X=X)
-        for sensor, network in unfitted.items():
-            task = context.subcontext(task_name=f"fit network of {sensor}")
-            with task.propagate_callback_context(network):
-                fit_sensor(network, self.sensors_[sensor])
-        task = context.subcontext(task_name="fit combined network")
-        with task.propagate_callback_context(final_network):
-            fit_final(final_network)
-        self.levels_ = self.classes_ = final_network.levels_
+        for name, network, inputs_of in tasks:
+            held_out = None
+            if validation is not None and network.early_stopping:
+                held_out = (*inputs_of(*validation[:2]), *validation[2:])
+            with context.subcontext(task_name=name).propagate_callback_context(network):
+                network.fit_with_positions(
+                    *inputs_of(X, positions),
+                    level,
+                    weight,
+                    levels=levels,
+                    validation=held_out,
+                )
         context.call_on_fit_task_end(estimator=self, X=X, reconstruction_attributes={})
         return self
 
-    def _make_networks(self):
+    def _make_networks(self, levels):
         """Clone and seed the networks of the sensors and the combined one."""
         of_sensor = self.estimator
         if of_sensor is None:
@@ -407,6 +433,9 @@ class SensorFusionNNPOM(
             final_network = clone(self.final_estimator)
         for sensor, network in networks.items():
             self._check_network(sensor, network)
+        if isinstance(final_network, FrozenEstimator):
+            n_hidden = sum(n_units(network) for network in networks.values())
+            check_frozen(final_network, "final_estimator", n_hidden, levels)
         if self.random_state is not None:
             rng = check_random_state(self.random_state)
             for network in (*networks.values(), final_network):
@@ -418,21 +447,18 @@ class SensorFusionNNPOM(
     def _check_network(self, sensor, network):
         if not hasattr(network, "hidden_activations_with_positions"):
             raise TypeError(
-                f"estimator has a {type(network).__name__} for sensor {sensor!r}, but "
-                "an NNPOM is required (of a fitted regressor, its estimator_)."
+                f"estimator has a {type(unfrozen(network)).__name__} for sensor "
+                f"{sensor!r}, but an NNPOM is required (of a fitted regressor, its "
+                "estimator_)."
             )
-        if network.n_hidden == 0:
+        n_inputs = len(self.sensors_[sensor]) + self._has_position
+        if isinstance(network, FrozenEstimator):
+            name = f"The network of sensor {sensor!r}"
+            check_frozen(network, name, n_inputs, position=self._has_position)
+        if n_units(network) == 0:
             raise ValueError(
                 f"The network of sensor {sensor!r} has n_hidden=0, so no activations "
                 "to combine; set it to at least 1."
-            )
-        n_inputs = len(self.sensors_[sensor]) + self._has_position
-        if isinstance(network, FrozenEstimator) and network.n_features_in_ != n_inputs:
-            raise ValueError(
-                f"The fitted network of sensor {sensor!r} has "
-                f"{network.n_features_in_} inputs, but {n_inputs} are given here"
-                f"{', the position among them' * self._has_position}; fit it to the "
-                "same columns."
             )
 
     def _stopping_early(self):
@@ -467,7 +493,7 @@ class SensorFusionNNPOM(
         shape = (len(X),) if positions is None else (len(X), np.shape(positions)[-1])
         parts = []
         for sensor, columns in self.sensors_.items():
-            if sensor == self.held_out:
+            if sensor not in self.sensor_networks_:  # held out in fit
                 parts.append(np.zeros((*shape, self._n_hidden[sensor])))
                 continue
             network, of_sensor = self.sensor_networks_[sensor], X[:, columns]

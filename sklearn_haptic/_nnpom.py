@@ -59,13 +59,16 @@ _LARGEST_LATENT = 1e300
 
 def validation_split(n_trials, groups, fraction, random_state):
     """Hold out a fraction of the groups, or of the trials where there are none."""
-    groups = np.arange(n_trials) if groups is None else groups
-    if len(np.unique(groups)) == 1:
+    units = "trial" if groups is None else "object"
+    n_units = n_trials if groups is None else len(np.unique(groups))
+    if np.ceil(fraction * n_units) >= n_units:
         raise ValueError(
-            f"All trials are of one object (n_samples={n_trials}), but early stopping "
-            "trains on some objects and validates on others; give trials of two or "
-            "more, or set early_stopping=False."
+            f"Early stopping holds out {fraction:.3g} of the {units}s, at least one, "
+            f"but there {'is' if n_units == 1 else 'are'} {n_units}, which leaves none "
+            f"to train on; give more {units}s, a smaller validation_fraction, or set "
+            "early_stopping=False."
         )
+    groups = np.arange(n_trials) if groups is None else groups
     splitter = GroupShuffleSplit(1, test_size=fraction, random_state=random_state)
     return next(splitter.split(np.empty(n_trials), groups=groups))
 
@@ -133,15 +136,6 @@ def hold_out_trials(estimator, n_trials, groups, fraction, random_state):
     UserWarning
         If there are no groups.
     """
-    units = "trial" if groups is None else "object"
-    n_units = n_trials if groups is None else len(np.unique(groups))
-    if np.ceil(fraction * n_units) >= n_units:
-        raise ValueError(
-            f"Early stopping holds out {fraction:.3g} of the {units}s, at least one, "
-            f"but there {'is' if n_units == 1 else 'are'} {n_units}, which leaves none "
-            f"to train on; give more {units}s, a smaller validation_fraction, or set "
-            "early_stopping=False."
-        )
     if groups is None:
         name = type(estimator).__name__
         warnings.warn(

@@ -137,6 +137,39 @@ def population_quadrature(n_nodes):
     return nodes, weight
 
 
+def population_cells(n_cells):
+    """Nodes and weights for averages of functions that may jump, over the population.
+
+    The midpoint rule in q with p = q² (3 - 2q), whose cells crowd at both ends. Where
+    a function jumps between two nodes the average is off by at most half the larger of
+    their weights, times the jump.
+    """
+    q = np.linspace(0, 1, 2 * n_cells + 1)
+    p = q**2 * (3 - 2 * q)
+    return p[1::2], np.diff(p[::2])
+
+
+def largest_jump_error(cdf, weight):
+    """Largest error that jumps between nodes give the average of each trial.
+
+    Parameters
+    ----------
+    cdf : ndarray of shape (n_trials, n_nodes, ..., n_levels)
+        Distribution function at each node of `population_cells`.
+    weight : ndarray of shape (n_nodes,)
+        Their weights.
+
+    Returns
+    -------
+    error : ndarray of shape (n_trials,)
+        Of the level where it is largest, if nothing happens between two nodes but one
+        jump.
+    """
+    half = np.maximum(weight[1:], weight[:-1]) / 2
+    error = np.einsum("tp...,p->t...", np.abs(np.diff(cdf, axis=1)), half)
+    return error.reshape(len(error), -1).max(axis=1)
+
+
 def quantile_grid(n_quantiles):
     """Evenly spaced positions strictly inside (0, 1): 0.01 … 0.99 for 99."""
     return np.arange(1, n_quantiles + 1) / (n_quantiles + 1)

@@ -1008,9 +1008,58 @@ SETTING_CASES = [
         (
             "one group, and early stopping",
             ValueError,
-            "^All trials are of one object .*; give trials of two or more, or set",
+            "^Early stopping holds out 0.1 of the objects, .* there is 1, .*; give",
             lambda _: call(
                 NNPOM(early_stopping=True).fit, X, COUNTS, groups=np.zeros(N)
+            ),
+        ),
+        (
+            "one trial, and early stopping",
+            ValueError,
+            "^Early stopping holds out 0.1 of the trials, .* there is 1, .*; give more",
+            lambda _: call(NNPOM(early_stopping=True).fit, X[:1], COUNTS[:1]),
+        ),
+        (
+            "two objects of which most are held out",
+            ValueError,
+            "^Early stopping holds out 0.6 of the objects, .* a smaller validation_fr",
+            lambda _: call(
+                NNPOM(early_stopping=True, validation_fraction=0.6).fit,
+                X,
+                COUNTS,
+                groups=np.arange(N) % 2,
+            ),
+        ),
+        *(
+            (
+                f"groups: {given}",
+                ValueError,
+                message,
+                lambda _, groups=groups: call(NNPOM(1).fit, X, COUNTS, groups=groups),
+            )
+            for given, message, groups in [
+                (
+                    "None in trial 3",
+                    "^groups has no object in trial 3; name the object of every trial",
+                    [*range(3), None, *range(4, N)],
+                ),
+                (
+                    "NaN in trial 1",
+                    "^groups has no object in trial 1; name the object of every trial",
+                    np.where(np.arange(N) == 1, np.nan, 1.0),
+                ),
+                ("text and numbers", "^groups mixes text with", ["a", *range(1, N)]),
+                ("two columns", "^groups has shape .*, one a trial", np.ones((N, 2))),
+                ("one number", r"^groups has shape \(\); give the object of each", 3),
+                ("of other trials", "inconsistent numbers of samples", range(N - 1)),
+            ]
+        ),
+        (
+            "weights and counts whose product underflows",
+            ValueError,
+            "^The total of y, times sample_weight, underflows; multiply",
+            lambda _: call(
+                NNPOM(n_hidden=0).fit, X, COUNTS * 1e-200, np.full(N, 1e-200)
             ),
         ),
         (

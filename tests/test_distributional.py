@@ -464,6 +464,7 @@ def test_validation_trials_are_predicted_on_the_grid(p_transform, input_of):
     """At the positions of quantile decoding, as the network sees positions."""
     model = DistributionalOrdinalRegressor(p_transform=p_transform, n_quantiles=3)
     X, counts = np.zeros((2, 1)), np.array([[1, 2, 1], [0, 1, 3]])
+    model.fit(X, counts)
     _, inputs, level, weight = model._validation_set(X, counts)
     expected = [input_of(p) for p in (0.25, 0.5, 0.75)]
     np.testing.assert_allclose(inputs, [expected, expected])

@@ -380,8 +380,9 @@ def test_trials_of_weight_zero_are_no_trials_for_early_stopping():
     X, y = rng.normal(size=(60, 4)), rng.integers(1, 4, 60)
     used = np.arange(60) % 2 == 0
     model = NNPOM(3, early_stopping=True, n_iter_no_change=20, random_state=0)
-    weighted = clone(model).fit(X, y, sample_weight=used.astype(float))
-    removed = clone(model).fit(X[used], y[used])
+    each = np.arange(60)
+    weighted = clone(model).fit(X, y, sample_weight=used.astype(float), groups=each)
+    removed = clone(model).fit(X[used], y[used], groups=each[used])
     np.testing.assert_array_equal(weighted.predict_proba(X), removed.predict_proba(X))
 
 

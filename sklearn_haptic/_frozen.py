@@ -1,0 +1,56 @@
+"""Estimators that are used as they were fitted.
+
+A `FrozenEstimator` hands out every attribute of what it wraps, so that ``hasattr``
+finds ``fit_with_positions`` in it and calling that would fit the wrapped estimator
+again, in place. So one is unwrapped, checked, and then only predicts.
+"""
+
+import numpy as np
+from sklearn.frozen import FrozenEstimator
+from sklearn.utils.validation import check_is_fitted
+
+
+def unfrozen(estimator):
+    """Return the estimator itself, out of its `FrozenEstimator` if it is in one."""
+    while isinstance(estimator, FrozenEstimator):
+        estimator = estimator.estimator
+    return estimator
+
+
+def check_frozen(estimator, name, n_inputs, levels=None, *, position=False):
+    """Check that an estimator that is not fitted here was fitted to such data.
+
+    Parameters
+    ----------
+    estimator : FrozenEstimator
+    name : str
+        What error messages call it.
+    n_inputs : int
+        Number of features that it will be given.
+    levels : ndarray of shape (n_levels,), default=None
+        The levels that it must predict, if they matter.
+    position : bool, default=False
+        Whether the last of the features is the position in the population.
+
+    Raises
+    ------
+    sklearn.exceptions.NotFittedError
+        If it is not fitted.
+    ValueError
+        If it takes another number of features or predicts other levels.
+    """
+    estimator = unfrozen(estimator)
+    check_is_fitted(estimator)
+    n_features = getattr(estimator, "n_features_in_", n_inputs)
+    if n_features != n_inputs:
+        raise ValueError(
+            f"{name} is frozen and has {n_features} inputs, but {n_inputs} are given "
+            f"here{', the position among them' * position}; fit it to the same columns."
+        )
+    known = getattr(estimator, "classes_", levels)
+    if levels is not None and not np.array_equal(known, levels):
+        raise ValueError(
+            f"{name} is frozen and predicts {np.asarray(known).tolist()}, but "
+            f"{np.asarray(levels).tolist()} are required here; fit it to the same "
+            "levels."
+        )
