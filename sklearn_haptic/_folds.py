@@ -2,9 +2,15 @@
 
 from numbers import Integral
 
+from sklearn import get_config
 from sklearn.base import is_classifier
 from sklearn.model_selection import GroupKFold, check_cv
 from sklearn.utils._missing import is_pandas_na
+from sklearn.utils.metadata_routing import (
+    MetadataRouter,
+    MethodMapping,
+    process_routing,
+)
 
 
 def make_splitter(estimator, y, groups=None, cv=None):
@@ -50,3 +56,44 @@ def make_splitter(estimator, y, groups=None, cv=None):
     if groups is not None and (cv is None or isinstance(cv, Integral)):
         return GroupKFold(5 if cv is None else cv)
     return check_cv(cv, y, classifier=is_classifier(estimator))
+
+
+def route(estimator, splitter, groups, params):
+    """Return what the splitter's ``split`` and the estimator's ``fit`` are given.
+
+    Parameters
+    ----------
+    estimator : estimator object
+        What is fitted.
+    splitter : object
+        As `make_splitter` returns it.
+    groups : array-like of shape (n_trials,) or None
+        For the splitter; with metadata routing for whichever requests them.
+    params : dict
+        For ``fit``; with metadata routing for whichever requests them.
+
+    Returns
+    -------
+    for_split, for_fit : dict
+
+    Examples
+    --------
+    >>> from sklearn.model_selection import GroupKFold
+    >>> from sklearn_haptic import NNPOM
+    >>> from sklearn_haptic._folds import route
+    >>> route(NNPOM(), GroupKFold(2), ["cork", "foam"], {})
+    ({'groups': ['cork', 'foam']}, {})
+    """
+    if not get_config()["enable_metadata_routing"]:
+        return {"groups": groups}, params
+    if groups is not None:
+        params = {**params, "groups": groups}
+    router = MetadataRouter(owner="cross-validation")
+    for name, each, callee in [
+        ("splitter", splitter, "split"),
+        ("estimator", estimator, "fit"),
+    ]:
+        mapping = MethodMapping().add(caller="fit", callee=callee)
+        router.add(method_mapping=mapping, **{name: each})
+    routed = process_routing(router, "fit", **params)
+    return routed.splitter.split, routed.estimator.fit

@@ -8,20 +8,14 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn import get_config
 from sklearn.base import BaseEstimator, clone
 from sklearn.utils import _safe_indexing, indexable
 from sklearn.utils._param_validation import HasMethods, StrOptions
-from sklearn.utils.metadata_routing import (
-    MetadataRouter,
-    MethodMapping,
-    process_routing,
-)
 from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import _check_method_params, _num_samples
 
 from ._distributional import _cdf
-from ._folds import make_splitter
+from ._folds import make_splitter, route
 from ._typing import CrossValidator, Trials, validate_params
 from ._validation import check_ratings
 
@@ -133,7 +127,7 @@ def cross_val_predict_proba(
     groups = params.get("groups") if groups is None else groups
     X, y, groups = indexable(X, y, groups)
     splitter = make_splitter(estimator, y, groups, cv)
-    for_split, for_fit = _route(estimator, splitter, groups, params)
+    for_split, for_fit = route(estimator, splitter, groups, params)
     folds = _check_folds(splitter.split(X, y, **for_split), _num_samples(X))
     outcomes = Parallel(n_jobs=n_jobs)(
         delayed(_predict_fold)(clone(estimator), X, y, *fold, for_fit, method)
@@ -146,23 +140,6 @@ def cross_val_predict_proba(
     order = np.argsort(np.concatenate([test for _, test in folds]))
     result = np.concatenate(predicted)[order]
     return _cdf(result) if method == "predict_cdf" else result
-
-
-def _route(estimator, splitter, groups, params):
-    """Return what the splitter's ``split`` and the estimator's ``fit`` are given."""
-    if not get_config()["enable_metadata_routing"]:
-        return {"groups": groups}, params
-    if groups is not None:
-        params = {**params, "groups": groups}
-    router = MetadataRouter(owner="cross_val_predict_proba")
-    for name, each, callee in [
-        ("splitter", splitter, "split"),
-        ("estimator", estimator, "fit"),
-    ]:
-        mapping = MethodMapping().add(caller="fit", callee=callee)
-        router.add(method_mapping=mapping, **{name: each})
-    routed = process_routing(router, "fit", **params)
-    return routed.splitter.split, routed.estimator.fit
 
 
 def _check_folds(folds, n_trials):

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from functools import partial
 from itertools import combinations, count, takewhile
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -32,7 +33,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils import _safe_indexing, indexable
 from sklearn.utils._set_output import _get_adapter_from_container
 from sklearn.utils.parallel import Parallel, delayed
-from sklearn.utils.validation import check_is_fitted
+from sklearn.utils.validation import _check_method_params, check_is_fitted
 
 from ._contributions import contribution_summary, sensor_contributions
 from ._cost import (
@@ -42,7 +43,7 @@ from ._cost import (
     timed,
     without_caches,
 )
-from ._folds import make_splitter
+from ._folds import make_splitter, route
 from ._out_of_fold import cross_val_predict_proba
 from ._typing import CrossValidator, Scorer, Trials
 
@@ -417,7 +418,9 @@ def sensor_subsets(
     y : array-like of shape (n_trials,) or (n_trials, n_levels)
         Labels, or how many people gave each level.
     groups : array-like of shape (n_trials,), default=None
-        The object of each trial, for the splitter alone.
+        The object of each trial, for the splitter. With metadata routing enabled, also
+        for ``fit`` of those steps behind the sensors that request it, such as a network
+        that stops early.
     cv : int, splitter or iterable, default=None
         The folds. An int, or None for 5, is a number of folds: of whole objects if
         ``groups`` are given, else as in
@@ -494,9 +497,13 @@ def sensor_subsets(
     X, y, groups = indexable(X, y, groups)
     scorer = check_scoring(model, scoring)
     splitter = make_splitter(model, y, groups, cv)
+    rest = model[1:]
+    for_split, for_fit = route(rest, splitter, groups, {})
     folds = Parallel(n_jobs=n_jobs)(
-        delayed(_score_subsets)(sensors, model[1:], subsets, scorer, X, y, train, test)
-        for train, test in splitter.split(X, y, groups)
+        delayed(_score_subsets)(
+            sensors, rest, subsets, scorer, X, y, train, test, for_fit
+        )
+        for train, test in splitter.split(X, y, **for_split)
     )
     return _as_cv_results(subsets, folds)
 
@@ -548,10 +555,11 @@ def _split_sensors(model):
     return sensors
 
 
-def _score_subsets(sensors, rest, subsets, scorer, X, y, train, test):
+def _score_subsets(sensors, rest, subsets, scorer, X, y, train, test, params):
     """Seconds to fit and to score, and the scores, of each subset on one fold."""
     X_train, X_test = _safe_indexing(X, train), _safe_indexing(X, test)
     y_train, y_test = _safe_indexing(y, train), _safe_indexing(y, test)
+    params = _check_method_params(X, params, indices=train)
     features = {}
     for name in sensors:
         sensor = clone(sensors[name])
@@ -568,7 +576,8 @@ def _score_subsets(sensors, rest, subsets, scorer, X, y, train, test):
     for subset in subsets:
         Z_train, Z_test, seconds = zip(*map(features.get, subset))
         Z_train, Z_test = _side_by_side(Z_train), _side_by_side(Z_test)
-        fitted, fit_time = timed(clone(rest).fit, Z_train, y_train)
+        fit = partial(clone(rest).fit, **params)
+        fitted, fit_time = timed(fit, Z_train, y_train)
         scores, score_time = timed(scorer, fitted, Z_test, y_test)
         use = seconds_per_trial(predictor(fitted), Z_test)
         *seconds, use = np.sum([*seconds, (fit_time, score_time, use)], axis=0)

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import kruskal, wilcoxon
+from sklearn import config_context
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression
@@ -198,15 +199,18 @@ def test_any_number_of_jobs_gives_the_same_table(touches):
     )
 
 
-def test_pipeline_tells_sensors_by_names_and_learns_nothing_of_test_trials(touches):
+@pytest.mark.parametrize("output", ["pandas", "polars"])
+def test_pipeline_tells_sensors_by_names_and_learns_nothing_of_test_trials(
+    touches, output
+):
     X, y, objects = touches
     names = [f"{name}__{i}" for name, of in SENSORS.items() for i in range(len(of))]
     frame = pd.DataFrame(X, columns=names)
     train, test = np.arange(36), np.arange(36, 48)
     model = make_pipeline(StandardScaler(), make_regressor(sensors=None))
-    model.set_output(transform="pandas")
     settings = {"groups": objects, "cv": [(train, test)], "n_repeats": 1}
-    scores = sensor_contributions(model, frame, y, random_state=0, **settings)
+    with config_context(transform_output=output):
+        scores = sensor_contributions(model, frame, y, random_state=0, **settings)
     assert list(scores["held_out"].unique()) == ["none", *SENSORS]
     scaled = StandardScaler().fit(X[train]).transform(X)
     by_hand = sensor_contributions(
@@ -225,6 +229,22 @@ def test_recordings():
     )
     assert list(scores["held_out"].unique()) == ["none", "tdc", "pdc"]
     assert len(scores) == 3 * 10 * 12
+
+
+@pytest.mark.parametrize("n_folds, cv", [(5, None), (3, 3), (3, np.int64(3))])
+def test_objects_are_kept_together_by_default(touches, n_folds, cv):
+    X, y, objects = touches
+    settings = {"groups": objects, "n_repeats": 1, "random_state": 0}
+    scores = sensor_contributions(make_regressor(), X, y, cv=cv, **settings)
+    by_hand = sensor_contributions(
+        make_regressor(),
+        X,
+        y,
+        cv=[*GroupKFold(n_folds).split(X, groups=objects)],
+        **settings,
+    )
+    pd.testing.assert_frame_equal(scores, by_hand)
+    assert (scores.groupby("object")["fold"].nunique() == 1).all()
 
 
 def test_labels_without_groups(touches):

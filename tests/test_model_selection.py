@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from joblib import parallel_config
 from scipy.stats import sem
+from sklearn import config_context
 from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
 from sklearn.decomposition import PCA
@@ -407,6 +408,22 @@ def test_sensor_subsets_keep_groups_together(table, n_folds, cv):
             clone(model).fit(X.iloc[train], y[train]).score(X.iloc[test], y[test])
         )
     np.testing.assert_allclose(results["mean_test_score"][-1], np.mean(scores))
+
+
+def test_sensor_subsets_hand_groups_to_fits_that_request_them(table):
+    X, _, groups = table
+    counts = np.random.default_rng(0).multinomial(12, [0.2] * 5, size=12)[groups]
+    network = NNPOM(2, early_stopping=True, max_iter=20, random_state=0)
+    head = DistributionalOrdinalRegressor(network, random_state=0)
+    with config_context(enable_metadata_routing=True):
+        model = columns_model([head.set_fit_request(groups=True)])
+        results = sensor_subsets(model, X, counts, groups=groups, cv=3)
+    for k, (train, test) in enumerate(GroupKFold(3).split(X, groups=groups)):
+        features = clone(model[0])
+        Z = features.fit_transform(X.iloc[train])
+        fitted = clone(head).fit(Z, counts[train], groups=groups[train])
+        score = fitted.score(features.transform(X.iloc[test]), counts[test])
+        assert results[f"split{k}_test_score"][-1] == score
 
 
 def test_sensor_subsets_of_a_classifier_in_stratified_folds(table):
