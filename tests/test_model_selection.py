@@ -336,7 +336,7 @@ def assert_same_scores(results, expected):
     keys = [key for key in expected if "_test_" in key and "seconds" not in key]
     assert len(keys) >= 5
     for key in keys:
-        np.testing.assert_array_equal(results[key], expected[key], err_msg=key)
+        np.testing.assert_allclose(results[key], expected[key], 1e-6, err_msg=key)
 
 
 def columns_model(rest, **options):
