@@ -136,6 +136,7 @@ def hold_out_trials(estimator, n_trials, groups, fraction, random_state):
     UserWarning
         If there are no groups.
     """
+    split = validation_split(n_trials, groups, fraction, random_state)
     if groups is None:
         name = type(estimator).__name__
         warnings.warn(
@@ -148,7 +149,7 @@ def hold_out_trials(estimator, n_trials, groups, fraction, random_state):
             UserWarning,
             stacklevel=4,  # beyond this, fit, and its decorator
         )
-    return validation_split(n_trials, groups, fraction, random_state)
+    return split
 
 
 def attributes_of(positions, level, weight):

@@ -345,7 +345,7 @@ def weighted(counts, sample_weight):
     return weight
 
 
-def check_objects(objects, *, name="objects"):
+def check_objects(objects, *, name="objects", row="row"):
     """Validate the object of each row; return an array in which none is missing.
 
     Raises
@@ -357,8 +357,8 @@ def check_objects(objects, *, name="objects"):
     objects, named = drop_missing(objects, name)
     if not named.all():
         raise ValueError(
-            f"{name} has no object in row {np.argmin(named)}; name the object of every "
-            "row or remove the row."
+            f"{name} has no object in {row} {np.argmin(named)}; name the object of "
+            f"every {row} or remove the {row}."
         )
     return objects
 
@@ -367,8 +367,13 @@ def check_groups(groups, X):
     """Validate the object of each trial, None if there are none."""
     if groups is None:
         return None
+    shape = np.shape(groups)
+    if len(shape) != 1 and shape[1:] != (1,):
+        raise ValueError(
+            f"groups has shape {shape}; give the object of each trial, one per trial."
+        )
     check_consistent_length(X, groups)
-    return check_objects(groups, name="groups")
+    return check_objects(groups, name="groups", row="trial")
 
 
 def drop_missing(values, name):
@@ -440,8 +445,8 @@ def check_ratings(y, levels=None, *, name="y"):
     array = check_regular(y, name)
     if array.ndim == 0:
         raise ValueError(
-            f"{name} is no array but {_kind(y)}; give one rating or one row of counts "
-            "a trial."
+            f"{name} is no array but of the type {type(y).__name__}; give one rating "
+            "or one row of counts per trial."
         )
     if levels is not None:
         levels = check_levels(levels)
@@ -553,12 +558,6 @@ def check_levels(levels):
             "level once, lowest first."
         )
     return levels
-
-
-def _kind(y):
-    """Say what is given instead of an array."""
-    of = f" of {[*y]}" if isinstance(y, Mapping) else ""
-    return f"of the type {type(y).__name__}{of}"
 
 
 def _check_values(y, array, known, name):

@@ -496,11 +496,11 @@ NOT_RATINGS = {
         lambda: dates(LABELS),
     ),
     "a dict of ratings": (
-        "no array but of the type dict of \\['rough'\\]; give one rating or|array-like",
+        "is a dict, which is no array; give a list, an array|array-like",
         lambda: {"rough": COUNTS},
     ),
     "an iterator": (
-        "is no array but of the type list_iterator; give one rating or|array-like",
+        "is a list_iterator, which is no array; give a list|array-like",
         lambda: iter(LABELS.tolist()),
     ),
     "a column of objects beside columns of counts": (
@@ -508,11 +508,11 @@ NOT_RATINGS = {
         lambda: pd.DataFrame(COUNTS, columns=[1, 2, 3]).reset_index(names="object"),
     ),
     "a column of text beside columns of counts": (
-        r"is not an array of numbers \(its column 'object' holds text or dates\)",
+        r"is not an array of numbers \(column 'object' holds text or dates\)",
         lambda: pd.DataFrame(COUNTS, columns=["lo", "mid", "hi"]).assign(object="foam"),
     ),
     "a column of dates beside columns of counts": (
-        r"is not an array of numbers \(its column 'day' holds text or dates\)",
+        r"is not an array of numbers \(column 'day' holds text or dates\)",
         lambda: pd.DataFrame(COUNTS, columns=["lo", "mid", "hi"]).assign(
             day=pd.Series([pd.Timestamp("2020-01-01")] * N, dtype=object)
         ),
@@ -633,7 +633,7 @@ FIT_ROWS = {
     ),
     "groups of which one is None": (
         ValueError,
-        "^groups has no object in row 1; name the object of every row",
+        "^groups has no object in trial 1; name the object of every",
         fitting(fit={"groups": ["a", None, *"bcdefghijk"]}),
     ),
     "no groups": (
@@ -1016,7 +1016,7 @@ SETTING_CASES = [
         (
             "one trial, and early stopping",
             ValueError,
-            "^Early stopping holds out 0.1 of the trials, .* there is 1, .*; give more",
+            "^Early stopping holds out 0.1 of the trials, .* there is 1, .*; give",
             lambda _: call(NNPOM(early_stopping=True).fit, X[:1], COUNTS[:1]),
         ),
         (
@@ -1049,7 +1049,7 @@ SETTING_CASES = [
                     np.where(np.arange(N) == 1, np.nan, 1.0),
                 ),
                 ("text and numbers", "^groups mixes text with", ["a", *range(1, N)]),
-                ("two columns", "^groups has shape .*, one a trial", np.ones((N, 2))),
+                ("two columns", "^groups has shape .*, one per trial", np.ones((N, 2))),
                 ("one number", r"^groups has shape \(\); give the object of each", 3),
                 ("of other trials", "inconsistent numbers of samples", range(N - 1)),
             ]
@@ -2137,7 +2137,7 @@ def of_calibration(display):
                     ),
                     (
                         "a missing object",
-                        "^groups has no object in row 0; name the object of every",
+                        "^groups has no object in trial 0; name the object of every",
                         (COUNTS, PROBA),
                         {"groups": [np.nan, *range(len(COUNTS) - 1)]},
                     ),
@@ -2343,7 +2343,7 @@ PLOT_CASES = [
                 ),
                 (
                     "a number in place of a signal",
-                    r"^Sensor 'pac': Trial 0 of X has shape \(\); it must be",
+                    "^Sensor 'pac': Trial 0 of X is 3.0, not an array of shape",
                     ({"pac": 3.0},),
                 ),
                 ("no trial", "^X holds no signals; give it one trial", ({},)),
@@ -2540,13 +2540,13 @@ HDF5_CASES = cases(
     (
         "a trial without a finger",
         ValueError,
-        "biotacs of .* has no 'finger_1'; it has",
+        "has finger_0 and finger_1, but trial .* has finger_0; load the ones apart",
         loading(without(f"{TRIAL}/biotacs/finger_1")),
     ),
     (
         "a dataset in place of a trial",
         ValueError,
-        "/sponge_114_01 of .* is not a group, so it has no 'state'",
+        "/sponge_114_01 of .* is not a group, so it has no 'biotacs'",
         loading(exchanged(TRIAL, 3)),
     ),
     (
