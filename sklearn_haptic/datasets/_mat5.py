@@ -224,7 +224,7 @@ def rows_of_text(units):
 
     Raises
     ------
-    ValueError
+    UnicodeError
         If they are not UTF-16.
     """
     if units.ndim != 2:
@@ -232,7 +232,7 @@ def rows_of_text(units):
     if units.size == 0:  # of however many rows
         return []
     if units.min() < 0 or units.max() > 0xFFFF:
-        raise ValueError("text that is not UTF-16")
+        raise UnicodeError("a character exceeds 16 bits")
     return [row.astype("<u2").tobytes().decode("utf-16-le").strip() for row in units]
 
 
