@@ -135,6 +135,8 @@ def _list_matrix(head, load, order, name=None):
         yield from _list_struct(load(), order, name)
     else:
         read = partial(_read_matrix, load, order)
+        if matlab_class in NUMERIC_CLASSES and load.func is memoryview:
+            read()  # checks their number and copies nothing
         yield Variable(name, matlab_class, shape, read)
 
 
