@@ -1,5 +1,7 @@
 import csv
+import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +10,8 @@ from sklearn.utils._param_validation import InvalidParameterError
 
 from sklearn_haptic import make_haptic_pipeline
 from sklearn_haptic.datasets import load_phac2
+from sklearn_haptic.datasets._hdf5 import _unreadable
+from sklearn_haptic.datasets._phac2 import choose
 
 h5py = pytest.importorskip("h5py")
 
@@ -243,8 +247,56 @@ def test_ratings_follow_the_objects(path, tmp_path):
 def test_missing_file(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"no file .*nothing\.h5"):
         load_phac2(tmp_path / "nothing.h5")
-    with pytest.raises(IsADirectoryError):
+    with pytest.raises(IsADirectoryError, match=tmp_path.name):
         load_phac2(tmp_path)
+
+
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="needs /proc")
+def test_errors_of_the_disk_name_the_file(path):
+    """Memory at address 0 cannot be read, like a sector that is damaged."""
+    with pytest.raises(OSError, match=r"Input/output error: '/proc/self/mem'"):
+        load_phac2("/proc/self/mem")
+    with pytest.raises(OSError, match=r"Input/output error: '/proc/self/mem'"):
+        load_phac2(path, ratings_path="/proc/self/mem")
+
+
+def test_errors_of_the_disk_are_not_taken_for_damage():
+    error = _unreadable("/tac of x.h5", OSError(5, "Can't read data"))
+    assert error.errno == 5
+    assert str(error) == "[Errno 5] /tac of x.h5 cannot be read: Can't read data"
+
+
+WRITE = """
+import sys
+import h5py
+
+with h5py.File(sys.argv[1], "r+", libver=sys.argv[2]) as file:
+    if sys.argv[2] == "v110":
+        file.swmr_mode = True
+    print("open", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize("libver", ["earliest", "v110"])
+def test_file_that_another_process_writes(tmp_path, libver):
+    path = tmp_path / "corpus.h5"
+    with h5py.File(path, "w", libver=libver) as file:
+        write_trial(file, "sponge_114_02")
+    writer = subprocess.Popen(
+        [sys.executable, "-c", WRITE, path, libver],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
+    with writer:
+        assert writer.stdout.readline() == b"open\n"
+        with pytest.raises(
+            OSError, match=r"corpus\.h5 cannot be read: another process has .*; wait"
+        ):
+            load_phac2(path)
+        writer.stdin.close()
+        writer.wait()
+    assert len(load_phac2(path, sensors=["pdc"]).trials) == 1
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89HDF", b"PK\x03\x04" * 300])
@@ -461,7 +513,48 @@ def test_no_trials(tmp_path):
         load_phac2(path)
 
 
-@pytest.mark.parametrize("name", ["notes", "sponge_114", "sponge_x_01"])
+@pytest.mark.parametrize("name", ["spo\rnge_114_03", "spo\nnge_7_1", " _1_1", "ß_٣_1"])
+def test_names_of_any_characters(tmp_path, name):
+    path = tmp_path / "cor\rpus.h5"
+    with h5py.File(path, "w") as file:
+        write_trial(file, name)
+    for trials in (None, [name]):
+        corpus = load_phac2(path, trials=trials, sensors=["pdc"])
+        assert list(corpus.trials.index) == [name]
+        assert list(corpus.object_names) == [name.split("_")[0]]
+        assert list(corpus.objects) == [int(name.split("_")[1])]
+
+
+def test_two_objects_of_one_id(path):
+    edit(path, lambda file: write_trial(file, "cork_114_03"))
+    with pytest.raises(ValueError, match=r"two objects of id 114, '.*' and '.*'; give"):
+        load_phac2(path)
+
+
+@pytest.mark.parametrize("n", [1, 5_000, 100_000])
+def test_names_are_chosen_in_linear_time(n):
+    """As many comparisons of names as there are names, up to a factor."""
+    n_compared = 0
+
+    class Name(str):
+        __hash__ = str.__hash__
+
+        def __eq__(self, other):
+            nonlocal n_compared
+            n_compared += 1
+            return str.__eq__(self, other)
+
+    known = [Name(f"sponge_{i}_1") for i in range(n)]
+    asked = [str(name) for name in known[::-1]]
+    assert choose(asked, known, "trial", "the file") == asked
+    assert n_compared < 20 * n
+    with pytest.raises(ValueError, match=r"'sponge_0_1' is asked for twice"):
+        choose([*asked, "sponge_0_1"], known, "trial", "the file")
+
+
+@pytest.mark.parametrize(
+    "name", ["notes", "sponge_114", "sponge_x_01", f"sponge_{10**18}_1"]
+)
 def test_names_that_are_no_trials(path, name):
     edit(path, lambda file: file.create_group(name))
     with pytest.raises(ValueError, match=rf"'{name}' at the root of .*corpus\.h5"):

@@ -177,6 +177,9 @@ def test_five_raters_and_five_levels(save):
     np.testing.assert_array_equal(read(save(a=even))["hard"][::2], even[:, 0])
     with pytest.raises(ValueError, match=r"several ways: a .* as ratings .* as counts"):
         read(save(a=rng.integers(0, 6, (60, 10, 5))))
+    each_level_thrice = np.full((60, 10, 5), 3)
+    with pytest.raises(ValueError, match=r"several ways: a .* as ratings .* as counts"):
+        read(save(a=each_level_thrice))
 
 
 @pytest.mark.parametrize("missing", [0, np.nan])
@@ -328,3 +331,125 @@ def test_links_in_version_7_3_are_not_followed(tmp_path, ratings):
         file["a"] = h5py.ExternalLink(str(tmp_path / "other.mat"), "/a")
     with pytest.raises(ValueError, match=r"'a' in .*r\.mat is a soft or external link"):
         read(path)
+
+
+# What else version 7.3 may hold
+
+
+def write_empty(file, name, matlab_class):
+    """Write '', {} or [] as MATLAB does: the shape in place of values."""
+    file[name] = np.zeros(2, "u8")
+    file[name].attrs["MATLAB_class"] = np.bytes_(matlab_class)
+    file[name].attrs["MATLAB_empty"] = np.uint8(1)
+
+
+def write_text(file, name, codes):
+    file[name] = codes
+    file[name].attrs["MATLAB_class"] = np.bytes_("char")
+
+
+def write_cells(file, name, cells):
+    references = np.array([[cell.ref] for cell in cells], dtype=file_reference())
+    file[name] = references
+    file[name].attrs["MATLAB_class"] = np.bytes_("cell")
+
+
+def file_reference():
+    return pytest.importorskip("h5py").ref_dtype
+
+
+@pytest.fixture
+def file_v73(tmp_path, ratings):
+    """A file of ratings, ids and names of adjectives, open for more."""
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "ratings.mat"
+    save_v73(path, {"a": ratings, "ids": IDS, "names": cells(ADJECTIVES)})
+    with h5py.File(path, "r+") as file:
+        yield file
+
+
+def read_closed(file):
+    path = file.filename
+    file.close()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return read_ratings(path, IDS, TRIALS)[0]
+
+
+def test_empty_variables_of_version_7_3(file_v73, counts):
+    for matlab_class in ("char", "cell", "double", "struct", "logical"):
+        write_empty(file_v73, f"empty_{matlab_class}", matlab_class)
+        write_empty(file_v73, f"in_struct/{matlab_class}", matlab_class)
+    assert_ratings(read_closed(file_v73), counts.repeat(2, axis=0))
+
+
+def test_empty_text_in_cells_of_version_7_3(file_v73):
+    write_empty(file_v73, "#refs#/blank", "char")
+    words = [file_v73[f"#refs#/names{i}"] for i in range(9)]
+    del file_v73["names"]
+    write_cells(file_v73, "names", [*words, file_v73["#refs#/blank"]])
+    assert list(read_closed(file_v73)) == [*ADJECTIVES[:9], ""]
+
+
+def test_text_of_any_shape_and_code_does_no_harm(file_v73, counts):
+    write_text(file_v73, "three_axes", np.full((4, 3, 2), 97, "u2"))
+    write_text(file_v73, "ten_of_three_axes", np.full((4, 3, 10), 97, "u2"))
+    write_text(file_v73, "one_axis", np.full(4, 97, "u2"))
+    write_text(file_v73, "large", np.full((4, 1), 2**40, "u8"))
+    write_text(file_v73, "half", np.full((4, 1), 0xD800, "u2"))
+    write_text(file_v73, "no_text", np.ones((4, 1)))
+    file_v73["modern"] = np.arange(6, dtype="u4")
+    file_v73["modern"].attrs["MATLAB_class"] = "string"
+    file_v73["other"] = np.arange(6)
+    file_v73["other"].attrs["MATLAB_class"] = np.int64(3)
+    assert_ratings(read_closed(file_v73), counts.repeat(2, axis=0))
+
+
+def test_text_outside_the_basic_plane(file_v73):
+    del file_v73["names"]
+    names = [*ADJECTIVES[:9], "\N{BUTTER}"]
+    codes = np.array([list(f"{name:8s}"[:8].encode("utf-16-le")) for name in names[:9]])
+    rows = np.full((10, 8), 32, "u2")
+    rows[:9] = codes[:, ::2]
+    rows[9, :2] = np.frombuffer(names[9].encode("utf-16-le"), "<u2")
+    write_text(file_v73, "names", rows.T)
+    assert list(read_closed(file_v73)) == names
+
+
+@pytest.mark.parametrize("code", [2**40, 0x10FFFF, 0xD800])
+def test_names_that_are_no_text_are_refused(file_v73, code):
+    write_text(file_v73, "words", np.full((4, 10), code, "u8"))
+    with pytest.raises(ValueError, match=r"/words of .*ratings\.mat is not UTF-16"):
+        read_closed(file_v73)
+
+
+@pytest.mark.parametrize("name", ["MATLAB_class", "MATLAB_empty"])
+@pytest.mark.parametrize("value", [[1, 2], np.array([b"char"]), np.zeros((2, 2))])
+def test_attribute_that_is_an_array(file_v73, name, value):
+    file_v73["odd"] = np.ones(3)
+    file_v73["odd"].attrs[name] = value
+    with pytest.raises(
+        ValueError, match=rf"attribute {name} of /odd of .*mat has shape .*one value"
+    ):
+        read_closed(file_v73)
+
+
+def test_class_as_text_of_any_length(file_v73, counts):
+    for name in ("a", "ids"):
+        file_v73[name].attrs["MATLAB_class"] = "double"
+    file_v73["names"].attrs["MATLAB_class"] = "cell"
+    assert_ratings(read_closed(file_v73), counts.repeat(2, axis=0))
+
+
+def test_sparse_array_of_version_7_3(file_v73, counts):
+    group = file_v73.create_group("sparse")
+    group.attrs["MATLAB_sparse"] = np.uint64(60)
+    group["ir"] = IDS[::-1]  # no ids
+    assert_ratings(read_closed(file_v73), counts.repeat(2, axis=0))
+
+
+def test_ids_too_large_to_be_told_apart(save, ratings):
+    ids = IDS.astype(float)
+    ids[-1] = 1e300
+    with pytest.warns(UserWarning, match="order of its .* objects"):
+        read_ratings(save(a=ratings, ids=ids), IDS, TRIALS)

@@ -21,6 +21,19 @@ SMALL = 2**28
 _LARGEST_DEFLATE_RATIO = 1032
 
 
+def read_start(path, n_bytes):
+    """Return the first bytes of a file, all of them for -1; errors name the file."""
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"There is no file {path}; give the path of one.")
+    try:
+        with open(path, "rb") as file:
+            return file.read(n_bytes)
+    except OSError as error:
+        error.filename = str(path)  # which a disk that fails does not tell
+        raise
+
+
 @contextmanager
 def open_hdf5(path):
     """Open an HDF5 file for reading; it is closed whatever happens.
@@ -40,11 +53,7 @@ def open_hdf5(path):
         raise ImportError(
             f"Reading {path} requires h5py; install it with `pip install h5py`."
         ) from error
-    path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"There is no file {path}; give the path of one.")
-    with open(path, "rb"):  # a folder or a lack of permission has its own clear error
-        pass
+    read_start(path, 1)  # whose errors are clear
     if not h5py.is_hdf5(path):
         raise OSError(f"{path} is not an HDF5 file; give one, or download it again.")
     try:
@@ -266,7 +275,7 @@ def _unreadable(place, error):
             "it. If there is none, one was stopped: mend the file by `h5clear -s`."
         )
     elif getattr(error, "errno", None):
-        return OSError(error.errno, f"{place} cannot be read: {error}")
+        return OSError(error.errno, f"{place} cannot be read: {error.strerror}")
     else:
         reason = f"the file is cut short or damaged ({error}); download it again."
     return OSError(f"{place} cannot be read: {reason}")

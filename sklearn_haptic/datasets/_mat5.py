@@ -135,6 +135,8 @@ def _list_matrix(head, load, order, name=None):
         yield from _list_struct(load(), order, name)
     else:
         read = partial(_read_matrix, load, order)
+        if matlab_class in NUMERIC_CLASSES and load.func is memoryview:
+            read()  # checks their number and copies nothing
         yield Variable(name, matlab_class, shape, read)
 
 
@@ -224,7 +226,7 @@ def rows_of_text(units):
 
     Raises
     ------
-    ValueError
+    UnicodeError
         If they are not UTF-16.
     """
     if units.ndim != 2:
@@ -232,7 +234,7 @@ def rows_of_text(units):
     if units.size == 0:  # of however many rows
         return []
     if units.min() < 0 or units.max() > 0xFFFF:
-        raise ValueError("text that is not UTF-16")
+        raise UnicodeError("a character exceeds 16 bits")
     return [row.astype("<u2").tobytes().decode("utf-16-le").strip() for row in units]
 
 

@@ -10,7 +10,6 @@ import warnings
 from contextlib import contextmanager
 from functools import partial
 from itertools import permutations
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -27,6 +26,7 @@ from sklearn_haptic.datasets._hdf5 import (
     read_attribute,
     read_references,
     read_rows,
+    read_start,
 )
 from sklearn_haptic.datasets._mat5 import (
     NUMERIC_CLASSES,
@@ -176,7 +176,8 @@ def _kinds(array):
     """Tell whether an array (objects, adjectives, ?) may be ratings or counts.
 
     Five raters and five levels look alike where nothing exceeds 5. Counts without a
-    single 0 are not believed, and totals that are all equal are taken for counts.
+    single 0 are believed only if all totals are equal, and then the array may be
+    either; with a 0 somewhere and equal totals it is counts.
     """
     missing = np.isnan(array)
     values = array[~missing]
@@ -185,13 +186,13 @@ def _kinds(array):
     if values.min() < 0:
         return []
     may_be_ratings = values.max() <= LEVELS[-1]
-    may_be_counts = (
-        array.shape[2] == len(LEVELS)
-        and not missing.any()
-        and (values.min() == 0 or not may_be_ratings)
-    )
-    if may_be_counts and np.ptp(array.sum(axis=2)) == 0:
-        return ["counts"]
+    may_be_counts = array.shape[2] == len(LEVELS) and not missing.any()
+    if may_be_ratings and may_be_counts:
+        totals_are_equal = np.ptp(array.sum(axis=2)) == 0
+        if values.min() > 0:
+            may_be_counts = totals_are_equal
+        else:
+            may_be_ratings = not totals_are_equal
     possible = {"ratings": may_be_ratings, "counts": may_be_counts}
     return [kind for kind, is_possible in possible.items() if is_possible]
 
@@ -260,19 +261,13 @@ def _listing(variables):
 @contextmanager
 def _open_variables(path):
     """Give the variables of a file, which is open as long as they may be read."""
-    path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"There is no file {path}; give the path of one.")
-    with open(path, "rb") as file:
-        start = file.read(10)
-        is_hdf5 = start == b"MATLAB 7.3"
-        data = start + (b"" if is_hdf5 else file.read())
-    if is_hdf5:
+    if read_start(path, 10) == b"MATLAB 7.3":
         with open_hdf5(path) as file:
             yield list(_list_hdf5(file))
     else:
+        data, limit = read_start(path, -1), largest_expansion(path, _SMALL)
         with _reading(path):
-            variables = list(list_mat5(data, largest_expansion(path, _SMALL)))
+            variables = list(list_mat5(data, limit))
         yield [v._replace(read=_reading(path)(v.read)) for v in variables]
 
 
