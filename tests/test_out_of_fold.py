@@ -54,7 +54,10 @@ def rated(n_objects=12, n_trials=3, n_people=12, noise=0.3):
 X, COUNTS, OBJECTS = rated()
 TARGETS = {
     "labels": np.array([3, 5, 9])[np.arange(36) % 3],  # levels with gaps
-    "words": np.where(COUNTS.argmax(axis=1) > 2, "rough", "even"),
+    "words": pd.Series(
+        np.where(COUNTS.argmax(axis=1) > 2, "even", "rough"),
+        dtype=pd.CategoricalDtype(["rough", "even"], ordered=True),
+    ),
     "counts": COUNTS,
     "shares": COUNTS / 12,
     "attributes": np.stack([COUNTS, COUNTS[:, ::-1]], axis=1),
