@@ -176,7 +176,12 @@ def _ordered_categories(column):
     """Return the categories of a column that has them in an order, else None."""
     dtype = getattr(column, "dtype", None)
     ordered = getattr(dtype, "ordered", type(dtype).__name__ == "Enum")
-    return np.asarray(dtype.categories) if ordered else None
+    if not ordered:
+        return None
+    categories = np.asarray(dtype.categories)
+    if categories.dtype != object:
+        return categories
+    return lossless_array(categories.tolist())
 
 
 def _column_labels(table):
