@@ -116,6 +116,13 @@ def levels_of_columns(table, levels, name):
     )
 
 
+def in_order_of_levels(values, columns):
+    """Return values whose columns are put as `levels_of_columns` says, 0 for none."""
+    if columns is None:
+        return values
+    return np.take(np.pad(values, ((0, 0), (0, 1))), columns, axis=1)
+
+
 def _in_order(labels, name):
     """Return labels of columns as levels: numbers sorted, words in their order."""
     read = _read_numbers(labels)
@@ -176,7 +183,12 @@ def _ordered_categories(column):
     """Return the categories of a column that has them in an order, else None."""
     dtype = getattr(column, "dtype", None)
     ordered = getattr(dtype, "ordered", type(dtype).__name__ == "Enum")
-    return np.asarray(dtype.categories) if ordered else None
+    if not ordered:
+        return None
+    categories = np.asarray(dtype.categories)
+    if categories.dtype != object:
+        return categories
+    return lossless_array(categories.tolist())
 
 
 def _column_labels(table):

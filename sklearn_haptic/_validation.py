@@ -26,6 +26,7 @@ from sklearn.utils.validation import (
 )
 
 from ._levels import (
+    in_order_of_levels,
     levels_of_columns,
     levels_of_ratings,
     lossless_array,
@@ -378,9 +379,9 @@ def check_groups(groups, X):
 
 def drop_missing(values, name):
     """Return the values of a column that are there, and where they are."""
-    if isinstance(values, np.ndarray) and values.dtype.kind in "biuU" and len(values):
+    if isinstance(values, np.ndarray) and values.dtype.kind in "biuU" and values.size:
         check_regular(values, name)
-        return column_or_1d(values), np.ones(len(values), dtype=bool)
+        return column_or_1d(values), np.ones(values.size, dtype=bool)
     values = column_or_1d(missing_to_none(values, name), dtype=None)
     given = np.array([value is not None for value in values], dtype=bool)
     if not given.any():
@@ -457,9 +458,7 @@ def check_ratings(y, levels=None, *, name="y"):
     levels, columns = levels_of_columns(y, levels, name)
     check_numbers(y, name)
     counts = check_array(y, dtype=np.float64, input_name=name)
-    if columns is not None:
-        with_none = np.pad(counts, ((0, 0), (0, 1)))  # the column of index -1
-        counts = np.take(with_none, columns, axis=1)
+    counts = in_order_of_levels(counts, columns)
     if levels is None:
         levels = np.arange(1, counts.shape[1] + 1)
     if counts.shape[1] != len(levels):

@@ -16,7 +16,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_array
 
-from ._levels import levels_of_columns, names_levels
+from ._levels import in_order_of_levels, levels_of_columns, names_levels
 from ._typing import Trials, validate_params
 from ._validation import check_numbers, check_ratings, check_weights
 from .ratings import _level_index
@@ -635,8 +635,7 @@ def _check_distributions(y_true, y_proba, levels):
     _, columns = levels_of_columns(y_proba, levels, "y_proba")
     check_numbers(y_proba, "y_proba")
     proba = check_array(y_proba, dtype=np.float64, input_name="y_proba")
-    if columns is not None:
-        proba = np.take(proba, columns, axis=1)
+    proba = in_order_of_levels(proba, columns)
     bad = (proba < 0).any(axis=1) | (np.abs(proba.sum(axis=1) - 1) > 1e-6)
     if bad.any():
         trial = np.argmax(bad)

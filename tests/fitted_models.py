@@ -26,7 +26,8 @@ from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
 _rng = np.random.default_rng(0)
 TABLE = _rng.normal(size=(40, 6))
 NAMED = pd.DataFrame(TABLE, columns=[f"{s}__{i}" for s in "ab" for i in range(3)])
-LABELS = np.array(["dull", "even", "keen"])[_rng.permutation(np.arange(40) % 3)]
+WORDS = ["dull", "even", "keen"]
+LABELS = np.array(WORDS)[_rng.permutation(np.arange(40) % 3)]
 COUNTS = _rng.multinomial(9, [0.1, 0.2, 0.4, 0.2, 0.1], size=40)
 SEVERAL = np.stack([COUNTS, COUNTS[::-1]], axis=1)
 TRIALS = [_rng.normal(size=(n, 3)) for n in (40, 50, 44)]
@@ -52,7 +53,7 @@ MODELS = {
     "sthmp": (STHMPTransformer(**_DICTIONARY, random_state=0), FRAMES, None),
     "pooling": (TemporalMaxPool((2, 1)), TRIALS, None),
     "network": (NNPOM(3, tol=1e-2, random_state=0), TABLE, COUNTS),
-    "network of labels": (NNPOM(0, tol=1e-2), NAMED, LABELS),
+    "network of labels": (NNPOM(0, tol=1e-2, levels=WORDS), NAMED, LABELS),
     "network stopped early": (
         NNPOM(3, solver="irprop+", early_stopping=True, random_state=0),
         TABLE,
@@ -60,7 +61,7 @@ MODELS = {
     ),
     "regressor": (DistributionalOrdinalRegressor(), NAMED, COUNTS),
     "regressor of labels": (
-        DistributionalOrdinalRegressor(sampling="random", random_state=0),
+        DistributionalOrdinalRegressor(sampling="random", levels=WORDS, random_state=0),
         TABLE,
         LABELS,
     ),

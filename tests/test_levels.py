@@ -335,6 +335,19 @@ def test_score_of_labelled_predictions_in_fractions():
     assert ranked_probability_score(y, proba) == float(by_hand / 2)
 
 
+def test_a_category_without_a_column_is_chosen_and_predicted_by_nobody():
+    names = ["soft", "mid", "hard"]
+    columns = pd.CategoricalIndex(["hard", "soft"], names, ordered=True)
+    y = pd.DataFrame([[3, 1], [0, 2]], columns=columns)
+    proba = pd.DataFrame([[0.5, 0.5], [0.25, 0.75]], columns=columns)
+    np.testing.assert_array_equal(
+        ranked_probability_score(y, proba, average=False),
+        ranked_probability_score(
+            [[1, 0, 3], [2, 0, 0]], [[0.5, 0, 0.5], [0.75, 0, 0.25]], average=False
+        ),
+    )
+
+
 def test_other_columns_than_the_model_knows_are_refused():
     model = NNPOM(0).fit(X[:3], pd.DataFrame(COUNTS, columns=NAMES))
     for columns in ([1, 2, 3, 4], [1, 2, 4, 6], ["a", "b", "c", "d"]):
