@@ -12,9 +12,10 @@ from sklearn.base import clone
 from sklearn.decomposition import PCA
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import GridSearchCV
 from sklearn.utils._testing import ignore_warnings
 
-from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
+from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNNPOM
 from sklearn_haptic._positions import training_observations
 from sklearn_haptic._proportional_odds import (
     NetworkLoss,
@@ -26,6 +27,7 @@ from sklearn_haptic._proportional_odds import (
     unpack,
 )
 from sklearn_haptic._solvers import Monitor, irprop_plus
+from sklearn_haptic.metrics import ranked_probability_score
 
 REFERENCE_CASES = [
     f"{data}_{case}"
@@ -455,3 +457,82 @@ def test_no_module_below_imports_one_above():
     for name in ("_validation.py", "_proportional_odds.py", "_solvers.py"):
         text = (folder / name).read_text(encoding="utf-8")
         assert "from ._nnpom" not in text and "from ._distributional" not in text
+
+
+@pytest.mark.parametrize("exponent", [-300, -160, 0, 160, 300])
+@pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
+@pytest.mark.parametrize("n_hidden", [0, 2])
+def test_weights_of_any_size(n_hidden, solver, exponent):
+    """Penalties are beside the sum: scaled alike, weights and alpha change nothing."""
+    rng = np.random.default_rng(0)
+    X, counts = rng.normal(size=(40, 3)), rng.multinomial(9, [0.2, 0.3, 0.5], size=40)
+    model = NNPOM(n_hidden, 2.0, solver=solver, max_iter=2000, random_state=0)
+    base = clone(model).fit(X, counts)
+    scale = 10.0**exponent
+    scaled = clone(model).set_params(alpha=2.0 * scale)
+    scaled.fit(X, counts, np.full(40, scale))
+    np.testing.assert_allclose(
+        scaled.predict_proba(X), base.predict_proba(X), atol=1e-3
+    )
+    power = 2.0 ** np.rint(exponent * 3.3)
+    scaled = clone(model).set_params(alpha=2.0 * power)
+    scaled.fit(X, counts, np.full(40, power))
+    np.testing.assert_array_equal(scaled.predict_proba(X), base.predict_proba(X))
+
+
+@pytest.mark.parametrize("weight", [1e-300, 1e-307])
+def test_weights_against_a_penalty_that_is_not_scaled(weight):
+    """Next to nothing is left of the ratings but their shares, which cost nothing."""
+    rng = np.random.default_rng(0)
+    X, counts = rng.normal(size=(40, 3)), rng.multinomial(9, [0.2, 0.3, 0.5], size=40)
+    proba = NNPOM(0).fit(X, counts, np.full(40, weight)).predict_proba(X)
+    marginal = counts.sum(axis=0) / counts.sum()
+    np.testing.assert_allclose(proba, [marginal] * 40, rtol=1e-6)
+
+
+def test_products_that_underflow_are_refused():
+    X, counts = np.eye(4), np.ones((4, 3))
+    with pytest.raises(ValueError, match="times sample_weight, underflows; multiply"):
+        NNPOM(0).fit(X, counts * 1e-200, np.full(4, 1e-200))
+    few = np.array([1.0, 1.0, 1.0, 1e-200])
+    proba = NNPOM(0).fit(X, (counts.T * few).T, few).predict_proba(X)
+    np.testing.assert_allclose(proba, NNPOM(0).fit(X[:3], counts[:3]).predict_proba(X))
+
+
+@pytest.mark.parametrize("make", [NNPOM, SensorFusionNNPOM])
+def test_counts_and_labels_are_scored_by_the_same_rule(make):
+    """By a plain loop over people; a search no longer returns its first candidate."""
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(60, 3))
+    level = np.digitize(2 * X[:, :1] + rng.logistic(size=(60, 9)), [-1, 0, 1])
+    counts = np.stack([(level == k).sum(axis=1) for k in range(4)], axis=1)
+    model = make() if make is NNPOM else make({"a": [0], "b": [1, 2]})
+    model.set_params(random_state=0)
+    for y in (counts, level[:, 0] + 1):
+        fitted = clone(model).fit(X, y)
+        cdf = np.cumsum(fitted.predict_proba(X), axis=1)
+        weight, scores = rng.uniform(size=60), []
+        for t in range(60):
+            ratings = level[t] if y is counts else level[t, :1]
+            of_people = [
+                sum((cdf[t, k] - (rating <= k)) ** 2 for k in range(3))
+                for rating in ratings
+            ]
+            scores.append(np.mean(of_people))
+        assert fitted.score(X, y) == pytest.approx(-np.mean(scores))
+        expected = -np.average(scores, weights=weight)
+        assert fitted.score(X, y, weight) == pytest.approx(expected)
+    name = "alpha" if make is NNPOM else "final_estimator__alpha"
+    model.set_params(**({} if make is NNPOM else {"final_estimator": NNPOM(0)}))
+    search = GridSearchCV(model, {name: [1e6, 1.0]}, cv=3).fit(X, counts)
+    assert np.isfinite(search.cv_results_["mean_test_score"]).all()
+    assert search.best_params_ == {name: 1.0}
+
+
+def test_several_attributes_are_scored():
+    rng = np.random.default_rng(0)
+    X, counts = rng.normal(size=(40, 3)), rng.integers(1, 9, size=(40, 2, 3))
+    model = NNPOM(2, random_state=0).fit(X, counts)
+    proba = model.predict_proba(X)
+    each = [-ranked_probability_score(counts[:, a], proba[:, a]) for a in range(2)]
+    assert model.score(X, counts) == pytest.approx(np.mean(each))

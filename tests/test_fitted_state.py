@@ -1,0 +1,181 @@
+"""What was fitted stays fitted: frozen estimators, parameters changed after fit."""
+
+import mord
+import numpy as np
+import pytest
+from sklearn.base import clone
+from sklearn.ensemble import RandomForestRegressor
+from sklearn.exceptions import NotFittedError
+from sklearn.frozen import FrozenEstimator
+from sklearn.linear_model import LogisticRegression, Ridge
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    DummyDistribution,
+    SensorFusionNNPOM,
+)
+
+pytestmark = pytest.mark.filterwarnings("ignore:scipy.optimize. The `disp`")
+
+SENSORS = {"a": [0], "b": [1, 2]}
+BASES = [
+    NNPOM(2, random_state=0),
+    SensorFusionNNPOM(SENSORS, NNPOM(2), NNPOM(3), random_state=0),
+    LogisticRegression(),
+    make_pipeline(StandardScaler(), LogisticRegression()),
+    Ridge(),
+    RandomForestRegressor(5, random_state=0),
+]
+
+
+def touches(seed=0):
+    rng = np.random.default_rng(seed)
+    X = rng.normal(size=(60, 3))
+    drive = 2 * X[:, :1] - X[:, 1:2] + rng.logistic(size=(60, 9))
+    level = np.digitize(drive, [-1, 1])
+    return X, np.stack([(level == k).sum(axis=1) for k in range(3)], axis=1)
+
+
+@pytest.mark.parametrize("base", BASES, ids=lambda e: type(e).__name__)
+@pytest.mark.parametrize("times", [1, 2])
+def test_a_frozen_estimator_is_not_fitted_again(base, times):
+    X, counts = touches()
+    model = DistributionalOrdinalRegressor(clone(base), sampling="lattice").fit(
+        X, counts
+    )
+    before = model.predict_proba(X)
+    frozen = model.estimator_
+    for _ in range(times):
+        frozen = FrozenEstimator(frozen)
+    other = DistributionalOrdinalRegressor(frozen, random_state=5)
+    other.fit(X[::-1], counts[:, ::-1])
+    np.testing.assert_array_equal(model.predict_proba(X), before)
+    np.testing.assert_array_equal(other.predict_proba(X), before)
+    assert other.estimator_ is model.estimator_
+
+
+def test_a_frozen_combined_network_is_not_fitted_again():
+    X, counts = touches()
+    fusion = SensorFusionNNPOM(SENSORS, NNPOM(2), NNPOM(3), random_state=0)
+    for make in (DistributionalOrdinalRegressor, lambda fusion: fusion):
+        full = make(clone(fusion)).fit(X, counts)
+        fitted = getattr(full, "estimator_", full)
+        before = full.predict_proba(X)
+        networks = {n: FrozenEstimator(f) for n, f in fitted.sensor_networks_.items()}
+        final = FrozenEstimator(fitted.final_network_)
+        again = make(SensorFusionNNPOM(SENSORS, networks, final)).fit(X, counts[::-1])
+        np.testing.assert_array_equal(full.predict_proba(X), before)
+        np.testing.assert_array_equal(again.predict_proba(X), before)
+        # New networks of the sensors below the same combined one.
+        other = make(SensorFusionNNPOM(SENSORS, NNPOM(2, random_state=1), final))
+        assert not np.allclose(other.fit(X, counts).predict_proba(X), before)
+        np.testing.assert_array_equal(full.predict_proba(X), before)
+
+
+@pytest.mark.parametrize("base", BASES, ids=lambda e: type(e).__name__)
+def test_frozen_estimators_that_do_not_fit_the_trials(base):
+    X, counts = touches()
+    fitted = (
+        DistributionalOrdinalRegressor(clone(base), sampling="lattice")
+        .fit(X, counts)
+        .estimator_
+    )
+    model = DistributionalOrdinalRegressor(FrozenEstimator(fitted))
+    with pytest.raises(ValueError, match="has 4 inputs, but 3 are given here, the pos"):
+        model.fit(X[:, :2], counts)
+    if not isinstance(base, (Ridge, RandomForestRegressor)):
+        with pytest.raises(
+            ValueError, match=r"3 levels|frozen and predicts \[0, 1, 2\]"
+        ):
+            model.fit(X, counts[:, :2] + 1)
+    with pytest.raises(
+        ValueError, match=r"shape \(3,\) for a trial, but y has \(2, 3\)"
+    ):
+        model.fit(X, np.stack([counts, counts], axis=1))
+    with pytest.raises(
+        ValueError, match="X_val requires an estimator that stops early"
+    ):
+        model.fit(X, counts, X_val=X, y_val=counts)
+    with pytest.raises(ValueError, match="estimator is frozen; set monotone=False"):
+        model.set_params(monotone=True).fit(X, counts)
+    with pytest.raises(NotFittedError):
+        DistributionalOrdinalRegressor(FrozenEstimator(clone(base))).fit(X, counts)
+
+
+def test_frozen_networks_of_a_fusion_that_do_not_fit():
+    X, counts = touches()
+    fusion = SensorFusionNNPOM(SENSORS, NNPOM(2), NNPOM(3), random_state=0)
+    final = FrozenEstimator(fusion.fit(X, counts).final_network_)
+    with pytest.raises(ValueError, match="final_estimator is frozen and has 4 inputs"):
+        SensorFusionNNPOM(SENSORS, NNPOM(3), final).fit(X, counts)
+    with pytest.raises(ValueError, match="2 columns of counts, but there are 3 levels"):
+        SensorFusionNNPOM(SENSORS, NNPOM(2), final).fit(X, counts[:, :2] + 1)
+    model = DistributionalOrdinalRegressor(SensorFusionNNPOM(SENSORS, NNPOM(2), final))
+    with pytest.raises(
+        ValueError, match=r"predicts \[1, 2, 3\], but \[1, 2\] are requ"
+    ):
+        model.fit(X, counts[:, :2] + 1)
+    for unfitted in ({"estimator": NNPOM(2)}, {"final_estimator": NNPOM(2)}):
+        ((name, network),) = unfitted.items()
+        model = SensorFusionNNPOM(SENSORS, **{name: FrozenEstimator(network)})
+        with pytest.raises(NotFittedError):
+            model.fit(X, counts)
+
+
+CHANGES = [
+    (NNPOM(2, random_state=0), {"n_hidden": 0}),
+    (NNPOM(2, random_state=0), {"n_hidden": 7, "levels": [5, 6, 7]}),
+    (NNPOM(0), {"n_hidden": 3, "solver": "irprop+", "scale_features": False}),
+    (BASES[1], {"held_out": "a"}),
+    (BASES[1], {"held_out": "nonsense", "sensors": {"c": [0]}}),
+    (
+        SensorFusionNNPOM(SENSORS, NNPOM(2), held_out="b", random_state=0),
+        {"held_out": None},
+    ),
+    (BASES[1], {"estimator__n_hidden": 9, "final_estimator__n_hidden": 0}),
+    (DistributionalOrdinalRegressor(), {"p_transform": None}),
+    (DistributionalOrdinalRegressor(p_transform=None), {"p_transform": "logit"}),
+    (
+        DistributionalOrdinalRegressor(decode="quantile"),
+        {"p_transform": None, "levels": [3, 2, 1], "estimator": Ridge()},
+    ),
+    (
+        DistributionalOrdinalRegressor(mord.LogisticAT(), sampling="lattice"),
+        {"p_transform": None, "sampling": "random", "monotone": True},
+    ),
+    (
+        DistributionalOrdinalRegressor(NNPOM(2, random_state=0)),
+        {"estimator__n_hidden": 0, "monotone": True, "balance": "macro"},
+    ),
+    (DummyDistribution(), {"strategy": "barycentre", "levels": [3, 2, 1]}),
+]
+
+
+@pytest.mark.parametrize(("model", "change"), CHANGES, ids=str)
+def test_parameters_changed_after_fit_change_no_prediction(model, change):
+    X, counts = touches()
+    model = clone(model).fit(X, counts)
+    before = model.predict_proba(X), model.predict(X)
+    model.set_params(**change)
+    np.testing.assert_array_equal(model.predict_proba(X), before[0])
+    np.testing.assert_array_equal(model.predict(X), before[1])
+    assert np.isfinite(model.score(X, counts))
+
+
+def test_decoding_is_a_choice_at_prediction():
+    X, counts = touches()
+    model = DistributionalOrdinalRegressor(NNPOM(2, random_state=0)).fit(X, counts)
+    for choice in (
+        {"decode": "quantile"},
+        {"rule": "argmax"},
+        {"n_quantiles": 9},
+        {"decode": "mixture"},
+    ):
+        model.set_params(**choice)
+        before_fit = clone(model).fit(X, counts)
+        np.testing.assert_array_equal(
+            model.predict_proba(X), before_fit.predict_proba(X)
+        )
