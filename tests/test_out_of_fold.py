@@ -100,7 +100,6 @@ def test_equals_a_loop(target, method):
     )
     expected = by_hand(REGRESSOR, X, y, whole_objects(OBJECTS, 3), method)
     np.testing.assert_array_equal(predicted, expected)
-    assert predicted.dtype == expected.dtype
 
 
 CONTAINERS = {
