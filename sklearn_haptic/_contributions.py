@@ -26,7 +26,7 @@ from ._distributional import DistributionalOrdinalRegressor
 from ._folds import make_splitter
 from ._fusion import SensorFusionNNPOM
 from ._typing import CrossValidator, RandomState, Trials, validate_params
-from ._validation import check_numbers, check_ratings
+from ._validation import check_groups, check_numbers, check_ratings
 from .metrics import (
     earth_movers_distance,
     log_score,
@@ -262,9 +262,10 @@ def sensor_contributions(
     {'pac': True, 'tdc': False}
     """
     features, regressor = _split_model(model)
-    X, y, groups = indexable(X, y, groups)
+    X, y = indexable(X, y)
+    groups = check_groups(groups, X)
     counts, _ = check_ratings(y, regressor.levels)
-    objects = np.arange(len(counts)) if groups is None else np.asarray(groups)
+    objects = np.arange(len(counts)) if groups is None else groups
     splitter = make_splitter(regressor, y, groups, cv)
     starts = check_random_state(random_state).randint(
         np.iinfo(np.int32).max, size=n_repeats

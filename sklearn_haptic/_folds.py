@@ -5,7 +5,6 @@ from numbers import Integral
 from sklearn import get_config
 from sklearn.base import is_classifier
 from sklearn.model_selection import GroupKFold, check_cv
-from sklearn.utils._missing import is_pandas_na
 from sklearn.utils.metadata_routing import (
     MetadataRouter,
     MethodMapping,
@@ -32,11 +31,6 @@ def make_splitter(estimator, y, groups=None, cv=None):
     splitter : object
         Has ``split(X, y, groups)``.
 
-    Raises
-    ------
-    ValueError
-        If a trial has no group.
-
     Examples
     --------
     >>> from sklearn.linear_model import LogisticRegression
@@ -47,12 +41,6 @@ def make_splitter(estimator, y, groups=None, cv=None):
     >>> make_splitter(LogisticRegression(), y, None, 2)
     StratifiedKFold(n_splits=2, random_state=None, shuffle=False)
     """
-    for trial, group in enumerate(() if groups is None else groups):
-        if group is None or is_pandas_na(group) or group != group:
-            raise ValueError(
-                f"groups has no object for trial {trial}; name the object of every "
-                "trial."
-            )
     if groups is not None and (cv is None or isinstance(cv, Integral)):
         return GroupKFold(5 if cv is None else cv)
     return check_cv(cv, y, classifier=is_classifier(estimator))

@@ -17,7 +17,7 @@ from sklearn.utils.validation import _check_method_params, _num_samples
 from ._distributional import _cdf
 from ._folds import make_splitter, route
 from ._typing import CrossValidator, Trials, validate_params
-from ._validation import check_ratings
+from ._validation import check_groups, check_ratings
 
 
 @validate_params(
@@ -125,7 +125,8 @@ def cross_val_predict_proba(
     """
     params = {} if params is None else params
     groups = params.get("groups") if groups is None else groups
-    X, y, groups = indexable(X, y, groups)
+    X, y = indexable(X, y)
+    groups = check_groups(groups, X)
     splitter = make_splitter(estimator, y, groups, cv)
     for_split, for_fit = route(estimator, splitter, groups, params)
     folds = _check_folds(splitter.split(X, y, **for_split), _num_samples(X))

@@ -46,6 +46,7 @@ from ._cost import (
 from ._folds import make_splitter, route
 from ._out_of_fold import cross_val_predict_proba
 from ._typing import CrossValidator, Scorer, Trials
+from ._validation import check_groups
 
 if TYPE_CHECKING:
     from sklearn.model_selection._search import BaseSearchCV
@@ -494,7 +495,8 @@ def sensor_subsets(
         for size in range(1, len(sensors) + 1)
         for subset in combinations(sensors, size)
     ]
-    X, y, groups = indexable(X, y, groups)
+    X, y = indexable(X, y)
+    groups = check_groups(groups, X)
     scorer = check_scoring(model, scoring)
     splitter = make_splitter(model, y, groups, cv)
     rest = model[1:]

@@ -1850,7 +1850,7 @@ FUNCTION_CASES = [
             for given, message, arguments, options in [
                 (
                     "a trial without an object",
-                    "^groups has no object for trial 1; name the object of every trial",
+                    "^groups has no object in trial 1; name the object of every trial",
                     (DummyDistribution(), X, COUNTS),
                     {"groups": [0, None, *OBJECTS[2:]]},
                 ),
@@ -1895,7 +1895,7 @@ FUNCTION_CASES = [
         (
             "a trial without an object",
             ValueError,
-            "^groups has no object for trial 1; name the object of every trial",
+            "^groups has no object in trial 1; name the object of every trial",
             lambda _: call(
                 sensor_contributions,
                 FUSION,
@@ -1926,7 +1926,7 @@ FUNCTION_CASES = [
         (
             "groups of another length",
             ValueError,
-            r"inconsistent numbers of samples: \[12, 12, 11\]",
+            r"inconsistent numbers of samples: \[12, 11\]",
             lambda _: call(sensor_contributions, FUSION, X, COUNTS, groups=OBJECTS[1:]),
         ),
         (

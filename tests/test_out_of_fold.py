@@ -265,7 +265,7 @@ class TestFolds:
     def test_a_trial_without_an_object_is_refused(self, missing):
         groups = OBJECTS.astype(object)
         groups[4] = missing
-        with pytest.raises(ValueError, match="groups has no object for trial 4"):
+        with pytest.raises(ValueError, match="groups has no object in trial 4"):
             cross_val_predict_proba(REGRESSOR, X, COUNTS, groups=groups)
 
 
