@@ -1,12 +1,15 @@
 """What a study of generated touches takes, and what its patience changes.
 
-Run as ``OMP_NUM_THREADS=1 python benchmarks/study.py``; with ``--patience`` only the
-first table, with ``--objects 15 30 60`` only the second. Processor time of one process;
-Hold, five sensors, the paper's split, its grid and ten starts.
+    OMP_NUM_THREADS=1 python benchmarks/study.py time --objects 15 30 60
+    OMP_NUM_THREADS=1 python benchmarks/study.py patience --objects 60 --seeds 0
+
+Processor time of one process; Hold, five sensors, ten trials an object, the paper's
+split, its grid and ten starts.
 """
 
 import argparse
 from functools import partial
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
@@ -30,7 +33,8 @@ def stopping(patience, max_iter):
     return DistributionalOrdinalRegressor(network)
 
 
-def a_study(folder, n_objects, regressor, scoring=None):
+def a_study(folder, n_objects, regressor, scoring=None, seed=0):
+    """Return a study whose features are those of one seed, and all else of another."""
     return Study(
         corpus=partial(make_haptic_corpus, n_objects, 10, random_state=0),
         folder=Path(folder),
@@ -43,7 +47,7 @@ def a_study(folder, n_objects, regressor, scoring=None):
         n_starts=10,
         regressor=regressor,
         scoring=scoring,
-        random_state=0,
+        random_state=seed,
     )
 
 
@@ -62,33 +66,34 @@ def compute_features(study):
     return np.mean([timed(study, "features", "hold", s)[0] for s in SENSORS])
 
 
-def print_patience(n_objects=60):
-    print(f"\n{n_objects} objects: patience of early stopping\n")
+def print_patience(sizes, seeds):
+    """Compare the default stopping with the paper's patience, on the same features."""
     print(
-        "| adjective | patience | iterations | seconds | MAE^M | RPS | other networks |"
+        "| objects | seed | adjective | networks chosen otherwise "
+        "| MAE^M, 30 of 200 | MAE^M, 150 of 500 | seconds | seconds |"
     )
-    print("|---|---|---|---|---|---|---|")
-    with TemporaryDirectory() as folder:
-        compute_features(a_study(folder, n_objects, None))
-        for adjective in ADJECTIVES:
-            first = None
-            for patience, max_iter in ((30, 200), (150, 500)):
-                study = a_study(folder, n_objects, stopping(patience, max_iter))
-                seconds, table, record = timed(study, "models", "hold", adjective, 0)
-                full = table[table["held_out"] == "none"]
-                chosen = [(c["n_hidden"], c["alpha"]) for c in record["choices"]]
-                first = first or chosen
-                others = sum(a != b for a, b in zip(first, chosen))
-                print(
-                    f"| {adjective} | {patience} | {max_iter} | {seconds:.0f} "
-                    f"| {full['macro_mae'].mean():.3f} | {full['rps'].mean():.3f} "
-                    f"| {others} of {len(chosen)} |",
-                    flush=True,
-                )
+    print("|---|---|---|---|---|---|---|---|")
+    for n_objects in sizes:
+        with TemporaryDirectory() as folder:
+            compute_features(a_study(folder, n_objects, None))
+            for seed, adjective in product(seeds, ADJECTIVES):
+                choices, errors, times = [], [], []
+                for limits in ((30, 200), (150, 500)):
+                    study = a_study(folder, n_objects, stopping(*limits), seed=seed)
+                    unit = "models", "hold", adjective, 0
+                    seconds, table, record = timed(study, *unit)
+                    full = table[table["held_out"] == "none"]
+                    chosen = [(c["n_hidden"], c["alpha"]) for c in record["choices"]]
+                    choices.append(chosen)
+                    errors.append(f"{full['macro_mae'].mean():.3f}")
+                    times.append(f"{seconds:.0f}")
+                others = sum(one != other for one, other in zip(*choices))
+                row = n_objects, seed, adjective, f"{others} of 6", *errors, *times
+                print("| " + " | ".join(map(str, row)) + " |", flush=True)
 
 
 def print_seconds(sizes):
-    print("\nProcessor seconds of a unit, means of " + " and ".join(ADJECTIVES) + "\n")
+    """Time the units of several numbers of objects, means of two adjectives."""
     print(
         "| objects | a dictionary and its features | all models of a fold "
         "| the same, paper's settings |"
@@ -112,14 +117,18 @@ def print_seconds(sizes):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--patience", action="store_true")
-    parser.add_argument("--objects", type=int, nargs="*", default=[15, 30, 60])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("table", choices=["time", "patience"])
+    parser.add_argument("--objects", type=int, nargs="+", default=[15, 30, 60])
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     arguments = parser.parse_args()
     with threadpool_limits(1, user_api="blas"):
-        print_patience()
-        if not arguments.patience:
+        if arguments.table == "time":
             print_seconds(arguments.objects)
+        else:
+            print_patience(arguments.objects, arguments.seeds)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import unicodedata
-from fractions import Fraction
 from functools import partial
 from itertools import chain, product
 from multiprocessing import get_context
@@ -24,7 +23,6 @@ from scipy.spatial.distance import pdist
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
-from sklearn.metrics import make_scorer
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils import Bunch
 
@@ -36,7 +34,6 @@ from sklearn_haptic import (
     SensorFusionNNPOM,
     metrics,
 )
-from sklearn_haptic._study_settings import describe
 from sklearn_haptic._study_store import (
     open_study,
     read_record,
@@ -200,27 +197,25 @@ def test_leftovers_of_a_kill_do_no_harm(folder, copied):
     assert_same_study(run_study(CORPUS, copied, **SETTINGS), read_study(folder))
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "._fast_slide_hard_0.json",
-        "fast_slide_hard_0 (1).json",
-        "fast_slide_hard_0 copy.json",
-        "Copy of fast_slide_hard_0.json",
-        "fast_slide_hard_0.sync-conflict-20260101.json",
-        ".DS_Store",
-        "notes.json",
-    ],
-)
-@pytest.mark.parametrize("content", ["a copy", b"\0\5\x16\7", None])
-def test_files_that_are_no_units(folder, copied, name, content):
-    for kind in COMPUTE:
-        stray = copied / kind / name
-        if content is None:
+STRAYS = [
+    "._fast_slide_hard_0.json",
+    "fast_slide_hard_0 (1).json",
+    "fast_slide_hard_0 copy.json",
+    "Copy of fast_slide_hard_0.json",
+    "fast_slide_hard_0.sync-conflict-20260101.json",
+    ".DS_Store",
+    "notes.json",
+]
+
+
+@pytest.mark.parametrize("content", ["a copy", b"\0\5\x16\7", "a folder"])
+def test_files_that_are_no_units(folder, copied, content):
+    record = (copied / "models" / "fast_slide_hard_0.json").read_bytes()
+    for stray in [copied / kind / name for kind in COMPUTE for name in STRAYS]:
+        if content == "a folder":
             stray.mkdir()
-            continue
-        record = copied / "models" / "fast_slide_hard_0.json"
-        stray.write_bytes(record.read_bytes() if content == "a copy" else content)
+        else:
+            stray.write_bytes(record if content == "a copy" else content)
     assert_same_study(read_study(copied), read_study(folder))
     assert_same_study(run_study(CORPUS, copied, **SETTINGS), read_study(folder))
 
@@ -672,155 +667,6 @@ def test_threads_that_write_one_unit(tmp_path):
     assert not list(tmp_path.rglob("*.tmp"))
 
 
-# Descriptions of settings -----------------------------------------------------
-
-
-def test_description_of_settings(tmp_path):
-    assert describe(partial(sorted, tmp_path, key=[np.int64(3)], reverse=None)) == {
-        "function": "builtins.sorted",
-        "args": [str(tmp_path)],
-        "keywords": {"key": [3], "reverse": None},
-    }
-    described = describe(DistributionalOrdinalRegressor(NNPOM(7)))
-    assert described["estimator"]["n_hidden"] == 7
-    assert json.loads(json.dumps(described)) == described
-
-
-class Touches:
-    """A corpus of a few recordings, as an object that is called."""
-
-    def __init__(self, *values):
-        self.values = np.array(values)
-
-    def __call__(self, **_):
-        return self.values
-
-    def load(self, **_):
-        return self.values
-
-
-def adder(n):
-    return lambda x: x + n
-
-
-def table_of(value, library=pd):
-    """A long table, of which `repr` shows the ends."""
-    column = np.arange(1000.0)
-    column[500] = value
-    return library.DataFrame({"touch": column})
-
-
-SEED = 0
-# Each makes a value, the same in another process; no two values are equal.
-VALUES = {
-    "number": lambda: 1,
-    "text": lambda: "1",
-    "text of two": lambda: "1, 2",
-    "list": lambda: [1, 2],
-    "nested": lambda: [[1], 2],
-    "NaN": lambda: np.nan,
-    "float": lambda: 0.1,
-    "float32": lambda: np.float32(0.1),
-    "bytes": lambda: b"1",
-    "date": lambda: np.datetime64("2020-01-01"),
-    "keys": lambda: {"1": 2},
-    "numbers as keys": lambda: {1: 2},
-    "set": lambda: {"b", "a", "c"},
-    "array": lambda: np.arange(2000),
-    "array in the middle": lambda: np.where(
-        np.arange(2000) == 1000, 0, np.arange(2000)
-    ),
-    "array of another type": lambda: np.arange(2000, dtype=np.int32),
-    "array of another shape": lambda: np.arange(2000).reshape(2, -1),
-    "touches": lambda: [np.zeros((5, 2)), np.zeros((4, 2))],
-    "other touches": lambda: [np.zeros((4, 2)), np.zeros((5, 2))],
-    "objects": lambda: np.array([np.zeros(3), "a", None], dtype=object),
-    "masked": lambda: np.ma.masked_array([1, 2], [False, True]),
-    "table": lambda: table_of(0),
-    "table in the middle": lambda: table_of(1),
-    "table with names": lambda: table_of(0).rename(columns={"touch": "grip"}),
-    "table with rows": lambda: table_of(0).rename(index={500: -1}),
-    "table of text": lambda: table_of(0).astype(str),
-    "column": lambda: table_of(0)["touch"],
-    "touches in a table": lambda: pd.DataFrame({"pac": [np.zeros(3), np.ones(2)]}),
-    "levels": lambda: pd.Series(pd.Categorical(["a"], ["a", "b"], ordered=True)),
-    "other levels": lambda: pd.Series(pd.Categorical(["a"], ["b", "a"], ordered=True)),
-    "polars": lambda: table_of(0, pytest.importorskip("polars")),
-    "polars in the middle": lambda: table_of(1, pytest.importorskip("polars")),
-    "function": lambda: make_haptic_corpus,
-    "other function": lambda: run_study,
-    "class": lambda: Touches,
-    "lambda": lambda: lambda x: x + 1,
-    "other lambda": lambda: lambda x: x + 2,
-    "default": lambda: lambda x, n=3: x + n,
-    "closure": lambda: adder(1),
-    "other closure": lambda: adder(2),
-    "global variable": lambda: lambda x: x + SEED,
-    "object": lambda: Touches(1, 2),
-    "other object": lambda: Touches(1, 3),
-    "method": lambda: Touches(1, 2).load,
-    "other method": lambda: Touches(1, 3).load,
-    "partial": lambda: partial(make_haptic_corpus, 1),
-    "scorer": lambda: make_scorer(metrics.ranked_probability_score),
-    "other scorer": lambda: make_scorer(metrics.earth_movers_distance),
-    "estimator": lambda: NNPOM(3),
-    "generator": lambda: np.random.default_rng(0),
-    "other generator": lambda: np.random.default_rng(1),
-}
-
-
-def descriptions():
-    return {
-        name: json.dumps(describe(make()), sort_keys=True)
-        for name, make in VALUES.items()
-    }
-
-
-def test_descriptions_tell_values_apart():
-    described = descriptions()
-    assert len(set(described.values())) == len(described)
-    assert descriptions() == described
-
-
-def test_descriptions_are_the_same_in_every_session():
-    code = "import json, test_study; print(json.dumps(test_study.descriptions()))"
-    process = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=Path(__file__).parent,
-        env=os.environ | {"PYTHONHASHSEED": "7"},
-        capture_output=True,
-        check=True,
-    )
-    assert json.loads(process.stdout) == descriptions()
-
-
-def test_global_variable_of_a_function(monkeypatch):
-    before = describe(VALUES["global variable"]())
-    monkeypatch.setattr(sys.modules[__name__], "SEED", 1)
-    assert describe(VALUES["global variable"]()) != before
-
-
-def test_settings_that_cannot_be_recognised(tmp_path):
-    with (
-        open(os.devnull) as file,
-        pytest.raises(
-            ValueError,
-            match=r"^corpus could not be recognised .*TextIOWrapper.*; give a",
-        ),
-    ):
-        run_study(partial(make_haptic_corpus, file), tmp_path / "study", **SETTINGS)
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("n", [1, 5_000, 100_000])
-def test_descriptions_of_many_trials(n):
-    """A mebibyte at least takes less than a second; of `repr` all look the same."""
-    trials = pd.DataFrame({"pdc": [np.full((50, 2), i, np.float32) for i in range(n)]})
-    before = describe(trials)
-    trials["pdc"].iloc[n // 2][25, 1] += 1
-    assert describe(trials) != before
-
-
 # Results --------------------------------------------------------------------
 
 
@@ -1115,19 +961,6 @@ def test_dictionary_of_three_fifths_of_the_trials_of_each_object():
     assert learnt_from.reshape(2, 5).sum(axis=1).tolist() == [3, 3]
 
 
-def covered(i, n_cells, n_windows):
-    """Windows of one of several cells; where these are more, all that touch it."""
-    if n_windows >= n_cells:
-        bounds = i * n_windows // n_cells, (i + 1) * n_windows // n_cells
-        return range(*bounds)
-    start, stop = Fraction(i, n_cells), Fraction(i + 1, n_cells)
-    return [
-        w
-        for w in range(n_windows)
-        if Fraction(w, n_windows) < stop and Fraction(w + 1, n_windows) > start
-    ]
-
-
 @pytest.mark.parametrize(
     ("procedure", "n_windows", "cells"),
     [
@@ -1150,12 +983,17 @@ def test_pyramid_of_the_paper_at_full_size(procedure, n_windows, cells):
     codes = coder.set_params(n_atoms=10, max_iter=0).fit(trials).transform(trials)
     codes = codes[int(shortest)]
     assert len(codes) == n_windows
-    expected = [
-        codes[list(covered(i, n, n_windows))].max(axis=0)
-        for n in cells
-        for i in range(n)
-    ]
-    np.testing.assert_allclose(features[shortest], np.concatenate(expected), rtol=1e-5)
+    pooled = features[shortest].reshape(sum(cells), -1)
+    for n in cells:
+        level, pooled = pooled[:n], pooled[n:]
+        np.testing.assert_allclose(level.max(axis=0), codes.max(axis=0), rtol=1e-5)
+        for i, cell in enumerate(level):
+            if n <= n_windows:
+                windows = range(i * n_windows // n, (i + 1) * n_windows // n)
+                expected = codes[list(windows)].max(axis=0)
+                np.testing.assert_allclose(cell, expected, rtol=1e-5)
+            else:  # cells share windows, each has the one at its middle
+                assert (cell >= codes[(2 * i + 1) * n_windows // (2 * n)] - 1e-4).all()
 
 
 def test_pyramid_of_each_sensor_is_that_of_the_paper():
