@@ -162,25 +162,49 @@ def check_stored(node, dtype_kinds):
         wanted = {"S": "byte strings", "O": "references"}.get(dtype_kinds, "numbers")
         raise ValueError(f"{place_of(node)} has dtype {dtype}; it must hold {wanted}.")
     with _reading(node):
-        creation = node.id.get_create_plist()
+        creation, shape = node.id.get_create_plist(), node.shape or ()
         stored, size = node.id.get_storage_size(), node.id.get_type().get_size()
-        n_chunks = node.id.get_num_chunks() if node.chunks else None
+        is_whole = stored >= math.prod(shape) * size
     if creation.get_layout() == h5d.VIRTUAL or creation.get_external_count():
         raise ValueError(
             f"{place_of(node)} keeps its values in another file, which is not read; "
             "copy them into this one."
         )
-    shape = node.shape or ()
-    if n_chunks is None:
-        is_whole = stored >= math.prod(shape) * size
-    else:
-        is_whole = n_chunks >= math.prod(-(-n // m) for n, m in zip(shape, node.chunks))
+    if creation.get_layout() == h5d.CHUNKED:
+        chunk = creation.get_chunk()
+        with _reading(node):
+            n_chunks = node.id.get_num_chunks()
+        is_whole = n_chunks >= math.prod(-(-n // m) for n, m in zip(shape, chunk))
+        check_expansion(node, math.prod(chunk) * size)
+        if creation.get_nfilters() and stored * _LARGEST_DEFLATE_RATIO > SMALL:
+            _check_chunks(node, math.prod(chunk) * size)
     if not is_whole:
         raise OSError(
             f"{place_of(node)} declares shape {shape}, but the file does not hold as "
             "many values: it was not written to its end, or is damaged. Write them, or "
             "download the file again."
         )
+
+
+def _check_chunks(dataset, size):
+    """Refuse chunks that hold more than their ``size``: HDF5 makes room for it all."""
+    with _reading(dataset):
+        chunks = []
+        dataset.id.chunk_iter(chunks.append)
+        for chunk in chunks:
+            if chunk.size * _LARGEST_DEFLATE_RATIO > SMALL:
+                _, data = dataset.id.read_direct_chunk(chunk.chunk_offset)
+                checksums = 64  # room for them
+                if len(_inflate(data, size + checksums)) > size + checksums:
+                    raise ValueError("a chunk holds more than its values")
+
+
+def _inflate(data, limit):
+    """Decompress until there is more than a limit; what is no stream is empty."""
+    try:
+        return zlib.decompressobj().decompress(data, limit + 1)
+    except zlib.error:
+        return b""
 
 
 def largest_expansion(path, small=SMALL):
@@ -196,6 +220,8 @@ def check_expansion(node, n_bytes, small=SMALL):
     OSError
         If they are more than `largest_expansion` of the file.
     """
+    if n_bytes <= small:
+        return
     path = node.file.filename
     if n_bytes > largest_expansion(path, small):
         raise OSError(
@@ -207,38 +233,12 @@ def check_expansion(node, n_bytes, small=SMALL):
 
 def read_rows(dataset, rows=slice(None)):
     """Return some rows of a dataset as an array, whose size is checked before."""
-    n_rows = len(range(*rows.indices(dataset.shape[0])))
     with _reading(dataset):
-        size = dataset.id.get_type().get_size()
-    check_expansion(dataset, n_rows * math.prod(dataset.shape[1:]) * size)
-    if dataset.chunks:
-        _check_chunks(dataset, math.prod(dataset.chunks) * size)
+        n_rows = len(range(*rows.indices(len(dataset))))
+        n_values = n_rows * math.prod(dataset.shape[1:])
+    check_expansion(dataset, n_values * dtype_of(dataset).itemsize)
     with _reading(dataset):
         return dataset[rows]
-
-
-def _check_chunks(dataset, size):
-    """Refuse chunks that hold more than their ``size``: HDF5 makes room for it all."""
-    check_expansion(dataset, size)
-    safe = largest_expansion(dataset.file.filename) // _LARGEST_DEFLATE_RATIO
-    suspects = []
-    with _reading(dataset):
-        if dataset.id.get_storage_size() > safe:
-            dataset.id.chunk_iter(suspects.append)
-        for chunk in suspects:
-            if chunk.size > safe:
-                _, data = dataset.id.read_direct_chunk(chunk.chunk_offset)
-                checksums = 64  # room for them
-                if len(_inflate(data, size + checksums)) > size + checksums:
-                    raise ValueError("a chunk holds more than its values")
-
-
-def _inflate(data, limit):
-    """Decompress until there is more than a limit; what is no stream is empty."""
-    try:
-        return zlib.decompressobj().decompress(data, limit + 1)
-    except zlib.error:
-        return b""
 
 
 def read_references(dataset):
