@@ -472,20 +472,22 @@ class EvenedFeatures:
         trial_weight = np.broadcast_to(trial_weight, len(X))
         mean_weight = trial_weight.mean()
         # Equal weights are exactly 1 then, whatever the rounding of their sums.
-        relative = np.round(trial_weight / mean_weight, 12)[:, None]
+        root_weight = np.sqrt(np.round(trial_weight / mean_weight, 12))[:, None]
         unit = _magnitude(X)
         X = X / unit
         self._span = None  # orthonormal basis of the span of the trials
         if X.shape[1] > X.shape[0]:
             self._span, triangle = linalg.qr(X.T, mode="economic", check_finite=False)
             X = triangle.T
-        gram = X.T @ (relative * X)
+        weighted = root_weight * X
+        gram = weighted.T @ weighted
         axes = np.eye(len(gram))
         off_diagonal = np.abs(gram - np.diag(np.diagonal(gram)))
         if off_diagonal.max(initial=0) > _AXES_TOLERANCE * gram.max(initial=0):
             _, axes = linalg.eigh(gram, driver="evd", check_finite=False)
         X = X @ axes
-        length = np.sqrt(np.einsum("ij,ij->j", X, relative * X))
+        weighted = root_weight * X
+        length = np.sqrt(np.einsum("ij,ij->j", weighted, weighted))
         kept = length > length.max(initial=0) * max(X.shape) * np.finfo(float).eps
         root_alpha = np.sqrt(alpha) / unit
         stiffness = root_alpha / np.sqrt(_TYPICAL_CURVATURE * mean_weight)
