@@ -5,7 +5,9 @@
 One Hold trial of the synthetic corpus, medians of interleaved runs: coding alone is
 the pursuit over signals that are ready. Then pipelines over whole corpora of Hold
 trials, each in a process of its own; the peak is the operating system's and includes
-the interpreter and the trials.
+the interpreter and the trials. Last, where BLAS may use every core, the clock time
+alone and beside a process that keeps one core busy, in turns: the argument "busy"
+prints this table only.
 """
 
 import os
@@ -14,6 +16,7 @@ import resource
 import subprocess
 import sys
 import time
+from contextlib import contextmanager, nullcontext
 from datetime import date
 
 import joblib
@@ -21,9 +24,16 @@ import numpy as np
 import scipy
 import sklearn
 from sklearn.pipeline import make_pipeline
+from threadpoolctl import threadpool_limits
 
-from sklearn_haptic import KSVDTransformer, STHMPTransformer, TemporalMaxPool
-from sklearn_haptic._ksvd import centre, sliding_windows
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    KSVDTransformer,
+    STHMPTransformer,
+    TemporalMaxPool,
+)
+from sklearn_haptic._ksvd import centre, learn_dictionary, sliding_windows
 from sklearn_haptic._pooling import temporal_max_pool
 from sklearn_haptic._sparse_coding import batch_omp
 from sklearn_haptic._sthmp import biotac_layout, electrode_images, image_patches
@@ -31,6 +41,7 @@ from sklearn_haptic.datasets import make_haptic_corpus
 
 N_RUNS = 41
 CORPUS_SIZES = [150, 300, 600]
+N_BUSY_RUNS = 5
 
 
 def milliseconds(functions):
@@ -138,11 +149,61 @@ def corpus_table():
             subprocess.run([sys.executable, __file__, str(n_trials), dtype], check=True)
 
 
+@contextmanager
+def busy_core():
+    """Keep a core busy by another process."""
+    process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    try:
+        time.sleep(0.2)
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
+def busy_table():
+    print(f"\nBLAS may use {os.cpu_count()} threads; seconds by the clock\n")
+    print("| | alone | beside a busy core | ratio |")
+    print("|---|---|---|---|", flush=True)
+    rng = np.random.default_rng(0)
+    trials = list(rng.normal(size=(20, 4510, 2)))
+    learning = {"update": "approximate", "max_iter": 3, "tol": 0}
+    ksvd = KSVDTransformer(40, window=22, random_state=0, **learning)
+    steps = make_pipeline(ksvd, TemporalMaxPool()).fit(trials)
+    windows = [sliding_windows(trial, 22, 0.5).reshape(-1, 22) for trial in trials]
+    windows = np.concatenate(windows)
+    learning |= {"dict_init": None, "remove_mean": True, "seed": 0}
+    X, y = rng.normal(size=(600, 2000)), rng.integers(1, 9, size=(600, 5))
+    model = DistributionalOrdinalRegressor(NNPOM(n_hidden=10, alpha=100.0))
+    model.fit(X[:100], y[:100])
+    rows = {
+        "K-SVD, 3 iterations": lambda: ksvd.fit(trials),
+        "the same, threads not limited": lambda: learn_dictionary(
+            windows, 40, 4, **learning
+        ),
+        "coding and pooling, 20 trials": lambda: steps.transform(trials),
+        "prediction, 600 trials": lambda: model.predict_proba(X),
+    }
+    for name, function in rows.items():
+        times = np.empty((N_BUSY_RUNS, 2))
+        for run in times:
+            for i, state in enumerate((nullcontext, busy_core)):
+                with state():
+                    start = time.perf_counter()
+                    function()
+                    run[i] = time.perf_counter() - start
+        alone, busy = np.median(times, axis=0)
+        print(f"| {name} | {alone:.3f} | {busy:.3f} | {busy / alone:.1f} |", flush=True)
+
+
 if __name__ == "__main__":
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         if os.environ.get(variable) != "1":
             raise SystemExit(f"Set {variable}=1: the tables are for one thread.")
-    if len(sys.argv) > 1:
+    if sys.argv[1:] == ["busy"]:
+        with threadpool_limits(os.cpu_count(), user_api="blas"):
+            busy_table()
+    elif len(sys.argv) > 1:
         corpus_run(int(sys.argv[1]), sys.argv[2])
     else:
         versions = [
@@ -153,3 +214,5 @@ if __name__ == "__main__":
         print(f"{date.today()}\n")
         stage_table()
         corpus_table()
+        with threadpool_limits(os.cpu_count(), user_api="blas"):
+            busy_table()

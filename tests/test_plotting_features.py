@@ -212,7 +212,7 @@ def test_given_axes_hold_the_panels(make):
         (
             lambda: FeatureMapDisplay.from_estimator(waveforms(), SIGNALS[0][:10]),
             ValueError,
-            "Trial 0 of X has 10 time samples, but at least 20 are required",
+            "Trial 0 of X has 10 time samples, but one window takes 20",
         ),
         (
             lambda: FeatureMapDisplay.from_estimator(
