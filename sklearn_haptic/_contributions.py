@@ -514,7 +514,10 @@ def _pair_models(scores, metric, by):
             "choose another metric, or decode='mixture', by which no rating has "
             "probability 0."
         )
-    paired = values.unstack("held_out", sort=False)
+    # In the order given: pandas 2 misplaces values in unstack(sort=False).
+    rows = values.index.droplevel("held_out").unique()
+    paired = values.unstack("held_out").reindex(rows)
+    paired = paired[values.index.unique("held_out")]
     if FULL_MODEL not in paired or paired.shape[1] == 1:
         raise ValueError(
             f"held_out is {list(paired)} in scores; give the full model, "

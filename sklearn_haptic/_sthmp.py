@@ -86,7 +86,8 @@ def electrode_images(trial, layout):
     """
     height, width, n_electrodes = layout.shape
     weights = layout.reshape(-1, n_electrodes).T.astype(trial.dtype)
-    pixels = (trial.reshape(-1, n_electrodes) @ weights).reshape(
+    readings = np.ascontiguousarray(trial)  # the same sums in any layout
+    pixels = (readings.reshape(-1, n_electrodes) @ weights).reshape(
         len(trial), -1, height, width
     )
     images = pixels.transpose(2, 1, 3, 0).reshape(height, -1, len(trial))
