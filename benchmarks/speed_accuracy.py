@@ -40,7 +40,6 @@ import sys
 import time
 import tracemalloc
 import warnings
-from copy import copy
 from functools import cache, cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -395,10 +394,15 @@ class Fold:
     def _block(self, sensor):
         """Pooled, scaled and rotated features of a sensor."""
         coder, learning = self._dictionary(sensor.before_pooling)
-        if sensor.name == "electrodes":
-            coder = copy(coder).set_params(spatial_cells=sensor.spatial_cells)
         train, test = (self._cells(sensor, rows) for rows in (self.train, self.test))
         pool = TemporalMaxPool(sensor.cells)
+        if sensor.name == "electrodes":  # other cells, the same dictionary
+            coder = clone(coder).set_params(
+                spatial_cells=sensor.spatial_cells,
+                dict_init=coder.components_,
+                max_iter=0,
+            )
+            coder.fit(train)
         timer = Timer()
         pooled = pool.fit_transform(coder.transform(train))
         scale = clone(self.data.scale).fit(pooled)

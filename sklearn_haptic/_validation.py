@@ -159,7 +159,7 @@ def transposed_hint(shape):
     )
 
 
-def check_trials(X, *, ndims=(2,), n_channels=None, names=None, min_times=1):
+def check_trials(X, *, ndims=(2,), n_channels=None, names=None):
     """Validate a collection of trials; return a list of floating-point arrays.
 
     Parameters
@@ -175,8 +175,6 @@ def check_trials(X, *, ndims=(2,), n_channels=None, names=None, min_times=1):
         Required shape of one time sample; by default that of the first trial.
     names : list, default=None
         :func:`channel_names` of the trials given to `fit`; by default of these.
-    min_times : int, default=1
-        Fewest time samples that a trial may have.
 
     Returns
     -------
@@ -197,7 +195,7 @@ def check_trials(X, *, ndims=(2,), n_channels=None, names=None, min_times=1):
     named = "the first trial" if n_channels is None or names is None else "fit"
     names = channel_names(cells) if names is None else names
     trials = [
-        _check_trial(_in_order(cell, i, names, named), i, ndims, min_times)
+        _check_trial(_in_order(cell, i, names, named), i, ndims)
         for i, cell in enumerate(cells)
     ]
     shape = trials[0].shape[1:] if n_channels is None else n_channels
@@ -211,7 +209,7 @@ def check_trials(X, *, ndims=(2,), n_channels=None, names=None, min_times=1):
     return trials
 
 
-def check_sequences(sequences, *, n_columns=None, min_times=1):
+def check_sequences(sequences, *, n_columns=None):
     """Check what a sequence step returned, without coding any trial.
 
     Parameters
@@ -220,18 +218,16 @@ def check_sequences(sequences, *, n_columns=None, min_times=1):
         The codes, which are finite and alike.
     n_columns : int, default=None
         Required number of columns; by default any.
-    min_times : int, default=1
-        Fewest time samples that a trial may have.
 
     Raises
     ------
     ValueError
-        If there is no trial, or one is too short or has another number of
-        columns; the message names the trial.
+        If there is no trial, or one is empty or has another number of columns;
+        the message names the trial.
     """
     _check_any(sequences)
     for i, length in enumerate(sequences.lengths):
-        _check_length(i, length, min_times, sequences.unit)
+        _check_length(i, length, sequences.unit)
     if n_columns is not None:
         _check_samples(0, (len(sequences.feature_names),), (n_columns,), "fit")
 
@@ -719,7 +715,7 @@ def _samples(shape):
     return "frames of " + " × ".join(map(str, shape))
 
 
-def _check_trial(trial, i, ndims, min_times):
+def _check_trial(trial, i, ndims):
     if _ndim(trial) == 0 and not isinstance(trial, (Mapping, Set)):
         raise ValueError(
             f"Trial {i} of X is {trial!r}, not an array of shape (n_times, "
@@ -745,7 +741,7 @@ def _check_trial(trial, i, ndims, min_times):
         raise ValueError(
             f"Trial {i} of X has shape {trial.shape}; it must be {wanted}."
         )
-    _check_length(i, len(trial), min_times)
+    _check_length(i, len(trial))
     if trial.size == 0:
         raise ValueError(
             f"Trial {i} of X has shape {trial.shape}, which holds no values; give each "
@@ -763,11 +759,10 @@ def _check_any(trials):
         raise ValueError("X holds no trials; at least one is required.")
 
 
-def _check_length(i, length, min_times, unit="time samples"):
-    if length < min_times:
+def _check_length(i, length, unit="time samples"):
+    if length == 0:
         raise ValueError(
-            f"Trial {i} of X has {_count(length, unit)}, but at least {min_times} "
-            f"{'is' if min_times == 1 else 'are'} required; remove it."
+            f"Trial {i} of X has 0 {unit}, but at least 1 is required; remove it."
         )
 
 
