@@ -142,7 +142,9 @@ class TemporalMaxPool(
     drop_fine_levels : bool, default=False
         Whether to drop, in `fit`, the levels with more cells than the shortest
         sequence has time samples, as the 2020 paper does. By default features do not
-        depend on the length of the shortest recording.
+        depend on the length of the shortest recording. Set it where all recordings are
+        short: cells that hold the same samples weigh more in a penalised model than
+        they tell.
     memory : str or object with the joblib.Memory interface, default=None
         Where to cache the pooled rows: a folder or a :class:`joblib.Memory`. A search
         over later steps then codes and pools nothing twice; results are the same, bit
