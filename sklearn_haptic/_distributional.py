@@ -59,8 +59,8 @@ from .ratings import _level_index
 # by no more than this from the first number of cells.
 _MIXTURE_NODES = 20
 _SMOOTH_ERROR, _SMOOTH_TRIALS = 0.003, 32
-# What jumps is averaged over cells, over more where the first may be off by this much.
-_CELLS = (384, 1024)
+# What jumps is averaged over cells, over more while they may be off by this much.
+_CELLS = (384, 1024, 4096, 16384)
 _JUMP_ERROR = 0.0045
 # With 33 nodes networks of up to 30 units were off by less than 1e-2, 1e-4 on average,
 # where a grid of 99 positions is off by 1e-2.
@@ -407,7 +407,14 @@ class DistributionalOrdinalRegressor(
         if is_regressor(self.estimator_):
             levels = None
         n_inputs = X.shape[1] + 1
-        check_frozen(self.estimator, "estimator", n_inputs, levels, position=True)
+        check_frozen(
+            self.estimator,
+            "estimator",
+            n_inputs,
+            levels,
+            names=getattr(self, "feature_names_in_", None),
+            position=True,
+        )
         middle = self._transform(np.array([0.5]))
         predicted = self._predict_at(X[:1], middle).shape[2:]
         if predicted != counts.shape[1:]:
@@ -526,11 +533,15 @@ class DistributionalOrdinalRegressor(
 
     def _average_over_cells(self, X, rule=None):
         """Average what may jump anywhere, with more cells for the trials that need."""
-        positions, weight = population_cells(_CELLS[0])
-        proba, error = self._average(X, positions, weight, rule, with_error=True)
-        rough = error > _JUMP_ERROR
-        if rough.any():
-            proba[rough] = self._average(X[rough], *population_cells(_CELLS[1]), rule)
+        cells = population_cells(_CELLS[0])
+        proba, error = self._average(X, *cells, rule, with_error=True)
+        rough = np.flatnonzero(error > _JUMP_ERROR)
+        for n_cells in _CELLS[1:]:
+            if len(rough) == 0:
+                break
+            cells = population_cells(n_cells)
+            proba[rough], error = self._average(X[rough], *cells, rule, with_error=True)
+            rough = rough[error > _JUMP_ERROR]
         return proba
 
     def _average(self, X, positions, weight, rule=None, *, with_error=False):

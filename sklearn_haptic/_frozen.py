@@ -17,7 +17,7 @@ def unfrozen(estimator):
     return estimator
 
 
-def check_frozen(estimator, name, n_inputs, levels=None, *, position=False):
+def check_frozen(estimator, name, n_inputs, levels=None, *, names=None, position=False):
     """Check that an estimator that is not fitted here was fitted to such data.
 
     Parameters
@@ -29,6 +29,8 @@ def check_frozen(estimator, name, n_inputs, levels=None, *, position=False):
         Number of features that it will be given.
     levels : ndarray of shape (n_levels,), default=None
         The levels that it must predict, if they matter.
+    names : ndarray of shape (n_features,), default=None
+        Names of the features, without the position, if they have any.
     position : bool, default=False
         Whether the last of the features is the position in the population.
 
@@ -37,7 +39,7 @@ def check_frozen(estimator, name, n_inputs, levels=None, *, position=False):
     sklearn.exceptions.NotFittedError
         If it is not fitted.
     ValueError
-        If it takes another number of features or predicts other levels.
+        If it takes other features or predicts other levels.
     """
     estimator = unfrozen(estimator)
     check_is_fitted(estimator)
@@ -46,6 +48,12 @@ def check_frozen(estimator, name, n_inputs, levels=None, *, position=False):
         raise ValueError(
             f"{name} is frozen and has {n_features} inputs, but {n_inputs} are given "
             f"here{', the position among them' * position}; fit it to the same columns."
+        )
+    known = getattr(estimator, "feature_names_in_", names)
+    if names is not None and list(known[: len(names)]) != list(names):
+        raise ValueError(
+            f"{name} is frozen and has the inputs {[*known]}, but the features here are "
+            f"{[*names]}; give the same columns in the same order."
         )
     known = getattr(estimator, "classes_", levels)
     if levels is not None and not np.array_equal(known, levels):

@@ -454,7 +454,12 @@ class SensorFusionNNPOM(
         n_inputs = len(self.sensors_[sensor]) + self._has_position
         if isinstance(network, FrozenEstimator):
             name = f"The network of sensor {sensor!r}"
-            check_frozen(network, name, n_inputs, position=self._has_position)
+            names = getattr(self, "feature_names_in_", None)
+            if names is not None:
+                names = names[self.sensors_[sensor]]
+            check_frozen(
+                network, name, n_inputs, names=names, position=self._has_position
+            )
         if n_units(network) == 0:
             raise ValueError(
                 f"The network of sensor {sensor!r} has n_hidden=0, so no activations "

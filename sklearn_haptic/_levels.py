@@ -95,7 +95,7 @@ def levels_of_columns(table, levels, name):
         levels given.
     """
     labels = _column_labels(table)
-    if not labels:
+    if not labels or (levels is not None and _are_positions(table.columns)):
         return levels, None
     read = _read_numbers(labels)
     if len({*read}) < len(read):
@@ -193,14 +193,18 @@ def _ordered_categories(column):
 
 def _column_labels(table):
     """Return the labels of two or more columns, empty if they are mere positions."""
-    columns = getattr(table, "columns", ())
-    labels = np.asarray(columns, dtype=object).tolist()
-    default = (
-        getattr(columns, "name", "") is None  # of pandas, a range from 0
+    labels = np.asarray(getattr(table, "columns", ()), dtype=object).tolist()
+    default = labels == [f"column_{i}" for i in range(len(labels))]  # of polars
+    return [] if default or len(labels) == 1 else labels
+
+
+def _are_positions(columns):
+    """Whether labels are those that pandas gives to columns without: 0, 1, ..."""
+    return (
+        getattr(columns, "name", "") is None
         and getattr(columns, "start", None) == 0
         and columns.step == 1
-    ) or labels == [f"column_{i}" for i in range(len(labels))]  # of polars
-    return [] if default or len(labels) == 1 else labels
+    )
 
 
 def _read_numbers(labels):

@@ -60,7 +60,7 @@ def make_haptic_pipeline(
         Where the transformers cache dictionaries and pooled features, so that a
         search over the model computes the features once a fold.
     random_state : int, RandomState instance or None, default=None
-        For the dictionaries; the linear model needs none.
+        For the dictionaries, and for hidden units if the model is given any.
 
     Returns
     -------
@@ -115,6 +115,9 @@ def make_haptic_pipeline(
             codes = KSVDTransformer(n_atoms, window=window, **options)
         return make_pipeline(codes, TemporalMaxPool(settings["cells"], memory=memory))
 
+    regressor = DistributionalOrdinalRegressor(
+        NNPOM(n_hidden=0, alpha=3.0), random_state=random_state
+    )
     return Pipeline(
         [
             (
@@ -122,6 +125,6 @@ def make_haptic_pipeline(
                 ColumnTransformer([(s, transformer(s), s) for s in sensors]),
             ),
             ("scale", StandardScaler()),
-            ("model", DistributionalOrdinalRegressor(NNPOM(n_hidden=0, alpha=3.0))),
+            ("model", regressor),
         ]
     )

@@ -201,8 +201,7 @@ def check_trials(X, *, ndims=(2,), n_channels=None, names=None):
     shape = trials[0].shape[1:] if n_channels is None else n_channels
     shape = (shape,) if np.ndim(shape) == 0 else tuple(shape)
     for i, trial in enumerate(trials):
-        swapped = (len(trial),) == shape != trial.shape[1:]
-        hint = transposed_hint(trial.shape) if swapped else ""
+        hint = transposed_hint(trial.shape)
         _check_samples(i, trial.shape[1:], shape, where, hint)
     if len({trial.dtype for trial in trials}) > 1:
         trials = [trial.astype(np.float64, copy=False) for trial in trials]
@@ -567,15 +566,22 @@ def _check_values(y, array, known, name):
     if array.dtype.kind not in "biufSU":
         array = _plain_values(array.astype(object), name)
     array = check_array(array, ensure_2d=False, dtype=None, input_name=name)
-    if not known and array.dtype.kind == "f" and (array % 1 != 0).any():
-        trial = int(np.argmax(array % 1 != 0))
-        raise ValueError(
-            f"Unknown label type: {name} has continuous ratings, such as "
-            f"{array[trial].item()} in trial {trial}, but levels are needed: bin the "
-            "ratings, for instance by numpy.digitize, give counts of people per level, "
-            "or, if these values are the levels, list all of them in levels=."
-        )
+    if not known:
+        check_levels_occur(array, name, "trial")
     return array
+
+
+def check_levels_occur(ratings, name, row):
+    """Refuse ratings that are continuous, where their levels are not known."""
+    if ratings.dtype.kind != "f" or not (ratings % 1 != 0).any():
+        return
+    first = int(np.argmax(ratings % 1 != 0))
+    raise ValueError(
+        f"Unknown label type: {name} has continuous ratings, such as "
+        f"{ratings[first].item()} in {row} {first}, but levels are needed: bin the "
+        "ratings, for instance by numpy.digitize, give counts of people per level, "
+        "or, if these values are the levels, list all of them in levels=."
+    )
 
 
 def _plain_values(array, name):

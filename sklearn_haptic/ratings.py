@@ -15,10 +15,11 @@ from sklearn.utils import Bunch
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_array, check_consistent_length, column_or_1d
 
-from ._levels import levels_of_ratings
+from ._levels import levels_of_ratings, names_levels
 from ._typing import validate_params
 from ._validation import (
     check_levels,
+    check_levels_occur,
     check_numbers,
     check_objects,
     check_ratings,
@@ -156,7 +157,10 @@ def rating_counts(
     check_consistent_length(ratings, objects)
     values, given = drop_missing(ratings, "ratings")
     objects = check_objects(objects)
-    levels = None if levels is None else check_levels(levels)
+    if levels is not None:
+        levels = check_levels(levels)
+    elif not names_levels(ratings):
+        check_levels_occur(values, "ratings", "row")
     levels = levels_of_ratings(values, ratings, levels, "ratings")
     values, column = np.unique(values, return_inverse=True)
     matches = values[:, None] == levels

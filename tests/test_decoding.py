@@ -11,8 +11,9 @@ from sklearn.ensemble import (
     RandomForestRegressor,
 )
 from sklearn.linear_model import LogisticRegression
+from sklearn.neighbors import KNeighborsClassifier
 from sklearn.svm import SVC
-from sklearn.tree import DecisionTreeClassifier
+from sklearn.tree import DecisionTreeClassifier, DecisionTreeRegressor
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
 from sklearn_haptic._positions import (
@@ -81,6 +82,32 @@ def test_any_estimator_is_decoded_within_half_a_percent(estimator):
         for x, cdf in zip(X, found):
             exact = cdf_of_many_rows(model.estimator_, x, 5, decode)
             np.testing.assert_allclose(cdf, exact, atol=0.005)
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        DecisionTreeClassifier(random_state=0),
+        DecisionTreeRegressor(random_state=0),
+        KNeighborsClassifier(1),
+    ],
+    ids=lambda e: type(e).__name__,
+)
+@pytest.mark.parametrize("sampling", ["lattice", "random"])
+def test_hundreds_of_jumps(estimator, sampling):
+    rng = np.random.default_rng(0)
+    X = np.round(rng.normal(size=(600, 1)))
+    share = np.exp(-((np.arange(5) - 2 - 0.8 * X) ** 2) / 2.5)
+    share /= share.sum(axis=1, keepdims=True)
+    counts = np.array([rng.multinomial(12, each) for each in share])
+    if isinstance(estimator, KNeighborsClassifier):
+        X *= 0.01  # little beside the position
+    model = DistributionalOrdinalRegressor(estimator, sampling=sampling, random_state=0)
+    model.fit(X, counts)
+    some = np.unique(X)[:, None]
+    for x, cdf in zip(some, model.predict_cdf(some)[:, :-1]):
+        exact = cdf_of_many_rows(model.estimator_, x, 5, "mixture", 200_000)
+        np.testing.assert_allclose(cdf, exact, atol=0.005)
 
 
 class Staircase(BaseEstimator):

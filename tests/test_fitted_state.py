@@ -2,6 +2,7 @@
 
 import mord
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.base import clone
 from sklearn.ensemble import RandomForestRegressor
@@ -179,3 +180,16 @@ def test_decoding_is_a_choice_at_prediction():
         np.testing.assert_array_equal(
             model.predict_proba(X), before_fit.predict_proba(X)
         )
+
+
+def test_a_frozen_estimator_takes_features_of_the_names_it_was_fitted_to():
+    X = pd.DataFrame({"a": [-1.0, 0.0, 1.0], "b": [0.0, 0.5, 0.0]})
+    counts = np.array([[8, 3, 1], [2, 8, 2], [1, 3, 8]])
+    fitted = DistributionalOrdinalRegressor(NNPOM(n_hidden=0)).fit(X, counts)
+    frozen = FrozenEstimator(fitted.estimator_)
+    again = DistributionalOrdinalRegressor(frozen).fit(X, counts)
+    np.testing.assert_array_equal(again.predict_proba(X), fitted.predict_proba(X))
+    with pytest.raises(
+        ValueError, match=r"inputs \['a', 'b', 'position'\], but .*order"
+    ):
+        DistributionalOrdinalRegressor(frozen).fit(X[["b", "a"]], counts)

@@ -174,8 +174,6 @@ COUNTS = np.array([[9, 2, 0, 1], [1, 3, 6, 2], [0, 4, 4, 4]])
 @pytest.mark.parametrize(
     "table",
     [
-        pd.DataFrame(COUNTS),
-        pd.DataFrame(COUNTS)[[0, 1, 2, 3]],
         pl.DataFrame(COUNTS),
         COUNTS.tolist(),
         COUNTS.astype(np.uint64),
@@ -193,6 +191,7 @@ def test_positions_of_columns_are_no_labels(table):
     ("labels", "levels"),
     [
         (pd.RangeIndex(1, 5), [1, 2, 3, 4]),
+        (pd.RangeIndex(4), [0, 1, 2, 3]),
         (pd.RangeIndex(4, name="rating"), [0, 1, 2, 3]),
         (pd.Index([0, 1, 2, 3]), [0, 1, 2, 3]),
         (["level-1", "level-2", "level-3", "level-4"], [1, 2, 3, 4]),
@@ -204,6 +203,22 @@ def test_positions_of_columns_are_no_labels(table):
 def test_labels_of_columns(labels, levels):
     counts, found = check_ratings(pd.DataFrame(COUNTS, columns=labels))
     assert found.tolist() == levels
+    np.testing.assert_array_equal(counts, COUNTS)
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2, 3], [3, 1, 0, 2]])
+def test_levels_do_not_depend_on_how_pandas_numbers_columns(order):
+    tables = (
+        pd.DataFrame(COUNTS),
+        pd.DataFrame({k: COUNTS[:, k] for k in range(4)}),
+        pd.DataFrame(COUNTS, columns=[0, 1, 2, 3]),
+    )
+    for table in tables:
+        counts, levels = check_ratings(table[order])
+        assert levels.tolist() == [0, 1, 2, 3]
+        np.testing.assert_array_equal(counts, COUNTS)
+    counts, levels = check_ratings(tables[0], [7, 5, 1, 0])  # columns in their order
+    assert levels.tolist() == [7, 5, 1, 0]
     np.testing.assert_array_equal(counts, COUNTS)
 
 

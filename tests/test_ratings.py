@@ -515,3 +515,11 @@ def test_adjective_correlation_options(options):
     (name,) = options
     with pytest.raises(ValueError, match=f"The '{name}' parameter"):
         adjective_correlation([[1, 5], [2, 4], [4, 3]], **options)
+
+
+def test_continuous_ratings_are_refused_unless_their_levels_are_given():
+    ratings, objects = [0.5, 1.25, 0.5], ["foam", "foam", "tile"]
+    with pytest.raises(ValueError, match=r"continuous ratings, such as 0\.5 in row 0"):
+        rating_counts(ratings, objects)
+    table = rating_counts(ratings, objects, levels=[0.5, 1.25])
+    assert table.counts.tolist() == [[1, 1], [1, 0]]
