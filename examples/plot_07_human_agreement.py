@@ -16,6 +16,8 @@ objects from 1 to 5.
 # Questionnaires come as long tables, a row a rating, and some ratings are missing: here
 # one in twenty, taken away at random. `rating_counts` leaves out what is missing and
 # counts the rest. The levels are given, for some may have been chosen by nobody.
+# `counts_for` puts the rows of every adjective in one order of objects, or says which
+# object has no ratings.
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -41,10 +43,10 @@ wide = wide.mask(np.random.default_rng(0).random(wide.shape) < 0.05)
 long = wide.reset_index().melt(["object", "rater"], wide.columns, "adjective", "rating")
 print(long.head(4).to_string(index=False))
 
-ratings = {}
+ratings, objects = {}, wide.index.unique("object").tolist()
 for adjective, rows in long.groupby("adjective", sort=False):
     table = rating_counts(rows["rating"], rows["object"], levels=corpus.levels)
-    ratings[adjective] = table.counts
+    ratings[adjective] = table.counts_for(objects)
 print(f"\n{len(long)} rows, {sum(c.sum() for c in ratings.values())} ratings")
 
 # %%
@@ -53,7 +55,7 @@ print(f"\n{len(long)} rows, {sum(c.sum() for c in ratings.values())} ratings")
 # A bar is an object and an adjective. With one colour, all agree; where it falls short,
 # ratings are missing. That hard and soft are opposites, and moldable and springy alike,
 # shows before anything is computed.
-RatingsDisplay.from_counts(ratings, objects=table.objects)
+RatingsDisplay.from_counts(ratings, objects=objects)
 plt.show()
 
 # %%
@@ -63,7 +65,7 @@ plt.show()
 # from the lowest to the highest. A flat line is agreement. Models of this package learn
 # such lines.
 chosen = "plastic 213"
-row = table.objects.tolist().index(chosen)
+row = objects.index(chosen)
 figure, axes = plt.subplots(
     2, 5, figsize=(6.4, 3.4), sharex=True, sharey=True, layout="constrained"
 )

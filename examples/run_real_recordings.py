@@ -29,6 +29,7 @@ import time
 import numpy as np
 import pandas as pd
 from sklearn.decomposition import PCA
+from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import (
     GridSearchCV,
@@ -121,6 +122,28 @@ def accuracy(blocks, materials, train, test, how):
     return np.mean(predicted == materials[test])
 
 
+def hand_made_features(trials):
+    """Mean, sd, minimum and maximum of each channel; bands of the spectrum of pac."""
+
+    def describe(signal):
+        signal = signal.astype(float)
+        statistics = (np.mean, np.std, np.min, np.max)
+        return np.concatenate([statistic(signal, axis=0) for statistic in statistics])
+
+    def bands(signal, n_bands=32):
+        power = np.abs(np.fft.rfft(signal - signal.mean(axis=0), axis=0)) ** 2
+        starts = np.arange(n_bands) * len(power) // n_bands
+        return np.log(np.add.reduceat(power, starts, axis=0) / len(signal)).ravel()
+
+    blocks = [[describe(cell) for cell in trials[column]] for column in trials]
+    blocks += [
+        [bands(cell) for cell in trials[column]]
+        for column in trials
+        if column[1] == "pac"
+    ]
+    return np.hstack(blocks)
+
+
 def which_material(trials, materials, forces):
     parts = {**{name: [name] for name in PROCEDURES}, "all together": PROCEDURES}
     variants = [(mean, how) for how in ("row", "vote") for mean in (True, False)]
@@ -155,6 +178,19 @@ def which_material(trials, materials, forces):
             for cell in cells
         ]
         print(f"| {name} | " + " | ".join(cells) + " |")
+    X = hand_made_features(trials)
+    print(f"{X.shape[1]} hand-made features, all procedures together:")
+    logistic = make_pipeline(StandardScaler(), LogisticRegression(max_iter=1000))
+    trees = ExtraTreesClassifier(500, random_state=0)
+    for name, model in [
+        ("logistic regression", logistic),
+        ("extremely randomised trees", trees),
+    ]:
+        scores = cross_val_score(
+            model, X, materials, groups=forces, cv=LeaveOneGroupOut()
+        )
+        cell = "/".join(f"{s:.2f}" for s in scores) + f" = {scores.mean():.3f}"
+        print(f"{name}: {cell}")
     print()
 
 

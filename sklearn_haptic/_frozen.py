@@ -52,8 +52,8 @@ def check_frozen(estimator, name, n_inputs, levels=None, *, names=None, position
     known = getattr(estimator, "feature_names_in_", names)
     if names is not None and list(known[: len(names)]) != list(names):
         raise ValueError(
-            f"{name} is frozen and has the inputs {[*known]}, but the features here are "
-            f"{[*names]}; give the same columns in the same order."
+            f"{name} is frozen and has the inputs {[*known]}, but the features here "
+            f"are {[*names]}; give the same columns in the same order."
         )
     known = getattr(estimator, "classes_", levels)
     if levels is not None and not np.array_equal(known, levels):

@@ -566,7 +566,9 @@ def test_ids_beyond_64_bits_stay_apart():
         [[2**62, 2**62, 2**62], [2**70, 1, 3]],
         np.array([[2**63, 2**63, 2**63], [2**64 - 1, 1, 3]], dtype=np.uint64),
         np.array([[2**70, 2**70, 2**70], [2**71, 1, 3]], dtype=object),
-        pd.DataFrame([[2**63, 2**63, 2**63], [2**64 - 1, 1, 3]], dtype="uint64"),
+        pd.DataFrame(
+            [[2**63, 2**63, 2**63], [2**64 - 1, 1, 3]], columns=[1, 2, 3], dtype="uint64"
+        ),
     ],
 )
 def test_counts_beyond_64_bits_are_counts(many):

@@ -65,7 +65,8 @@ def test_rating_counts_keeps_the_order_of_named_and_half_levels():
     )
     assert table.counts.tolist() == [[1, 1, 0], [1, 0, 1]]
     assert table.objects.tolist() == [3, 7]
-    assert rating_counts([0.5, 4.5, 0.5], [0, 0, 0]).levels.tolist() == [0.5, 4.5]
+    table = rating_counts([0.5, 4.5, 0.5], [0, 0, 0], levels=[0.5, 2.5, 4.5])
+    assert table.counts.tolist() == [[2, 0, 1]]
 
 
 @pytest.mark.parametrize(

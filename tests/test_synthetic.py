@@ -208,6 +208,23 @@ def test_bad_arguments(arguments, message):
         make_haptic_corpus(**arguments)
 
 
+@pytest.mark.parametrize("n_objects, n_trials", [(1, 1), (1, 5000), (5000, 1)])
+def test_names_objects_and_ratings_agree_at_any_size(n_objects, n_trials):
+    corpus = make_haptic_corpus(
+        n_objects, n_trials, "fast_slide", sensors=["tdc"], random_state=0
+    )
+    names = [name.rsplit("_", 2) for name in corpus.trials.index]
+    assert corpus.trials.index.is_unique
+    assert [int(object_id) for _, object_id, _ in names] == corpus.objects.tolist()
+    assert [name for name, _, _ in names] == corpus.object_names.tolist()
+    assert corpus.properties.index.is_unique
+    people = corpus.rater_ratings["rough"].to_numpy().reshape(n_objects, 12)
+    counts = [np.bincount(row, minlength=6)[1:] for row in people]
+    expected = dict(zip(corpus.properties.index, counts))
+    for object_id, found in zip(corpus.objects, corpus.ratings["rough"]):
+        np.testing.assert_array_equal(found, expected[object_id])
+
+
 def test_documented_defaults():
     text = make_haptic_corpus.__doc__
     for name, parameter in inspect.signature(make_haptic_corpus).parameters.items():

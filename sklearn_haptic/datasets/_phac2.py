@@ -106,9 +106,9 @@ def load_phac2(
         Names of trials, such as ``"kitchen_sponge_114_10"``, in the order of the rows
         wanted; by default all, ordered by object id, then run.
     ratings_path : str or path-like, default=None
-        The MATLAB file of ratings, any version. Its variables are found by shape:
-        one numeric array with axes objects, 10 adjectives, and raters (ratings 1
-        to 5; 0 or NaN if missing) or 5 levels (counts), in any order. A cell array
+        The MATLAB file of ratings, of version 5, 7 or 7.3. Its variables are found by
+        shape: one numeric array with axes objects, 10 adjectives, and raters (ratings
+        1 to 5; 0 or NaN if missing) or 5 levels (counts), in any order. A cell array
         of ten names gives the order of the adjectives, else it is taken to be
         hard, soft, rough, smooth, slippery, sticky, cold, warm, moldable, springy;
         a vector of ids gives that of the objects, else ids ascend. A warning says
@@ -159,7 +159,10 @@ def load_phac2(
     FileNotFoundError
         If a file is missing.
     OSError
-        If a file is not of its format, is cut short or is damaged.
+        If a file is not of its format, is cut short or damaged, or is being written by
+        another process; if it declares values that it does not hold; if what is asked
+        for takes more memory than there is, or more than 100 bytes for each byte of the
+        file and more than 256 MiB (64 MiB of ratings).
     ValueError
         If a name is unknown; if a trial lacks the procedure or a sensor, or holds
         data of another shape or type; if some trials have one finger and others two;

@@ -53,7 +53,7 @@ def read_ratings(path, known_objects, objects):
     Parameters
     ----------
     path : str or path-like
-        MATLAB file; version 7.3 needs h5py.
+        MATLAB file of version 5 or later; version 7.3 needs h5py.
     known_objects : array-like of shape (n_objects,)
         Ids of all the objects of the corpus, ascending: the order of the ratings
         if the file holds no vector of ids.
@@ -73,7 +73,7 @@ def read_ratings(path, known_objects, objects):
     FileNotFoundError
         If there is no file.
     OSError
-        If it is not a MATLAB file, is cut short or is damaged.
+        If it is not a MATLAB file, is cut short or damaged, or expands too far.
     ValueError
         If the ratings are not found, could be read in two ways or lack an object.
     """
