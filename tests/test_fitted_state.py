@@ -189,7 +189,5 @@ def test_a_frozen_estimator_takes_features_of_the_names_it_was_fitted_to():
     frozen = FrozenEstimator(fitted.estimator_)
     again = DistributionalOrdinalRegressor(frozen).fit(X, counts)
     np.testing.assert_array_equal(again.predict_proba(X), fitted.predict_proba(X))
-    with pytest.raises(
-        ValueError, match=r"\['a', 'b', 'position'\], but .*order"
-    ):
+    with pytest.raises(ValueError, match=r"\['a', 'b', 'position'\], but .*order"):
         DistributionalOrdinalRegressor(frozen).fit(X[["b", "a"]], counts)

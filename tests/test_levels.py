@@ -567,7 +567,9 @@ def test_ids_beyond_64_bits_stay_apart():
         np.array([[2**63, 2**63, 2**63], [2**64 - 1, 1, 3]], dtype=np.uint64),
         np.array([[2**70, 2**70, 2**70], [2**71, 1, 3]], dtype=object),
         pd.DataFrame(
-            [[2**63, 2**63, 2**63], [2**64 - 1, 1, 3]], columns=[1, 2, 3], dtype="uint64"
+            [[2**63, 2**63, 2**63], [2**64 - 1, 1, 3]],
+            columns=[1, 2, 3],
+            dtype="uint64",
         ),
     ],
 )
