@@ -212,7 +212,7 @@ def test_pipeline_tells_sensors_by_names_and_learns_nothing_of_test_trials(
     with config_context(transform_output=output):
         scores = sensor_contributions(model, frame, y, random_state=0, **settings)
     assert list(scores["held_out"].unique()) == ["none", *SENSORS]
-    scaled = model[0].fit(frame.iloc[train]).transform(frame).to_numpy()
+    scaled = StandardScaler().fit(frame.iloc[train]).transform(frame)
     by_hand = sensor_contributions(
         make_regressor(), scaled, y, random_state=0, **settings
     )
