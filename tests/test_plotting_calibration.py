@@ -283,7 +283,7 @@ def test_ratings_may_be_labels(display):
         ({"n_bins": 2.5}, (TypeError, ValueError), "n_bins"),
         ({"groups": np.zeros(10)}, ValueError, "groups has one object"),
         ({"groups": np.arange(9)}, ValueError, "inconsistent numbers of samples"),
-        ({"groups": [np.nan, *range(9)]}, ValueError, "groups has no object in trial 0"),
+        ({"groups": [np.nan, *range(9)]}, ValueError, "groups has no object in trial"),
     ],
 )
 def test_errors_of_bins_and_groups(display, options, error, message, proba):
