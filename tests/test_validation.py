@@ -1,6 +1,6 @@
 """Which inputs are tables, which are trials, and what bad ones are told."""
 
-from datetime import date
+from datetime import date, timedelta
 from itertools import permutations
 
 import numpy as np
@@ -169,7 +169,7 @@ def test_trials_without_names_are_taken_as_they_are():
     [
         pd.date_range("2020", periods=3),
         pd.date_range("2020", periods=3, tz="UTC"),
-        pd.timedelta_range("1s", periods=3),
+        [timedelta(seconds=1)] * 3,
         pd.Series([date(2020, 1, 1)] * 3, dtype=object),
         pd.Series(["1", "2", "3"]),
     ],
