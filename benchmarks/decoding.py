@@ -34,7 +34,7 @@ from sklearn.svm import SVC, SVR
 from sklearn.tree import DecisionTreeClassifier, DecisionTreeRegressor
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
-from sklearn_haptic._positions import population_quadrature
+from sklearn_haptic.models._quantile_positions import population_quadrature
 
 N_ROWS = 20_000
 ESTIMATORS = [

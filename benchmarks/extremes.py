@@ -32,12 +32,8 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import NNPOM, KSVDTransformer
-from sklearn_haptic._proportional_odds import (
-    NetworkLoss,
-    level_probabilities,
-    unpack,
-)
 from sklearn_haptic.metrics import ranked_probability_score
+from sklearn_haptic.models._network import NetworkLoss, level_probabilities, unpack
 
 if find_spec("spams"):
     import spams

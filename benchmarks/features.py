@@ -33,11 +33,16 @@ from sklearn_haptic import (
     STHMPTransformer,
     TemporalMaxPool,
 )
-from sklearn_haptic._ksvd import centre, learn_dictionary, sliding_windows
-from sklearn_haptic._pooling import temporal_max_pool
-from sklearn_haptic._sparse_coding import batch_omp
-from sklearn_haptic._sthmp import biotac_layout, electrode_images, image_patches
 from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.features._dictionary_coder import centre, learn_dictionary
+from sklearn_haptic.features._pooling import temporal_max_pool
+from sklearn_haptic.features._sparse_coding import batch_omp
+from sklearn_haptic.features._sthmp import (
+    biotac_layout,
+    electrode_images,
+    image_patches,
+)
+from sklearn_haptic.features._windows import sliding_windows
 
 N_RUNS = 41
 CORPUS_SIZES = [150, 300, 600]

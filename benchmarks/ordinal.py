@@ -33,13 +33,13 @@ from skordinal.classifiers import NNPOM as Peer
 from skordinal.datasets import load_era, load_esl, load_lev, load_swd
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
-from sklearn_haptic._positions import quantile_grid, training_observations
-from sklearn_haptic._proportional_odds import (
-    EvenedFeatures,
-    NetworkLoss,
-    change_weights,
+from sklearn_haptic.models._conditioning import EvenedFeatures, change_weights
+from sklearn_haptic.models._network import NetworkLoss
+from sklearn_haptic.models._quantile_positions import (
+    quantile_grid,
+    training_observations,
 )
-from sklearn_haptic._solvers import lbfgs
+from sklearn_haptic.models._solvers import lbfgs
 
 
 def seconds(function, *arguments):

@@ -23,8 +23,8 @@ import numpy as np
 from sklearn.decomposition import SparseCoder
 from sklearn.linear_model import orthogonal_mp_gram
 
-from sklearn_haptic._dictionary_learning import ksvd
-from sklearn_haptic._sparse_coding import batch_omp
+from sklearn_haptic.features._ksvd import ksvd
+from sklearn_haptic.features._sparse_coding import batch_omp
 
 PROBLEMS = [(22, 40, 4), (50, 25, 4), (9, 10, 3)]  # window, atoms, coefficients
 N_SIGNALS, N_ROUNDS = 100_000, 9

@@ -67,7 +67,7 @@ from sklearn_haptic import (
     STHMPTransformer,
     TemporalMaxPool,
 )
-from sklearn_haptic._presets import _PRESETS
+from sklearn_haptic._pipeline import _PRESETS
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import (
     earth_movers_distance,

@@ -18,10 +18,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from sklearn_haptic import NNPOM, PAPER_2020, DistributionalOrdinalRegressor
-from sklearn_haptic._study_store import write_unit
-from sklearn_haptic._study_units import COMPUTE, Study
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_macro_mae_scorer
+from sklearn_haptic.study._store import write_unit
+from sklearn_haptic.study._units import COMPUTE, Study
 
 SENSORS = ["pac", "pdc", "tac", "tdc", "electrodes"]
 ADJECTIVES = ["hard", "rough"]

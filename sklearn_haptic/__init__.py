@@ -1,13 +1,15 @@
 """Predict how a crowd will rate an object's feel, from one robotic touch."""
 
-from ._baselines import DummyDistribution
-from ._distributional import PAPER_2020, DistributionalOrdinalRegressor
-from ._fusion import SensorFusionNNPOM
-from ._ksvd import KSVDTransformer
-from ._nnpom import NNPOM
-from ._pooling import TemporalMaxPool
-from ._presets import make_haptic_pipeline
-from ._sthmp import STHMPTransformer
+from ._pipeline import make_haptic_pipeline
+from ._sequences import Sequences
+from .features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
+from .models import (
+    NNPOM,
+    PAPER_2020,
+    DistributionalOrdinalRegressor,
+    DummyDistribution,
+    SensorFusionNNPOM,
+)
 
 __version__ = "0.1.0"
 
@@ -19,6 +21,7 @@ __all__ = [
     "KSVDTransformer",
     "STHMPTransformer",
     "SensorFusionNNPOM",
+    "Sequences",
     "TemporalMaxPool",
     "make_haptic_pipeline",
 ]

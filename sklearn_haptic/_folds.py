@@ -2,9 +2,10 @@
 
 from numbers import Integral
 
+import numpy as np
 from sklearn import get_config
 from sklearn.base import is_classifier
-from sklearn.model_selection import GroupKFold, check_cv
+from sklearn.model_selection import GroupKFold, GroupShuffleSplit, check_cv
 from sklearn.utils.metadata_routing import (
     MetadataRouter,
     MethodMapping,
@@ -85,3 +86,19 @@ def route(estimator, splitter, groups, params):
         router.add(method_mapping=mapping, **{name: each})
     routed = process_routing(router, "fit", **params)
     return routed.splitter.split, routed.estimator.fit
+
+
+def validation_split(n_trials, groups, fraction, random_state):
+    """Hold out a fraction of the groups, or of the trials where there are none."""
+    units = "trial" if groups is None else "object"
+    n_units = n_trials if groups is None else len(np.unique(groups))
+    if np.ceil(fraction * n_units) >= n_units:
+        raise ValueError(
+            f"Early stopping holds out {fraction:.3g} of the {units}s, at least one, "
+            f"but there {'is' if n_units == 1 else 'are'} {n_units}, which leaves none "
+            f"to train on; give more {units}s, a smaller validation_fraction, or set "
+            "early_stopping=False."
+        )
+    groups = np.arange(n_trials) if groups is None else groups
+    splitter = GroupShuffleSplit(1, test_size=fraction, random_state=random_state)
+    return next(splitter.split(np.empty(n_trials), groups=groups))

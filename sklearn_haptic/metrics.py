@@ -16,10 +16,24 @@ from sklearn.base import BaseEstimator
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_array
 
+from ._check_ratings import check_ratings
+from ._check_trials import check_numbers
+from ._distributions import _cdf, _level_index, _macro_mae, _proportions
 from ._levels import in_order_of_levels, levels_of_columns, names_levels
-from ._typing import Trials, validate_params
-from ._validation import check_numbers, check_ratings, check_weights
-from .ratings import _level_index
+from ._sklearn import Trials, validate_params
+from ._validation import check_weights
+
+__all__ = [
+    "dispersion",
+    "earth_movers_distance",
+    "log_score",
+    "macro_mae_per_trial",
+    "neg_macro_mae_scorer",
+    "neg_rps_scorer",
+    "pit_histogram",
+    "ranked_probability_score",
+]
+
 
 _SCORE_CONSTRAINTS = {
     "y_true": ["array-like"],
@@ -40,6 +54,8 @@ def macro_mae_per_trial(
     levels: ArrayLike | None = ...,
     n_quantiles: int = ...,
 ) -> float: ...
+
+
 @overload
 def macro_mae_per_trial(
     y_true: ArrayLike,
@@ -50,6 +66,8 @@ def macro_mae_per_trial(
     levels: ArrayLike | None = ...,
     n_quantiles: int = ...,
 ) -> NDArray[np.float64]: ...
+
+
 @validate_params(
     {
         **_SCORE_CONSTRAINTS,
@@ -141,6 +159,8 @@ def ranked_probability_score(
     average: Literal[True] = ...,
     levels: ArrayLike | None = ...,
 ) -> float: ...
+
+
 @overload
 def ranked_probability_score(
     y_true: ArrayLike,
@@ -150,6 +170,8 @@ def ranked_probability_score(
     average: Literal[False],
     levels: ArrayLike | None = ...,
 ) -> NDArray[np.float64]: ...
+
+
 @validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
 def ranked_probability_score(
     y_true: ArrayLike,
@@ -229,6 +251,8 @@ def earth_movers_distance(
     average: Literal[True] = ...,
     levels: ArrayLike | None = ...,
 ) -> float: ...
+
+
 @overload
 def earth_movers_distance(
     y_true: ArrayLike,
@@ -238,6 +262,8 @@ def earth_movers_distance(
     average: Literal[False],
     levels: ArrayLike | None = ...,
 ) -> NDArray[np.float64]: ...
+
+
 @validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
 def earth_movers_distance(
     y_true: ArrayLike,
@@ -308,6 +334,8 @@ def log_score(
     average: Literal[True] = ...,
     levels: ArrayLike | None = ...,
 ) -> float: ...
+
+
 @overload
 def log_score(
     y_true: ArrayLike,
@@ -317,6 +345,8 @@ def log_score(
     average: Literal[False],
     levels: ArrayLike | None = ...,
 ) -> NDArray[np.float64]: ...
+
+
 @validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
 def log_score(
     y_true: ArrayLike,
@@ -654,41 +684,6 @@ def _check_distributions(y_true, y_proba, levels):
             "row a trial in both."
         )
     return counts, _proportions(proba), levels
-
-
-def _proportions(counts):
-    return counts / counts.sum(axis=1, keepdims=True)
-
-
-def _cdf(counts):
-    """Return the proportion at or below each level but the last, where it is 1."""
-    below = np.cumsum(counts, axis=1)
-    return below[:, :-1] / below[:, -1:]
-
-
-def _macro_mae(predicted, true, counted=True):
-    """Absolute error of each trial, averaged over the levels that are true in it.
-
-    Parameters
-    ----------
-    predicted, true : ndarray of int of shape (n_trials, n_observations)
-        Indices of levels.
-    counted : bool or ndarray of bool of shape (n_trials, n_observations), default=True
-        Which observations count; at least one a trial.
-
-    Returns
-    -------
-    error : ndarray of shape (n_trials,)
-    """
-    error = np.abs(predicted - true)
-    total = np.zeros(len(error))
-    n_levels = np.zeros(len(error))
-    for level in np.unique(true):
-        here = (true == level) & counted
-        n_here = here.sum(axis=1)
-        total += (error * here).sum(axis=1) / np.maximum(n_here, 1)
-        n_levels += n_here > 0
-    return total / n_levels
 
 
 def _summarise(scores, sample_weight, average):

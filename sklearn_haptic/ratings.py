@@ -15,17 +15,23 @@ from sklearn.utils import Bunch
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_array, check_consistent_length, column_or_1d
 
+from ._check_ratings import check_levels, check_levels_occur, check_ratings
+from ._check_trials import check_numbers
+from ._distributions import _level_index
 from ._levels import levels_of_ratings, names_levels
-from ._typing import validate_params
-from ._validation import (
-    check_levels,
-    check_levels_occur,
-    check_numbers,
-    check_objects,
-    check_ratings,
-    drop_missing,
-    missing_to_none,
-)
+from ._sklearn import validate_params
+from ._validation import check_objects, drop_missing, missing_to_none
+
+__all__ = [
+    "RatingTable",
+    "adjective_correlation",
+    "interrater_agreement",
+    "inverse_cdf",
+    "rating_cdf",
+    "rating_counts",
+    "rating_distribution",
+]
+
 
 # A row of `adjective_correlation(ratings).pairs`.
 _PAIR = [
@@ -539,36 +545,6 @@ def _holm(pvalue):
         pvalue[order] * np.arange(len(pvalue), 0, -1)
     )
     return np.minimum(corrected, 1)
-
-
-def _level_index(counts, p):
-    """Return the index of the level at each position of the population.
-
-    Parameters
-    ----------
-    counts : ndarray of shape (n_objects, n_levels)
-        Non-negative counts, weights or probabilities, not all zero in a row.
-    p : float or ndarray broadcastable to (n_objects, n_p)
-        Positions within [0, 1]: shared (n_p,) or a row an object (n_objects, n_p).
-
-    Returns
-    -------
-    index : ndarray of shape (n_objects, n_p)
-        Index of the level, from 0.
-    """
-    below = np.cumsum(counts, axis=1, dtype=np.float64)
-    below = np.ldexp(below, -np.frexp(below[:, -1:])[1])  # totals in [1/2, 1)
-    # A rank lowered by less than any real difference between ranks, yet by more
-    # than the rounding of p, of p * N and of the sum; above 0, so that levels
-    # below the lowest one used are passed over.
-    tolerance = 4 * below.shape[1] * np.finfo(np.float64).eps
-    rank = np.maximum(
-        p * below[:, -1:] * (1 - tolerance), np.finfo(np.float64).smallest_subnormal
-    )
-    index = np.zeros(rank.shape, dtype=np.intp)
-    for column in below.T[:-1]:
-        index += column[:, None] < rank
-    return index
 
 
 def _check_counts(counts, levels, name="counts"):

@@ -32,12 +32,7 @@ def public_objects():
     """Yield every public class and function, once each, with its full name."""
     for name in MODULES:
         module = import_module(name)
-        defined = [
-            key
-            for key, value in vars(module).items()
-            if getattr(value, "__module__", None) == name and not key.startswith("_")
-        ]
-        for key in getattr(module, "__all__", defined):
+        for key in module.__all__:
             if callable(getattr(module, key)):
                 yield f"{name}.{key}", getattr(module, key)
 

@@ -12,13 +12,13 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNNPOM
-from sklearn_haptic._proportional_odds import SharedLoss, softplus, split_heads
 from sklearn_haptic.metrics import (
     macro_mae_per_trial,
     neg_macro_mae_scorer,
     neg_rps_scorer,
     ranked_probability_score,
 )
+from sklearn_haptic.models._network import SharedLoss, softplus, split_heads
 
 
 def touches(n_objects=12, n_trials=2, n_attributes=3, seed=0):

@@ -47,13 +47,7 @@ path. Written by `python tests/test_bad_input.py`.
 
 def public(module):
     """Names of the functions and classes that a module offers."""
-    if hasattr(module, "__all__"):
-        return {name for name in module.__all__ if callable(getattr(module, name))}
-    return {
-        name
-        for name, value in vars(module).items()
-        if getattr(value, "__module__", None) == module.__name__ and name[0] != "_"
-    }
+    return {name for name in module.__all__ if callable(getattr(module, name))}
 
 
 def name_of(case):

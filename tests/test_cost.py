@@ -16,7 +16,6 @@ from sklearn.pipeline import make_pipeline
 from sklearn.utils.validation import check_memory
 
 from sklearn_haptic import make_haptic_pipeline
-from sklearn_haptic._cost import without_caches
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_rps_scorer
 from sklearn_haptic.model_selection import (
@@ -25,6 +24,7 @@ from sklearn_haptic.model_selection import (
     sensor_subsets,
     speed_accuracy_frontier,
 )
+from sklearn_haptic.model_selection._cost import without_caches
 
 CLOCK = SimpleNamespace(now=0.0)
 
@@ -75,7 +75,9 @@ X, COUNTS = np.arange(40.0).reshape(20, 2), np.tile([[1, 3]], (20, 1))
 @pytest.fixture
 def clock(monkeypatch):
     """A clock that only the work of the steps moves, for scikit-learn too."""
-    monkeypatch.setattr("sklearn_haptic._cost.perf_counter", lambda: CLOCK.now)
+    monkeypatch.setattr(
+        "sklearn_haptic.model_selection._cost.perf_counter", lambda: CLOCK.now
+    )
     time = SimpleNamespace(time=lambda: CLOCK.now)
     monkeypatch.setattr("sklearn.model_selection._validation.time", time)
 

@@ -16,7 +16,7 @@ from sklearn.svm import SVC
 from sklearn.tree import DecisionTreeClassifier, DecisionTreeRegressor
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
-from sklearn_haptic._positions import (
+from sklearn_haptic.models._quantile_positions import (
     largest_jump_error,
     population_cells,
     population_quadrature,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sklearn.datasets import make_sparse_coded_signal
 
-from sklearn_haptic._dictionary_learning import initial_atoms, ksvd
+from sklearn_haptic.features._ksvd import initial_atoms, ksvd
 
 DTYPES = [np.float64, np.float32]
 

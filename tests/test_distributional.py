@@ -23,16 +23,16 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     DummyDistribution,
 )
-from sklearn_haptic._distributional import decide
-from sklearn_haptic._nnpom import validation_split
-from sklearn_haptic._positions import (
+from sklearn_haptic._folds import validation_split
+from sklearn_haptic.model_selection import cross_val_predict_proba
+from sklearn_haptic.models._distributional import decide
+from sklearn_haptic.models._quantile_positions import (
     population_quadrature,
     quantile_grid,
     share_below,
     training_observations,
     unit_gauss_legendre,
 )
-from sklearn_haptic.model_selection import cross_val_predict_proba
 
 
 def ordinal_trials(n_objects=20, n_trials=5, n_features=4, seed=0):

@@ -20,7 +20,7 @@ from sklearn_haptic import (
     STHMPTransformer,
     TemporalMaxPool,
 )
-from sklearn_haptic._documentation import DOCUMENTATION_URL
+from sklearn_haptic._sklearn import DOCUMENTATION_URL
 
 ESTIMATORS = [
     value for value in vars(sklearn_haptic).values() if inspect.isclass(value)

@@ -16,7 +16,7 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     SensorFusionNNPOM,
 )
-from sklearn_haptic._proportional_odds import EvenedFeatures
+from sklearn_haptic.models._conditioning import EvenedFeatures
 
 STOPPING = NNPOM(3, early_stopping=True, n_iter_no_change=20, random_state=0)
 FUSION = SensorFusionNNPOM({"a": [0, 1], "b": [2]}, STOPPING, STOPPING, random_state=0)

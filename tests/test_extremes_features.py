@@ -18,9 +18,14 @@ from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import KSVDTransformer, STHMPTransformer, TemporalMaxPool
-from sklearn_haptic._ksvd import sliding_windows
-from sklearn_haptic._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows
-from sklearn_haptic._sthmp import normalise_frames, spatial_max_pool
+from sklearn_haptic.features._sparse_coding import (
+    batch_omp,
+    dense_codes,
+    row_norms,
+    unit_rows,
+)
+from sklearn_haptic.features._sthmp import normalise_frames, spatial_max_pool
+from sklearn_haptic.features._windows import sliding_windows
 
 DTYPES = [np.float64, np.float32]
 # Near 1e-150 and 1e150, or 1e-30 and 1e30, as powers of two.

@@ -20,10 +20,18 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import LogisticRegression
 from sklearn.utils._testing import ignore_warnings
 
-import sklearn_haptic._nnpom
+import sklearn_haptic.models._nnpom
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, DummyDistribution
-from sklearn_haptic._positions import share_below, training_observations
-from sklearn_haptic._proportional_odds import (
+from sklearn_haptic._distributions import _level_index
+from sklearn_haptic.metrics import (
+    dispersion,
+    earth_movers_distance,
+    log_score,
+    macro_mae_per_trial,
+    pit_histogram,
+    ranked_probability_score,
+)
+from sklearn_haptic.models._network import (
     NetworkLoss,
     initial_params,
     level_probabilities,
@@ -33,17 +41,9 @@ from sklearn_haptic._proportional_odds import (
     thresholds_from,
     unpack,
 )
-from sklearn_haptic._solvers import irprop_plus
-from sklearn_haptic.metrics import (
-    dispersion,
-    earth_movers_distance,
-    log_score,
-    macro_mae_per_trial,
-    pit_histogram,
-    ranked_probability_score,
-)
+from sklearn_haptic.models._quantile_positions import share_below, training_observations
+from sklearn_haptic.models._solvers import irprop_plus
 from sklearn_haptic.ratings import (
-    _level_index,
     adjective_correlation,
     interrater_agreement,
     inverse_cdf,
@@ -341,7 +341,7 @@ def test_start_values_a_hundred_times_as_large(solver, monkeypatch):
     def large(*args):
         return 100 * initial_params(*args)
 
-    monkeypatch.setattr(sklearn_haptic._nnpom, "initial_params", large)
+    monkeypatch.setattr(sklearn_haptic.models._nnpom, "initial_params", large)
     model = NNPOM(3, solver=solver, random_state=0)
     proba = fit_quietly(model.fit)(X, counts).predict_proba(X)
     assert_distributions(proba)

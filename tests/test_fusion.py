@@ -18,9 +18,9 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNNPOM
-from sklearn_haptic._fusion import resolve_sensors
-from sklearn_haptic._positions import training_observations
 from sklearn_haptic.metrics import macro_mae_per_trial, neg_rps_scorer
+from sklearn_haptic.models._fusion import resolve_sensors
+from sklearn_haptic.models._quantile_positions import training_observations
 
 SENSORS = {"pac": [0, 1, 2], "pdc": [3], "tdc": [4, 5]}
 EXACT = {"tol": 1e-9, "max_iter": 20_000}

@@ -18,9 +18,10 @@ from sklearn.decomposition import SparseCoder
 from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import _ksvd
-from sklearn_haptic._ksvd import KSVDTransformer, draw_observations
-from sklearn_haptic._pooling import TemporalMaxPool
-from sklearn_haptic._validation import Sequences
+from sklearn_haptic._sequences import Sequences
+from sklearn_haptic.features._dictionary_coder import draw_observations
+from sklearn_haptic.features._pooling import TemporalMaxPool
+from sklearn_haptic.features._windows import KSVDTransformer
 
 DTYPES = [np.float64, np.float32]
 N_CHANNELS = 2

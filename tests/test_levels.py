@@ -21,8 +21,8 @@ from sklearn_haptic import (
     DummyDistribution,
     SensorFusionNNPOM,
 )
+from sklearn_haptic._check_ratings import check_ratings
 from sklearn_haptic._levels import lossless_array
-from sklearn_haptic._validation import check_ratings
 from sklearn_haptic.metrics import (
     dispersion,
     earth_movers_distance,

@@ -13,8 +13,8 @@ from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from sklearn_haptic._distributions import _macro_mae
 from sklearn_haptic.metrics import (
-    _macro_mae,
     dispersion,
     earth_movers_distance,
     log_score,

@@ -34,11 +34,11 @@ from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
 from sklearn_haptic.model_selection import (
     cheapest_within_one_se,
-    is_non_dominated,
     neg_seconds_scorer,
     sensor_subsets,
     speed_accuracy_frontier,
 )
+from sklearn_haptic.model_selection._frontier import is_non_dominated
 
 
 def make_results(seconds, splits, metric="score", **more):
@@ -447,7 +447,9 @@ def test_sensor_subsets_in_parallel(table):
 def test_each_sensor_is_fitted_once_a_fold(table, monkeypatch):
     X, y, _ = table
     ticks, calls = iter(range(10_000)), []
-    monkeypatch.setattr("sklearn_haptic._cost.perf_counter", ticks.__next__)
+    monkeypatch.setattr(
+        "sklearn_haptic.model_selection._cost.perf_counter", ticks.__next__
+    )
     note = FunctionTransformer(lambda Z: calls.append(len(Z)) or Z)
     model = columns_model([Ridge()])
     model[0].set_params(pac=note, pdc=note, tac=note)

@@ -7,9 +7,9 @@ import polars as pl
 import pytest
 from scipy.stats import rankdata, spearmanr
 
+from sklearn_haptic._distributions import _level_index
 from sklearn_haptic.ratings import (
     _holm,
-    _level_index,
     adjective_correlation,
     interrater_agreement,
     inverse_cdf,

@@ -10,9 +10,10 @@ from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import _ksvd, _sthmp
-from sklearn_haptic._ksvd import KSVDTransformer, encode
-from sklearn_haptic._pooling import TemporalMaxPool
-from sklearn_haptic._sthmp import (
+from sklearn_haptic._sequences import Sequences
+from sklearn_haptic.features._dictionary_coder import encode
+from sklearn_haptic.features._pooling import TemporalMaxPool
+from sklearn_haptic.features._sthmp import (
     STHMPTransformer,
     biotac_layout,
     electrode_images,
@@ -21,7 +22,7 @@ from sklearn_haptic._sthmp import (
     spatial_grids,
     spatial_max_pool,
 )
-from sklearn_haptic._validation import Sequences
+from sklearn_haptic.features._windows import KSVDTransformer
 
 LAYOUT = biotac_layout()
 SIGNS = {"omp": "absolute", "omp_sign": "split"}

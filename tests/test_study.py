@@ -34,13 +34,14 @@ from sklearn_haptic import (
     SensorFusionNNPOM,
     metrics,
 )
-from sklearn_haptic._study_store import (
-    open_study,
-    read_record,
-    read_unit,
-    write_unit,
-)
-from sklearn_haptic._study_units import (
+from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.datasets._phac2 import PROCEDURE_STATES
+from sklearn_haptic.datasets._phac2 import SENSORS as SENSORS_OF_PHAC2
+from sklearn_haptic.model_selection import contribution_summary
+from sklearn_haptic.study import read_study, run_study
+from sklearn_haptic.study._run import Progress
+from sklearn_haptic.study._store import open_study, read_record, read_unit, write_unit
+from sklearn_haptic.study._units import (
     COMPUTE,
     Parts,
     Study,
@@ -52,11 +53,6 @@ from sklearn_haptic._study_units import (
     rotate_features,
     split_objects,
 )
-from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.datasets._phac2 import PROCEDURE_STATES
-from sklearn_haptic.datasets._phac2 import SENSORS as SENSORS_OF_PHAC2
-from sklearn_haptic.model_selection import contribution_summary
-from sklearn_haptic.study import Progress, read_study, run_study
 
 CORPUS = partial(make_haptic_corpus, 8, 2, random_state=0)
 SENSORS = ["pdc", "tdc"]
@@ -269,7 +265,7 @@ def test_full_disk(tmp_path):
 import resource, sys
 from pathlib import Path
 import numpy as np
-from sklearn_haptic._study_store import write_unit
+from sklearn_haptic.study._store import write_unit
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 write_unit(Path(sys.argv[1]), ("features", "hold", "pac"), {"features": np.ones(1000)})
 """

@@ -13,9 +13,9 @@ import pytest
 from sklearn.metrics import make_scorer
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, metrics
-from sklearn_haptic._study_settings import describe
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.study import run_study
+from sklearn_haptic.study._settings import describe
 
 
 def test_description_of_settings(tmp_path):

@@ -56,12 +56,12 @@ from sklearn_haptic import (
     ratings,
     study,
 )
-from sklearn_haptic._positions import population_quadrature
-from sklearn_haptic._study_store import open_study, write_unit
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 from sklearn_haptic.datasets._ratings_file import ADJECTIVES
 from sklearn_haptic.model_selection import sensor_contributions, sensor_subsets
+from sklearn_haptic.models._quantile_positions import population_quadrature
 from sklearn_haptic.study import read_study, run_study
+from sklearn_haptic.study._store import open_study, write_unit
 
 matplotlib.use("Agg")
 
@@ -649,14 +649,7 @@ def public_functions():
     """Every public function and display, by name."""
     public = {name: getattr(sklearn_haptic, name) for name in sklearn_haptic.__all__}
     for module in (datasets, metrics, model_selection, plotting, ratings, study):
-        own = [
-            name
-            for name, value in vars(module).items()
-            if getattr(value, "__module__", None) == module.__name__
-            and not name.startswith("_")
-        ]
-        names = getattr(module, "__all__", own)
-        public |= {name: getattr(module, name) for name in names}
+        public |= {name: getattr(module, name) for name in module.__all__}
     displays = {name for name in public if name.endswith("Display")}
     return displays | {name for name in public if inspect.isfunction(public[name])}
 

@@ -9,16 +9,15 @@ import polars as pl
 import pytest
 from scipy import sparse
 
-from sklearn_haptic._validation import (
-    Sequences,
+from sklearn_haptic._check_ratings import check_ratings
+from sklearn_haptic._check_trials import (
     channel_names,
     check_numbers,
-    check_ratings,
-    check_sparsity,
     check_trials,
     is_table,
-    row_index,
 )
+from sklearn_haptic._sequences import Sequences, row_index
+from sklearn_haptic._validation import check_sparsity
 
 TRIAL = np.arange(6.0).reshape(3, 2)
 RAGGED = [TRIAL, TRIAL[:2]]

@@ -15,8 +15,8 @@ import pandas as pd
 from sklearn.utils import Bunch
 from sklearn.utils._param_validation import StrOptions
 
-from sklearn_haptic._typing import Names, validate_params
-from sklearn_haptic.datasets._hdf5 import (
+from .._sklearn import Names, validate_params
+from ._hdf5 import (
     check_expansion,
     check_stored,
     get_node,
@@ -24,7 +24,7 @@ from sklearn_haptic.datasets._hdf5 import (
     open_hdf5,
     read_rows,
 )
-from sklearn_haptic.datasets._ratings_file import LEVELS, read_ratings
+from ._ratings_file import LEVELS, read_ratings
 
 Procedure: TypeAlias = Literal["squeeze", "hold", "slow_slide", "fast_slide"]
 PROCEDURE_STATES = {

@@ -14,7 +14,7 @@ from itertools import permutations
 import numpy as np
 import pandas as pd
 
-from sklearn_haptic.datasets._hdf5 import (
+from ._hdf5 import (
     check_expansion,
     check_stored,
     dtype_of,
@@ -28,7 +28,7 @@ from sklearn_haptic.datasets._hdf5 import (
     read_rows,
     read_start,
 )
-from sklearn_haptic.datasets._mat5 import (
+from ._mat5 import (
     NUMERIC_CLASSES,
     Variable,
     join_cells,

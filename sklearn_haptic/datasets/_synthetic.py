@@ -12,16 +12,16 @@ import pandas as pd
 from sklearn.utils import Bunch, check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 
-from sklearn_haptic._typing import Names, RandomState, validate_params
-from sklearn_haptic.datasets._crowd import (
+from .._sklearn import Names, RandomState, validate_params
+from ._crowd import (
     ADJECTIVES,
     LEVELS,
     PERCEPTS,
     population,
     rate,
 )
-from sklearn_haptic.datasets._phac2 import FRAME_RATE, SENSORS, Procedure, choose
-from sklearn_haptic.datasets._touch import PROCEDURES, draw_conditions, touch
+from ._phac2 import FRAME_RATE, SENSORS, Procedure, choose
+from ._touch import PROCEDURES, draw_conditions, touch
 
 # Per material: first digit of its ids, share of the objects, then the middle of
 # its compression beyond that of the finger itself (mm) and the sd of its log,

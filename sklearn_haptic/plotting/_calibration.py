@@ -12,9 +12,10 @@ from scipy.special import betaincinv
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
 
-from .._typing import Trials
+from .._distributions import _cdf, _proportions
+from .._sklearn import Trials
 from .._validation import check_groups
-from ..metrics import _cdf, _check_distributions, _proportions, pit_histogram
+from ..metrics import _check_distributions, pit_histogram
 from ._style import BLUE, axes_of, colours_of
 
 if TYPE_CHECKING:

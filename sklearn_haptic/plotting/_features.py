@@ -10,10 +10,10 @@ from sklearn.base import BaseEstimator
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from .._ksvd import KSVDTransformer, window_step
-from .._pooling import TemporalMaxPool, cell_bounds
-from .._sthmp import STHMPTransformer
-from .._typing import FloatArray, Names, Trials
+from .._sklearn import FloatArray, Names, Trials
+from ..features._pooling import TemporalMaxPool, cell_bounds
+from ..features._sthmp import STHMPTransformer
+from ..features._windows import KSVDTransformer, window_step
 from ._signals import check_rate
 from ._style import BLUE, label_blocks, panels_of
 

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils import _safe_indexing
 
-from .._typing import Trials
-from .._validation import check_ratings, check_regular
+from .._check_ratings import check_ratings
+from .._check_trials import check_regular
+from .._sklearn import Trials
 from ..metrics import _check_distributions, macro_mae_per_trial
 from ._style import BLUE, axes_of
 

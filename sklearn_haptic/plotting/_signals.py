@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from .._typing import FloatArray
-from .._validation import check_trials
+from .._check_trials import check_trials
+from .._sklearn import FloatArray
 from ..datasets._phac2 import FRAME_RATE, SENSORS
 from ._style import colours_of, label_blocks, panels_of
 

@@ -22,20 +22,24 @@ from sklearn.utils import _safe_indexing, check_random_state, indexable
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.parallel import Parallel, delayed
 
-from ._distributional import DistributionalOrdinalRegressor
-from ._folds import make_splitter
-from ._fusion import SensorFusionNNPOM
-from ._typing import CrossValidator, RandomState, Trials, validate_params
-from ._validation import check_groups, check_numbers, check_ratings
-from .metrics import (
+from .._check_ratings import check_ratings
+from .._check_trials import check_numbers
+from .._folds import make_splitter
+from .._sklearn import CrossValidator, RandomState, Trials, validate_params
+from .._validation import check_groups
+from ..metrics import (
     earth_movers_distance,
     log_score,
     macro_mae_per_trial,
     ranked_probability_score,
 )
+from ..models._distributional import DistributionalOrdinalRegressor
+from ..models._fusion import SensorFusionNNPOM
 
 # What `held_out` is for the full model.
 FULL_MODEL = "none"
+
+
 # What tells the predictions of one model apart, as far as a table has it.
 _UNIT = ("adjective", "procedure", "start", "fold", "object", "trial")
 
@@ -65,7 +69,7 @@ def score_trials(counts, proba):
 
     Examples
     --------
-    >>> from sklearn_haptic._contributions import score_trials
+    >>> from sklearn_haptic.model_selection._contributions import score_trials
     >>> scores = score_trials([[1, 1, 2]], [[0.25, 0.5, 0.25]])
     >>> for name, score in scores.items():
     ...     print(name, score.round(4))
@@ -127,7 +131,7 @@ def fit_holdouts(regressor, X, y, *, random_state, groups=None, X_val=None, y_va
     --------
     >>> import numpy as np
     >>> from sklearn_haptic import DistributionalOrdinalRegressor, SensorFusionNNPOM
-    >>> from sklearn_haptic._contributions import fit_holdouts
+    >>> from sklearn_haptic.model_selection._contributions import fit_holdouts
     >>> X, y = np.random.default_rng(0).normal(size=(8, 3)), [1, 1, 2, 2, 3, 3, 3, 3]
     >>> fusion = SensorFusionNNPOM({"pac": [0, 1], "tdc": [2]})
     >>> regressor = DistributionalOrdinalRegressor(fusion)

@@ -10,16 +10,16 @@ from sklearn.utils import check_array
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
-from ._ksvd import _DictionaryCoder, _UnwrappedSequences, draw_observations, encode
-from ._pooling import cell_bounds, check_cells
-from ._typing import Memory, Names, RandomState, Trials, _fit_context
-from ._validation import (
-    check_numbers,
-    check_trials,
-    is_table,
-    row_index,
-    transposed_hint,
+from .._check_trials import check_numbers, check_trials, is_table, transposed_hint
+from .._sequences import row_index
+from .._sklearn import Memory, Names, RandomState, Trials, _fit_context
+from ._dictionary_coder import (
+    _DictionaryCoder,
+    _UnwrappedSequences,
+    draw_observations,
+    encode,
 )
+from ._pooling import cell_bounds, check_cells
 
 # Electrodes whose mean is each pixel: rows from the tip of the finger to its base,
 # columns left, middle, right.
@@ -32,6 +32,8 @@ _BIOTAC_ROWS = [
     [[5], [18], [15]],
     [[6], [19], [16]],
 ]
+
+
 # Most patches coded at a time: their codes stay in the cache until they are pooled.
 _CHUNK_SIZE = 8192
 
@@ -49,7 +51,7 @@ def biotac_layout():
 
     Examples
     --------
-    >>> from sklearn_haptic._sthmp import biotac_layout
+    >>> from sklearn_haptic.features._sthmp import biotac_layout
     >>> biotac_layout()[0].argmax(axis=1) + 1
     array([8, 7, 9])
     """
@@ -78,7 +80,7 @@ def electrode_images(trial, layout):
     Examples
     --------
     >>> import numpy as np
-    >>> from sklearn_haptic._sthmp import biotac_layout, electrode_images
+    >>> from sklearn_haptic.features._sthmp import biotac_layout, electrode_images
     >>> electrode_images(np.arange(1.0, 20.0)[np.newaxis], biotac_layout())[0, :3]
     array([[ 8.,  7.,  9.],
            [ 1., 10., 11.],
@@ -114,7 +116,7 @@ def image_patches(images, patch_size, step=1):
     Examples
     --------
     >>> import numpy as np
-    >>> from sklearn_haptic._sthmp import image_patches
+    >>> from sklearn_haptic.features._sthmp import image_patches
     >>> image_patches(np.arange(9).reshape(1, 3, 3), (2, 2))[0, 1, 0]
     array([[3, 4],
            [6, 7]])
@@ -141,7 +143,7 @@ def spatial_grids(positions, cells):
 
     Examples
     --------
-    >>> from sklearn_haptic._sthmp import spatial_grids
+    >>> from sklearn_haptic.features._sthmp import spatial_grids
     >>> spatial_grids((5, 4), (3, 2, 1)), spatial_grids((5, 1), (3, 2, 1))
     (((3, 3), (2, 2), (1, 1)), ((3, 1), (2, 1), (1, 1)))
     """
@@ -169,7 +171,7 @@ def spatial_max_pool(codes, grids):
     Examples
     --------
     >>> import numpy as np
-    >>> from sklearn_haptic._sthmp import spatial_max_pool
+    >>> from sklearn_haptic.features._sthmp import spatial_max_pool
     >>> spatial_max_pool(np.arange(6).reshape(2, 3, 1, 1), [(2, 2), (1, 1)]).ravel()
     array([0, 2, 3, 5, 5])
     """
@@ -202,7 +204,7 @@ def normalise_frames(frames):
     Examples
     --------
     >>> import numpy as np
-    >>> from sklearn_haptic._sthmp import normalise_frames
+    >>> from sklearn_haptic.features._sthmp import normalise_frames
     >>> normalise_frames(np.array([[3.0, 4.0], [0.0, 0.0]]))
     array([[0.6, 0.8],
            [0. , 0. ]])

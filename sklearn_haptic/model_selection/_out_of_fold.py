@@ -14,10 +14,11 @@ from sklearn.utils._param_validation import HasMethods, StrOptions
 from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import _check_method_params, _num_samples
 
-from ._distributional import _cdf
-from ._folds import make_splitter, route
-from ._typing import CrossValidator, Trials, validate_params
-from ._validation import check_groups, check_ratings
+from .._check_ratings import check_ratings
+from .._folds import make_splitter, route
+from .._sklearn import CrossValidator, Trials, validate_params
+from .._validation import check_groups
+from ..models._distributional import _cdf
 
 
 @validate_params(

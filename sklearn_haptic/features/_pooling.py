@@ -16,17 +16,22 @@ from sklearn.utils.validation import (
     check_memory,
 )
 
-from ._documentation import DocumentedEstimator
-from ._threads import one_blas_thread
-from ._typing import FloatArray, Memory, Names, Trials, _fit_context
-from ._validation import (
-    Sequences,
+from .._check_trials import (
     channel_names,
     check_sequences,
     check_table,
     check_trials,
     is_table,
-    row_index,
+)
+from .._sequences import Sequences, row_index
+from .._sklearn import (
+    DocumentedEstimator,
+    FloatArray,
+    Memory,
+    Names,
+    Trials,
+    _fit_context,
+    one_blas_thread,
 )
 
 
@@ -52,7 +57,7 @@ def cell_bounds(n_items, n_cells, split="balanced"):
 
     Examples
     --------
-    >>> from sklearn_haptic._pooling import cell_bounds
+    >>> from sklearn_haptic.features._pooling import cell_bounds
     >>> cell_bounds(11, 4)
     (array([0, 2, 5, 8]), array([ 2,  5,  8, 11]))
     >>> cell_bounds(11, 4, "floor")
@@ -94,7 +99,7 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
     Examples
     --------
     >>> import numpy as np
-    >>> from sklearn_haptic._pooling import temporal_max_pool
+    >>> from sklearn_haptic.features._pooling import temporal_max_pool
     >>> temporal_max_pool([np.array([[0, 5], [3, 1], [2, 2]])], cells=(2, 1))
     array([[0, 5, 3, 2, 3, 5]])
     """

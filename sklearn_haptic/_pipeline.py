@@ -7,16 +7,20 @@ from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from ._distributional import DistributionalOrdinalRegressor
-from ._ksvd import KSVDTransformer
-from ._nnpom import NNPOM
-from ._pooling import TemporalMaxPool
-from ._sthmp import STHMPTransformer
-from ._typing import Memory, RandomState
+from ._sklearn import Memory, RandomState
+from .features._pooling import TemporalMaxPool
+from .features._sthmp import STHMPTransformer
+from .features._windows import KSVDTransformer
+from .models._distributional import DistributionalOrdinalRegressor
+from .models._nnpom import NNPOM
 
 # Window in time samples and number of atoms, as in the 2020 paper.
 _WINDOWED = {"pac": (22, 40), "pdc": (50, 25), "tac": (50, 25), "tdc": (50, 10)}
+
+
 _SENSORS = (*_WINDOWED, "electrodes")
+
+
 _PRESETS: dict[str, dict[str, Any]] = {
     "fast": {
         "dictionary": {"n_nonzero_coefs": 2, "max_iter": 5, "max_train_windows": 5000},

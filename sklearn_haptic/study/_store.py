@@ -21,13 +21,19 @@ from uuid import uuid4
 import numpy as np
 import pandas as pd
 
-from ._study_settings import describe_setting
+from ._settings import describe_setting
 
 _SETTINGS = "study.json"
+
+
 # Control characters, which end lines and names of files, and halves of characters.
 _UNPRINTABLE = re.compile(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff]")
+
+
 # Data types of the columns of a table that are not text.
 _NUMBERS = re.compile(r"u?int(8|16|32|64)|float(16|32|64)")
+
+
 # Bytes that most file systems allow in a name, less a suffix.
 _LONGEST_NAME = 250
 

@@ -9,68 +9,45 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 from sklearn.callback import CallbackSupportMixin
 from sklearn.exceptions import ConvergenceWarning
-from sklearn.model_selection import GroupShuffleSplit
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.validation import (
-    check_is_fitted,
-)
+from sklearn.utils.validation import check_is_fitted
 
-from ._documentation import DocumentedEstimator
-from ._ordinal import OrdinalClassifierMixin
-from ._proportional_odds import (
-    EvenedFeatures,
+from .._check_ratings import validate_rated_trials, weighted
+from .._check_trials import check_table
+from .._distributions import _macro_mae
+from .._sklearn import (
+    DocumentedEstimator,
+    FloatArray,
+    Observations,
+    RandomState,
+    _fit_context,
+    one_blas_thread,
+    with_callbacks,
+)
+from .._validation import check_groups, check_weights
+from ._conditioning import EvenedFeatures, change_weights, feature_means, total_spread
+from ._early_stopping import hold_out_trials
+from ._network import (
     NetworkLoss,
     SharedLoss,
-    change_weights,
-    feature_means,
     forward,
     initial_params,
     level_probabilities,
     monotone_bounds,
     split_heads,
     thresholds_from,
-    total_spread,
     unpack,
 )
+from ._ordinal import OrdinalClassifierMixin
 from ._solvers import Monitor, irprop_plus, lbfgs
-from ._threads import one_blas_thread
-from ._typing import (
-    FloatArray,
-    Observations,
-    RandomState,
-    _fit_context,
-    with_callbacks,
-)
-from ._validation import (
-    check_groups,
-    check_table,
-    check_weights,
-    validate_rated_trials,
-    weighted,
-)
-from .metrics import _macro_mae
 
 # In units of the total weight; more would make no difference but overflow.
 _LARGEST_PENALTY = 1e300
+
+
 # Differences between latent responses and thresholds stay finite.
 _LARGEST_LATENT = 1e300
-
-
-def validation_split(n_trials, groups, fraction, random_state):
-    """Hold out a fraction of the groups, or of the trials where there are none."""
-    units = "trial" if groups is None else "object"
-    n_units = n_trials if groups is None else len(np.unique(groups))
-    if np.ceil(fraction * n_units) >= n_units:
-        raise ValueError(
-            f"Early stopping holds out {fraction:.3g} of the {units}s, at least one, "
-            f"but there {'is' if n_units == 1 else 'are'} {n_units}, which leaves none "
-            f"to train on; give more {units}s, a smaller validation_fraction, or set "
-            "early_stopping=False."
-        )
-    groups = np.arange(n_trials) if groups is None else groups
-    splitter = GroupShuffleSplit(1, test_size=fraction, random_state=random_state)
-    return next(splitter.split(np.empty(n_trials), groups=groups))
 
 
 def relative_weights(sample_weight):
@@ -105,51 +82,6 @@ def single_ratings(X, counts, groups, sample_weight):
     level = np.broadcast_to(np.arange(counts.shape[-1]), counts.shape)
     validation_weight = ((counts > 0).T * relative_weights(sample_weight)).T
     return X, groups, level, weighted(counts, sample_weight), validation_weight
-
-
-def hold_out_trials(estimator, n_trials, groups, fraction, random_state):
-    """Hold out trials for early stopping, whole objects if these are given.
-
-    Parameters
-    ----------
-    estimator : estimator object
-        Whose ``fit`` calls this.
-    n_trials : int
-    groups : ndarray of shape (n_trials,), or None
-        The object of each trial.
-    fraction : float
-        Share of the objects, or of the trials, that is held out; at least one.
-    random_state : RandomState instance
-
-    Returns
-    -------
-    train, held_out : ndarray of int
-        Indices of trials.
-
-    Raises
-    ------
-    ValueError
-        If nothing would be left to train on.
-
-    Warns
-    -----
-    UserWarning
-        If there are no groups.
-    """
-    split = validation_split(n_trials, groups, fraction, random_state)
-    if groups is None:
-        name = type(estimator).__name__
-        warnings.warn(
-            "Early stopping holds out single trials, since fit was given no groups: "
-            "trials of an object may be on both sides, and then it stops too late. "
-            "Call fit(..., groups=objects), with range(n_trials) if each trial is of "
-            "another object. Searches and cross-validation pass groups on after\n"
-            "    sklearn.set_config(enable_metadata_routing=True)\n"
-            f"    {name}(...).set_fit_request(groups=True)",
-            UserWarning,
-            stacklevel=4,  # beyond this, fit, and its decorator
-        )
-    return split
 
 
 def attributes_of(positions, level, weight):

@@ -13,10 +13,12 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import _safe_indexing
 from sklearn.utils.validation import _num_samples
 
-from ._typing import Trials
+from .._sklearn import Trials
 
 # Trials that are timed, and how often each: a few, for a search does it for every fit.
 _N_TRIALS = 5
+
+
 _N_RUNS = 2
 
 
@@ -103,7 +105,7 @@ def seconds_per_trial(use: Callable[[Any], Any], X: Trials) -> float:
 
     Examples
     --------
-    >>> from sklearn_haptic._cost import seconds_per_trial
+    >>> from sklearn_haptic.model_selection._cost import seconds_per_trial
     >>> seconds_per_trial(len, [[0.5], [0.25]]) < 1
     True
     """
@@ -141,7 +143,7 @@ def without_caches(value):
     --------
     >>> from sklearn.pipeline import make_pipeline
     >>> from sklearn_haptic import TemporalMaxPool
-    >>> from sklearn_haptic._cost import without_caches
+    >>> from sklearn_haptic.model_selection._cost import without_caches
     >>> cached = make_pipeline(TemporalMaxPool(memory="cache"))
     >>> without_caches(cached)[0].memory is None, cached[0].memory
     (True, 'cache')

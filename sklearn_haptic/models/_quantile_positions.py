@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from .ratings import _level_index
+from .._distributions import _level_index
 
 _GOLDEN = (np.sqrt(5) - 1) / 2
 
@@ -96,7 +96,7 @@ def share_below(latent, thresholds, inputs, to_position):
     Examples
     --------
     >>> import numpy as np
-    >>> from sklearn_haptic._positions import share_below
+    >>> from sklearn_haptic.models._quantile_positions import share_below
     >>> latent = np.array([[-1.0, 1.0, 3.0]])
     >>> share_below(latent, np.array([0.0, 2.0]), np.linspace(0, 1, 3), np.positive)
     array([[0.25, 0.75]])

@@ -12,37 +12,33 @@ from typing import Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import (
-    BaseEstimator,
-    MetaEstimatorMixin,
-    clone,
-)
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.callback import CallbackSupportMixin
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import HasMethods
 from sklearn.utils.validation import check_is_fitted
 
-from ._documentation import DocumentedEstimator
-from ._frozen import check_frozen, unfrozen
-from ._nnpom import NNPOM, hold_out_trials, single_ratings
-from ._ordinal import OrdinalClassifierMixin
-from ._threads import one_blas_thread
-from ._typing import (
+from .._check_ratings import validate_rated_trials
+from .._check_trials import check_table
+from .._sklearn import (
+    DocumentedEstimator,
     FloatArray,
     Observations,
     RandomState,
     _fit_context,
+    one_blas_thread,
     with_callbacks,
 )
-from ._validation import (
-    check_groups,
-    check_table,
-    check_weights,
-    validate_rated_trials,
-)
+from .._validation import check_groups, check_weights
+from ._early_stopping import hold_out_trials
+from ._frozen import check_frozen, unfrozen
+from ._nnpom import NNPOM, single_ratings
+from ._ordinal import OrdinalClassifierMixin
 
 _Network: TypeAlias = NNPOM | FrozenEstimator
+
+
 _NETWORK = HasMethods(["fit_with_positions", "hidden_activations_with_positions"])
 
 
@@ -70,7 +66,7 @@ def resolve_sensors(sensors, feature_names, n_features):
 
     Examples
     --------
-    >>> from sklearn_haptic._fusion import resolve_sensors
+    >>> from sklearn_haptic.models._fusion import resolve_sensors
     >>> resolve_sensors(None, ["pac__0", "pac__1", "tdc__0"], 3)
     {'pac': array([0, 1]), 'tdc': array([2])}
     >>> resolve_sensors({"pac": slice(2), "tdc": [2]}, None, 3)

@@ -22,9 +22,11 @@ from sklearn.utils import Bunch
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.parallel import Parallel, delayed
 
-from ._distributional import DistributionalOrdinalRegressor
-from ._nnpom import NNPOM
-from ._study_store import (
+from .._sklearn import Names, Scorer, one_blas_thread, validate_params
+from ..datasets._phac2 import PROCEDURE_STATES, SENSORS, choose
+from ..models._distributional import DistributionalOrdinalRegressor
+from ..models._nnpom import NNPOM
+from ._store import (
     open_study,
     read_finished,
     read_record,
@@ -32,12 +34,7 @@ from ._study_store import (
     read_unit,
     write_unit,
 )
-from ._study_units import COMPUTE, NAME_OF_MODELS, Study, adjectives_of, check_models
-from ._threads import one_blas_thread
-from ._typing import Names, Scorer, validate_params
-from .datasets._phac2 import PROCEDURE_STATES, SENSORS, choose
-
-__all__ = ["read_study", "run_study"]
+from ._units import COMPUTE, NAME_OF_MODELS, Study, adjectives_of, check_models
 
 
 # Sums in another order would differ in the last digit.

@@ -13,10 +13,9 @@ from sklearn.utils.validation import (
     validate_data,
 )
 
-from ._documentation import DocumentedEstimator
+from .._check_ratings import check_ratings
+from .._sklearn import DocumentedEstimator, Trials, _fit_context
 from ._ordinal import OrdinalClassifierMixin
-from ._typing import Trials, _fit_context
-from ._validation import check_ratings
 
 
 class DummyDistribution(DocumentedEstimator, OrdinalClassifierMixin, BaseEstimator):

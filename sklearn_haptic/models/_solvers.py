@@ -5,8 +5,14 @@ from scipy import optimize
 
 # Igel & Hüsken's iRprop+ as used by Gutiérrez et al. (2016).
 _GROW, _SHRINK, _FIRST_STEP, _LARGEST_STEP = 1.2, 0.5, 0.0123, 50.0
+
+
 _VALIDATION_INTERVAL = 10  # iterations between two looks at the validation error
+
+
 _ROUNDING = 1e-6  # of the gradient of a cost near 1, which is flat to its last digits
+
+
 _STOPPED = 99  # status of scipy's minimisers that a callback ended
 
 

@@ -10,6 +10,8 @@ import numpy as np
 # Signals coded at a time, at least, where there are as many: NumPy broadcasts rows
 # as long as its buffer, or longer, without copying them.
 _CHUNK_SIZE = 8192
+
+
 # Dictionaries with a larger |cosine| between atoms are worked in double precision:
 # the pursuit loses as many digits as the Gram matrix is ill-conditioned.
 _COHERENT = 0.99
@@ -72,7 +74,7 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
     Examples
     --------
     >>> import numpy as np
-    >>> from sklearn_haptic._sparse_coding import batch_omp
+    >>> from sklearn_haptic.features._sparse_coding import batch_omp
     >>> support, coefs = batch_omp(np.array([[0.0, 3.0, -5.0]]), np.eye(3), 2)
     >>> support.ravel(), coefs.ravel()
     (array([2, 1]), array([-5.,  3.]))

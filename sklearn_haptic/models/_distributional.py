@@ -13,12 +13,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import expit, logit
-from sklearn.base import (
-    BaseEstimator,
-    MetaEstimatorMixin,
-    clone,
-    is_regressor,
-)
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone, is_regressor
 from sklearn.callback import CallbackSupportMixin
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils import check_random_state, gen_batches
@@ -29,11 +24,16 @@ from sklearn.utils.validation import (
     has_fit_parameter,
 )
 
-from ._documentation import DocumentedEstimator
+from .._check_ratings import check_attributes, validate_rated_trials, weighted
+from .._check_trials import check_numbers, check_table
+from .._distributions import _level_index
+from .._sklearn import DocumentedEstimator, RandomState, _fit_context
+from .._validation import check_groups, check_weights
+from ._early_stopping import hold_out_trials, validates_on_rows
 from ._frozen import check_frozen, unfrozen
-from ._nnpom import NNPOM, hold_out_trials, relative_weights
+from ._nnpom import NNPOM, relative_weights
 from ._ordinal import OrdinalClassifierMixin
-from ._positions import (
+from ._quantile_positions import (
     crossing_positions,
     largest_jump_error,
     population_cells,
@@ -42,31 +42,28 @@ from ._positions import (
     share_below,
     training_observations,
 )
-from ._typing import RandomState, _fit_context
-from ._validation import (
-    check_attributes,
-    check_groups,
-    check_numbers,
-    check_table,
-    check_weights,
-    validate_rated_trials,
-    weighted,
-)
-from .ratings import _level_index
 
 # With 20 nodes the distribution function is off by less than 1e-4 for weights of the
 # log-odds up to 2, 1e-3 up to 4. They are used if on some training trials they differ
 # by no more than this from the first number of cells.
 _MIXTURE_NODES = 20
+
+
 _SMOOTH_ERROR, _SMOOTH_TRIALS = 0.003, 32
+
+
 # What jumps is averaged over cells, over more while they may be off by this much.
 _CELLS = (384, 1024, 4096, 16384)
+
+
 _JUMP_ERROR = 0.0045
+
+
 # With 33 nodes networks of up to 30 units were off by less than 1e-2, 1e-4 on average,
 # where a grid of 99 positions is off by 1e-2.
 _CROSSING_NODES = 33
-# More rows than this make scikit-learn's histogram boosting stop early by itself.
-_AUTO_EARLY_STOPPING = 10_000
+
+
 # Few trials at a time, so that what is predicted for them stays in the cache; of rows
 # that are repeated for every position no more than so many, and so many values.
 _BATCH_SIZE, _BATCH_ROWS, _BATCH_VALUES = 256, 2**14, 2**22
@@ -77,20 +74,6 @@ def decide(proba, rule):
     if rule == "argmax":
         return proba.argmax(axis=-1)
     return np.sum(np.cumsum(proba[..., :-1], axis=-1) < 0.5, axis=-1)
-
-
-def validates_on_rows(estimator, n_rows):
-    """Whether an estimator, or a step of it, holds out some rows to stop early."""
-    params = estimator.get_params()
-    for name, fraction in params.items():
-        step = name.removesuffix("validation_fraction")
-        if step == name or fraction is None:
-            continue
-        patient = params.get(f"{step}n_iter_no_change") is not None
-        early = params.get(f"{step}early_stopping", patient)
-        if early is True or (early == "auto" and n_rows > _AUTO_EARLY_STOPPING):
-            return True
-    return False
 
 
 class DistributionalOrdinalRegressor(

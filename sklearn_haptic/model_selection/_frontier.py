@@ -17,53 +17,21 @@ The sensors of a model are such a choice too: :func:`sensor_subsets` tries them 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
-from functools import partial
-from itertools import combinations, count, takewhile
+from collections.abc import Mapping
+from itertools import count, takewhile
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
-from scipy.stats import rankdata
-from sklearn.base import clone
-from sklearn.compose import ColumnTransformer
-from sklearn.metrics import check_scoring
-from sklearn.pipeline import Pipeline
-from sklearn.utils import _safe_indexing, indexable
-from sklearn.utils._set_output import _get_adapter_from_container
-from sklearn.utils.parallel import Parallel, delayed
-from sklearn.utils.validation import _check_method_params, check_is_fitted
-
-from ._contributions import contribution_summary, sensor_contributions
-from ._cost import (
-    neg_seconds_scorer,
-    predictor,
-    seconds_per_trial,
-    timed,
-    without_caches,
-)
-from ._folds import make_splitter, route
-from ._out_of_fold import cross_val_predict_proba
-from ._typing import CrossValidator, Scorer, Trials
-from ._validation import check_groups
+from sklearn.utils.validation import check_is_fitted
 
 if TYPE_CHECKING:
     from sklearn.model_selection._search import BaseSearchCV
 
-__all__ = [
-    "cheapest_within_one_se",
-    "contribution_summary",
-    "cross_val_predict_proba",
-    "neg_seconds_scorer",
-    "sensor_contributions",
-    "sensor_subsets",
-    "speed_accuracy_frontier",
-]
-
-
 # Name of what `neg_seconds_scorer` measures, in a search and in `sensor_subsets`.
 _COST = "neg_seconds"
+
+
 # Times that differ by a smaller factor are equal: those of one model do, too.
 _SAME_TIME = 1.1
 
@@ -389,127 +357,6 @@ def cheapest_within_one_se(
     return int(candidates.index[cheapest])
 
 
-def sensor_subsets(
-    model: Pipeline,
-    X: Trials,
-    y: ArrayLike,
-    *,
-    groups: ArrayLike | None = None,
-    cv: CrossValidator = None,
-    scoring: str | Scorer | Sequence[str] | Mapping[str, str | Scorer] | None = None,
-    n_jobs: int | None = None,
-) -> dict[str, Any]:
-    """Cross-validate a model with every subset of its sensors.
-
-    Which sensors earn their time? The features of a sensor do not depend on the
-    other sensors, so that those of each are computed once a fold, and timed; only
-    the rest of the model is fitted and scored again for each of the 2^n - 1 subsets.
-    The scores are those of a ``GridSearchCV`` over a model whose other sensors are
-    set to ``"drop"``.
-
-    Parameters
-    ----------
-    model : Pipeline
-        Its first step is a :class:`~sklearn.compose.ColumnTransformer` with one
-        transformer a sensor, its last a predictor, such as
-        :class:`~sklearn_haptic.DistributionalOrdinalRegressor`. Transformers set to
-        ``"drop"`` are not tried.
-    X : DataFrame or array-like of shape (n_trials, n_columns)
-        The trials.
-    y : array-like of shape (n_trials,) or (n_trials, n_levels)
-        Labels, or how many people gave each level.
-    groups : array-like of shape (n_trials,), default=None
-        The object of each trial, for the splitter. With metadata routing enabled, also
-        for ``fit`` of those steps behind the sensors that request it, such as a network
-        that stops early.
-    cv : int, splitter or iterable, default=None
-        The folds. An int, or None for 5, is a number of folds: of whole objects if
-        ``groups`` are given, else as in
-        :class:`~sklearn.model_selection.GridSearchCV`.
-    scoring : str, callable, list, tuple or dict, default=None
-        As in :class:`~sklearn.model_selection.GridSearchCV`; None is the model's
-        own ``score``.
-    n_jobs : int, default=None
-        Number of jobs; one fits and scores all subsets on one fold.
-
-    Returns
-    -------
-    cv_results : dict
-        In the form of ``GridSearchCV.cv_results_``, a candidate a subset, small
-        subsets first: ``params``, each ``{"sensors": (name, ...)}``;
-        ``param_sensors``; ``split0_test_score`` and so on; mean and standard
-        deviation over folds of the test score, ``rank_test_score``; the same of the
-        score "neg_seconds", minus the seconds to predict one trial, as
-        :func:`neg_seconds_scorer` measures it; and mean and standard deviation of the
-        time to fit and to score, in seconds. A time of a subset is the sum of those of
-        its sensors and of the rest of the model.
-
-    Raises
-    ------
-    TypeError
-        If ``model`` is no Pipeline that begins with a ColumnTransformer, or the
-        features of a sensor are neither an array nor a DataFrame of pandas or polars.
-    ValueError
-        If nothing follows the ColumnTransformer, its ``remainder`` is not
-        ``"drop"``, its transformers are all dropped or share a name, or a trial has
-        no group.
-
-    See Also
-    --------
-    speed_accuracy_frontier : The subsets that no other beats in time and score.
-    cheapest_within_one_se : The fastest within reach of the best.
-    sklearn_haptic.plotting.SpeedAccuracyDisplay : Look at them.
-
-    Notes
-    -----
-    A ``memory=`` in the model, or in one of its parts, falsifies the times to fit and
-    to score, but not "neg_seconds", for which caches are off. Other jobs on the machine
-    falsify all times: where small differences matter use ``n_jobs=1``.
-
-    Random states that are integers give each subset the features and the model that
-    it would have alone. A fit that fails raises its error.
-
-    Examples
-    --------
-    >>> from sklearn.model_selection import GroupKFold
-    >>> from sklearn_haptic import make_haptic_pipeline
-    >>> from sklearn_haptic.datasets import make_haptic_corpus
-    >>> from sklearn_haptic.metrics import neg_rps_scorer
-    >>> from sklearn_haptic.model_selection import sensor_subsets
-    >>> sensors = ["pdc", "tac", "tdc"]
-    >>> corpus = make_haptic_corpus(9, 2, sensors=sensors, random_state=0)
-    >>> results = sensor_subsets(
-    ...     make_haptic_pipeline(sensors, preset="fast", random_state=0),
-    ...     corpus.trials,
-    ...     corpus.ratings["hard"],
-    ...     groups=corpus.objects,
-    ...     cv=GroupKFold(3),
-    ...     scoring=neg_rps_scorer,
-    ... )
-    >>> [params["sensors"] for params in results["params"]][2:5]
-    [('tdc',), ('pdc', 'tac'), ('pdc', 'tdc')]
-    """
-    sensors = _split_sensors(model)
-    subsets = [
-        subset
-        for size in range(1, len(sensors) + 1)
-        for subset in combinations(sensors, size)
-    ]
-    X, y = indexable(X, y)
-    groups = check_groups(groups, X)
-    scorer = check_scoring(model, scoring)
-    splitter = make_splitter(model, y, groups, cv)
-    rest = model[1:]
-    for_split, for_fit = route(rest, splitter, groups, {})
-    folds = Parallel(n_jobs=n_jobs)(
-        delayed(_score_subsets)(
-            sensors, rest, subsets, scorer, X, y, train, test, for_fit
-        )
-        for train, test in splitter.split(X, y, **for_split)
-    )
-    return _as_cv_results(subsets, folds)
-
-
 def _check_metric(results, metric):
     """Return the name of the score to use, if the results leave no doubt."""
     prefix = "mean_test_"
@@ -523,97 +370,3 @@ def _check_metric(results, metric):
             f"metric is {problem}; choose one of the search's scores: {known}."
         )
     return metric
-
-
-def _split_sensors(model):
-    """Return the ColumnTransformer of each sensor alone, by the sensor's name."""
-    first = model[0] if isinstance(model, Pipeline) else model
-    if first is model or not isinstance(first, ColumnTransformer):
-        raise TypeError(
-            "model must be a Pipeline that begins with a ColumnTransformer with one "
-            f"transformer a sensor, but it begins with a {type(first).__name__}."
-        )
-    if len(model) == 1:
-        raise ValueError("model ends with its ColumnTransformer; add a predictor.")
-    if not isinstance(first.remainder, str) or first.remainder != "drop":
-        raise ValueError(
-            f"model has a ColumnTransformer with remainder={first.remainder!r}, which "
-            "is no sensor; set it to 'drop' and name a transformer for each sensor."
-        )
-    entries = [
-        (name, transformer, columns)
-        for name, transformer, columns in first.transformers
-        if not isinstance(transformer, str) or transformer != "drop"
-    ]
-    sensors = {
-        entry[0]: clone(first).set_params(transformers=[entry]) for entry in entries
-    }
-    if not 0 < len(sensors) == len(entries):
-        raise ValueError(
-            "model has a ColumnTransformer whose transformers are all dropped or share "
-            f"a name: {[name for name, *_ in first.transformers]}; give each sensor "
-            "one of its own."
-        )
-    return sensors
-
-
-def _score_subsets(sensors, rest, subsets, scorer, X, y, train, test, params):
-    """Seconds to fit and to score, and the scores, of each subset on one fold."""
-    X_train, X_test = _safe_indexing(X, train), _safe_indexing(X, test)
-    y_train, y_test = _safe_indexing(y, train), _safe_indexing(y, test)
-    params = _check_method_params(X, params, indices=train)
-    features = {}
-    for name in sensors:
-        sensor = clone(sensors[name])
-        Z_train, fit_time = timed(sensor.fit_transform, X_train, y_train)
-        Z_test, score_time = timed(sensor.transform, X_test)
-        if not isinstance(Z_train, np.ndarray) and not hasattr(Z_train, "columns"):
-            raise TypeError(
-                f"The features of sensor {name!r} are a {type(Z_train).__name__}, "
-                "which is not supported; let its transformer return a dense array."
-            )
-        use = seconds_per_trial(without_caches(sensor).transform, X_test)
-        features[name] = Z_train, Z_test, (fit_time, score_time, use)
-    outcomes = []
-    for subset in subsets:
-        Z_train, Z_test, seconds = zip(*map(features.get, subset))
-        Z_train, Z_test = _side_by_side(Z_train), _side_by_side(Z_test)
-        fit = partial(clone(rest).fit, **params)
-        fitted, fit_time = timed(fit, Z_train, y_train)
-        scores, score_time = timed(scorer, fitted, Z_test, y_test)
-        use = seconds_per_trial(predictor(fitted), Z_test)
-        *seconds, use = np.sum([*seconds, (fit_time, score_time, use)], axis=0)
-        scores = scores if isinstance(scores, Mapping) else {"score": scores}
-        outcomes.append((seconds, {**scores, _COST: -use}))
-    return outcomes
-
-
-def _side_by_side(parts):
-    """Features of several sensors as a ColumnTransformer puts them together."""
-    if isinstance(parts[0], np.ndarray):
-        return np.hstack(parts)
-    return _get_adapter_from_container(parts[0]).hstack(parts)
-
-
-def _as_cv_results(subsets, folds):
-    """Put what the folds returned into the form of ``cv_results_``."""
-    results = {
-        "params": [{"sensors": subset} for subset in subsets],
-        "param_sensors": np.fromiter(subsets, dtype=object, count=len(subsets)),
-    }
-    seconds = np.array([[seconds for seconds, _ in fold] for fold in folds])
-    for key, times in zip(["fit_time", "score_time"], seconds.T):
-        results |= {f"mean_{key}": times.mean(axis=1), f"std_{key}": times.std(axis=1)}
-    for metric in folds[0][0][1]:
-        scores = np.array([[scores[metric] for _, scores in fold] for fold in folds]).T
-        mean = scores.mean(axis=1)
-        with np.errstate(invalid="ignore"):  # scores may be infinite
-            std = scores.std(axis=1)
-        ranks = rankdata(-np.nan_to_num(mean, nan=-np.inf), method="min")
-        results |= {
-            **{f"split{k}_test_{metric}": split for k, split in enumerate(scores.T)},
-            f"mean_test_{metric}": mean,
-            f"std_test_{metric}": std,
-            f"rank_test_{metric}": ranks.astype(np.int32),
-        }
-    return results

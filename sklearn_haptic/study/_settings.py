@@ -61,7 +61,7 @@ def describe(value):
     Examples
     --------
     >>> from functools import partial
-    >>> from sklearn_haptic._study_settings import describe
+    >>> from sklearn_haptic.study._settings import describe
     >>> describe(partial(sorted, reverse=True))
     {'function': 'builtins.sorted', 'args': [], 'keywords': {'reverse': True}}
     >>> from sklearn.preprocessing import StandardScaler

@@ -3,8 +3,8 @@
 from numpy.typing import ArrayLike
 from sklearn.base import ClassifierMixin
 
-from ._typing import Trials
-from .metrics import neg_rps_scorer
+from .._sklearn import Trials
+from ..metrics import neg_rps_scorer
 
 
 class OrdinalClassifierMixin(ClassifierMixin):

@@ -26,27 +26,31 @@ from sklearn.model_selection import GroupKFold
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils import check_random_state
 
-from ._baselines import DummyDistribution
-from ._contributions import fit_holdouts, score_trials
-from ._distributional import DistributionalOrdinalRegressor
-from ._fusion import SensorFusionNNPOM
-from ._nnpom import validation_split
-from ._pooling import TemporalMaxPool
-from ._presets import make_haptic_pipeline
-from ._study_store import check_text, read_unit, unit_path
-from ._validation import check_ratings
-from .datasets._phac2 import PROCEDURE_STATES
+from .._check_ratings import check_ratings
+from .._folds import validation_split
+from .._pipeline import make_haptic_pipeline
+from ..datasets._phac2 import PROCEDURE_STATES
+from ..features._pooling import TemporalMaxPool
+from ..model_selection._contributions import fit_holdouts, score_trials
+from ..models._baselines import DummyDistribution
+from ..models._distributional import DistributionalOrdinalRegressor
+from ..models._fusion import SensorFusionNNPOM
+from ._store import check_text, read_unit, unit_path
 
 _SHARE_OF_DICTIONARY = 0.6  # of the trials of each object
+
+
 _SHARE_OF_TEST = 0.1  # of the objects, in the paper's split
+
+
 _SHARE_OF_VALIDATION = 1 / 9  # of the objects that are not for testing
+
+
 # Name of a unit of models: procedure, adjective and fold.
 NAME_OF_MODELS = rf"({'|'.join(PROCEDURE_STATES)})_.*_\d+"
 
 
 # Pure steps -----------------------------------------------------------------
-
-
 class Parts(NamedTuple):
     """Ascending indices of the trials of one fold."""
 
@@ -72,7 +76,7 @@ def derive_seed(random_state, *name):
 
     Examples
     --------
-    >>> from sklearn_haptic._study_units import derive_seed
+    >>> from sklearn_haptic.study._units import derive_seed
     >>> derive_seed(0, "features", "hold", "pac")
     1392585247
     """
@@ -107,7 +111,7 @@ def split_objects(objects, split, *, n_splits, n_repeats, seed):
     Examples
     --------
     >>> import numpy as np
-    >>> from sklearn_haptic._study_units import split_objects
+    >>> from sklearn_haptic.study._units import split_objects
     >>> objects = np.repeat(np.arange(60), 10)
     >>> (parts,) = split_objects(objects, "paper", n_splits=5, n_repeats=2, seed=0)
     >>> [len(np.unique(objects[part])) for part in parts]
@@ -178,7 +182,7 @@ def learn_features(trials, objects, procedure, sensor, seed):
     Examples
     --------
     >>> from sklearn_haptic.datasets import make_haptic_corpus
-    >>> from sklearn_haptic._study_units import learn_features
+    >>> from sklearn_haptic.study._units import learn_features
     >>> corpus = make_haptic_corpus(3, 2, "fast_slide", sensors=["tdc"], random_state=0)
     >>> features, dictionary = learn_features(
     ...     list(corpus.trials["tdc"]), corpus.objects, "fast_slide", "tdc", seed=0
@@ -220,7 +224,7 @@ def rotate_features(features, train):
     Examples
     --------
     >>> import numpy as np
-    >>> from sklearn_haptic._study_units import rotate_features
+    >>> from sklearn_haptic.study._units import rotate_features
     >>> features = np.random.default_rng(0).normal(size=(6, 20))
     >>> rotate_features(features, np.arange(4)).shape
     (6, 3)
@@ -272,7 +276,7 @@ def fit_best(candidates, X, counts, parts, scoring):
     --------
     >>> import numpy as np
     >>> from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
-    >>> from sklearn_haptic._study_units import Parts, fit_best
+    >>> from sklearn_haptic.study._units import Parts, fit_best
     >>> X = np.array([[0.0], [1.0], [2.0]])
     >>> counts = np.array([[9, 1], [1, 9], [0, 10]])
     >>> candidates = [
@@ -300,8 +304,6 @@ def fit_best(candidates, X, counts, parts, scoring):
 
 
 # Units ----------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Study:
     """What the units of a study need to know; see `run_study` for the settings."""
@@ -400,7 +402,7 @@ def check_ids(ids, name):
 
     Examples
     --------
-    >>> from sklearn_haptic._study_units import check_ids
+    >>> from sklearn_haptic.study._units import check_ids
     >>> check_ids(["007", "7"], "objects")
     array(['007', '7'], dtype=object)
     """
@@ -570,7 +572,7 @@ def score_baselines(counts, parts):
     Examples
     --------
     >>> import numpy as np
-    >>> from sklearn_haptic._study_units import Parts, score_baselines
+    >>> from sklearn_haptic.study._units import Parts, score_baselines
     >>> counts = np.array([[3, 1], [1, 3], [1, 3], [0, 4]])
     >>> parts = Parts(np.array([0, 1]), np.array([2]), np.array([3]))
     >>> [round(each["proba_2"], 3) for each in score_baselines(counts, parts)]

@@ -10,7 +10,11 @@ from ._sparse_coding import batch_omp, dense_codes, rounding_level, row_norms, u
 
 # An atom is replaced if it is as good as parallel to another, or hardly used.
 _MAX_COHERENCE = 0.99
+
+
 _MIN_USERS = 4
+
+
 # Iterations over which the error must fall by the fraction `tol` to go on.
 _PATIENCE = 5
 
@@ -76,7 +80,7 @@ def ksvd(
     Examples
     --------
     >>> import numpy as np
-    >>> from sklearn_haptic._dictionary_learning import ksvd
+    >>> from sklearn_haptic.features._ksvd import ksvd
     >>> rng = np.random.RandomState(0)
     >>> signals = rng.normal(size=(200, 1)) * [0.6, 0.8]
     >>> atoms, errors = ksvd(signals, np.eye(2)[:1], 1, rng=rng)

@@ -1,0 +1,356 @@
+"""Checks of trials: recordings of one sensor or of several."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Set
+from datetime import date, timedelta
+
+import numpy as np
+from scipy import sparse
+from sklearn.utils.validation import validate_data
+
+from ._sequences import Sequences
+
+_NO_NUMBERS = (str, bytes, date, timedelta, np.datetime64, np.timedelta64)
+
+
+def is_table(X):
+    """Whether ``X`` is ordinary 2-D input rather than a collection of trials.
+
+    Anything that is not clearly a collection of trials counts as a table, so
+    that scikit-learn's own validation words the errors.
+    """
+    if isinstance(X, Sequences):
+        return False
+    if (
+        sparse.issparse(X)
+        or isinstance(X, (str, bytes, Mapping, Set))
+        or not hasattr(X, "__len__")
+    ):
+        return True
+    if _has_columns(X):
+        return not _columns_of_trials(X)
+    if isinstance(X, np.ndarray) and (X.dtype != object or X.ndim != 1):
+        return X.ndim <= 2
+    if len(X) == 0:
+        return True
+    ndims = {_ndim(trial) for trial in X}
+    if ndims == {1}:  # rows of a table, unless their lengths differ
+        return len({len(row) for row in X}) == 1 and not isinstance(X, np.ndarray)
+    return ndims == {0}
+
+
+def channel_names(X):
+    """Return the column names of trials that are data frames, None if none has any."""
+    if isinstance(X, Sequences) or is_table(X):
+        return None
+    return next(filter(None, map(_names, _cells(X))), None)
+
+
+def transposed_hint(shape):
+    """Return a sentence for errors: a trial has more channels than samples."""
+    if len(shape) != 2 or shape[1] <= shape[0]:
+        return ""
+    return (
+        f" Its shape {shape} is taken for {_count(shape[0], 'time samples')} of "
+        f"{_samples(shape[1:])}; transpose it if that is wrong."
+    )
+
+
+def check_trials(X, *, ndims=(2,), n_channels=None, names=None):
+    """Validate a collection of trials; return a list of floating-point arrays.
+
+    Parameters
+    ----------
+    X : collection of array-like
+        List, tuple, object array, Series or one-column DataFrame of arrays, or
+        one array with the trials along its first axis. A one-dimensional trial
+        is one channel. Columns of trials that are data frames are put in the
+        order of `names`.
+    ndims : tuple of int, default=(2,)
+        Numbers of dimensions that a trial may have.
+    n_channels : int or tuple of int, default=None
+        Required shape of one time sample; by default that of the first trial.
+    names : list, default=None
+        :func:`channel_names` of the trials given to `fit`; by default of these.
+
+    Returns
+    -------
+    trials : list of ndarray of shape (n_times_i, ...)
+        All float32 if every trial is float32, else all float64. Inputs that
+        are already so are not copied.
+
+    Raises
+    ------
+    ValueError
+        If there is no trial, or one is too short, without channels, not finite,
+        not of real numbers or of another shape than the rest; the message names
+        the trial.
+    """
+    cells = _cells(X)
+    _check_any(cells)
+    where = "the first trial" if n_channels is None else "fit"
+    named = "the first trial" if n_channels is None or names is None else "fit"
+    names = channel_names(cells) if names is None else names
+    trials = [
+        _check_trial(_in_order(cell, i, names, named), i, ndims)
+        for i, cell in enumerate(cells)
+    ]
+    shape = trials[0].shape[1:] if n_channels is None else n_channels
+    shape = (shape,) if np.ndim(shape) == 0 else tuple(shape)
+    for i, trial in enumerate(trials):
+        hint = transposed_hint(trial.shape)
+        _check_samples(i, trial.shape[1:], shape, where, hint)
+    if len({trial.dtype for trial in trials}) > 1:
+        trials = [trial.astype(np.float64, copy=False) for trial in trials]
+    return trials
+
+
+def check_sequences(sequences, *, n_columns=None):
+    """Check what a sequence step returned, without coding any trial.
+
+    Parameters
+    ----------
+    sequences : Sequences
+        The codes, which are finite and alike.
+    n_columns : int, default=None
+        Required number of columns; by default any.
+
+    Raises
+    ------
+    ValueError
+        If there is no trial, or one is empty or has another number of columns;
+        the message names the trial.
+    """
+    _check_any(sequences)
+    for i, length in enumerate(sequences.lengths):
+        _check_length(i, length, sequences.unit)
+    if n_columns is not None:
+        _check_samples(0, (len(sequences.feature_names),), (n_columns,), "fit")
+
+
+def check_numbers(values, name):
+    """Refuse what is no real number, though NumPy might quietly make it one.
+
+    Parameters
+    ----------
+    values : array-like
+        Numbers in any container; what scikit-learn refuses is left to it.
+    name : str
+        What error messages call ``values``.
+
+    Raises
+    ------
+    ValueError
+        If a value is text, a date, complex or masked, or rows differ in length.
+    """
+    array = check_regular(values, name)
+    if not (hasattr(values, "columns") and hasattr(values, "dtypes")):
+        if _holds_no_numbers(array):
+            raise ValueError(
+                f"{name} is not an array of numbers (it holds text or dates); convert "
+                "it."
+            )
+        return
+    # Column by column: an array of them all may make numbers of dates.
+    for i, dtype in enumerate(values.dtypes):
+        if _is_numeric(dtype):
+            continue
+        if _holds_no_numbers(np.asarray(_column(values, i))):
+            column = values.columns[i]
+            raise ValueError(
+                f"{name} is not an array of numbers (column {column!r} holds text or "
+                "dates); convert it or leave it out."
+            )
+
+
+def check_regular(values, name):
+    """Refuse masked and complex values, rows of unequal length and what is no array."""
+    if isinstance(values, (Mapping, Set, Iterator)) and not sparse.issparse(values):
+        raise ValueError(
+            f"{name} is a {type(values).__name__}, which is no array; give a list, an "
+            "array or a DataFrame."
+        )
+    if np.ma.is_masked(values):
+        raise ValueError(
+            f"{name} has masked values, which are no data; fill or remove them."
+        )
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise ValueError(
+            f"{name} is no array of one shape; give rows of equal length ({error})."
+        ) from error
+    if array.dtype.kind == "c":
+        raise ValueError(
+            f"Complex data not supported: {name} is not an array of numbers (complex "
+            "values have no order); give real ones."
+        )
+    return array
+
+
+def check_table(estimator, X, **options):
+    """Validate a table of features: `validate_data` after `check_numbers`.
+
+    Its rows are contiguous, so that the same table gives the same sums in any layout.
+    """
+    check_numbers(X, "X")
+    with np.errstate(over="ignore", invalid="ignore"):  # of the sum it looks at first
+        return validate_data(estimator, X, order="C", **options)
+
+
+def _has_columns(X):
+    """Whether X is a DataFrame, a Series or an object array of two dimensions."""
+    if hasattr(X, "to_numpy") and hasattr(X, "shape"):
+        return True
+    return isinstance(X, np.ndarray) and X.dtype == object and X.ndim == 2
+
+
+def _column(X, i):
+    """Return column i of a DataFrame or an array; a Series is its only column."""
+    if len(X.shape) == 1:
+        return X
+    if hasattr(X, "to_series"):  # polars
+        return X.to_series(i)
+    return X.iloc[:, i] if hasattr(X, "iloc") else X[:, i]
+
+
+def _columns_of_trials(X):
+    """Return the numbers of the columns that hold arrays."""
+    n_columns = 1 if len(X.shape) == 1 else X.shape[1]
+    dtypes = X.dtypes if hasattr(X, "columns") else [X.dtype] * n_columns
+    return [
+        i
+        for i, dtype in enumerate(dtypes)
+        if not _is_numeric(dtype) and any(_ndim(cell) >= 1 for cell in _column(X, i))
+    ]
+
+
+def _is_numeric(dtype):
+    """Whether a data type of NumPy, pandas or polars is one of real numbers."""
+    if hasattr(dtype, "is_numeric"):
+        return dtype.is_numeric()
+    return dtype.kind in "biuf"
+
+
+def _holds_no_numbers(array):
+    if array.dtype.kind != "O":
+        return array.dtype.kind in "SUTMm"
+    return any(isinstance(value, _NO_NUMBERS) for value in array.flat)
+
+
+def _cells(X):
+    """Return the trials of a collection as a sequence; refuse several columns."""
+    if not _has_columns(X):
+        return X
+    if len(X.shape) == 2 and X.shape[1] != 1:
+        labels = getattr(X, "columns", range(X.shape[1]))
+        of_trials = [labels[i] for i in _columns_of_trials(X)]
+        raise ValueError(
+            f"X has {X.shape[1]} columns, of which {of_trials} hold trials; choose one "
+            "with ColumnTransformer, a transformer for each sensor."
+        )
+    return list(_column(X, 0))
+
+
+def _names(trial):
+    """Return the column names of a data frame that has any, else None."""
+    if not hasattr(trial, "columns"):
+        return None
+    names = list(trial.columns)
+    return None if names == list(range(len(names))) else names
+
+
+def _in_order(trial, i, names, where):
+    """Return a trial with its columns, if they have names, in the order of `names`."""
+    own = None if names is None else _names(trial)
+    if own is None or own == names:
+        return trial
+    odd = [name for name in [*names, *own] if own.count(name) != names.count(name)]
+    if odd:
+        raise ValueError(
+            f"Trial {i} of X and {where} differ in the column {odd[0]!r}; give all "
+            "trials the same columns."
+        )
+    return trial[names]
+
+
+def _ndim(trial):
+    if hasattr(trial, "ndim"):
+        return trial.ndim
+    if hasattr(trial, "columns"):  # a frame of polars
+        return 2
+    try:
+        return np.ndim(trial)
+    except ValueError:  # rows of unequal length
+        return 2
+
+
+def _count(n, units):
+    """Return a number with its unit, given in the plural."""
+    return f"{n} {units.removesuffix('s') if n == 1 else units}"
+
+
+def _samples(shape):
+    if len(shape) == 1:
+        return _count(shape[0], "channels")
+    return "frames of " + " × ".join(map(str, shape))
+
+
+def _check_trial(trial, i, ndims):
+    if _ndim(trial) == 0 and not isinstance(trial, (Mapping, Set)):
+        raise ValueError(
+            f"Trial {i} of X is {trial!r}, not an array of shape (n_times, "
+            "n_channels); give its recording or leave the trial out."
+        )
+    check_numbers(trial, f"Trial {i} of X")
+    try:
+        trial = np.asarray(trial)
+        if trial.dtype not in (np.float32, np.float64):
+            trial = trial.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"Trial {i} of X is not an array of numbers ({error}); give each trial as "
+            "an array of shape (n_times, n_channels)."
+        ) from error
+    if trial.ndim == 1 and 2 in ndims:
+        trial = trial[:, None]
+    if trial.ndim not in ndims:
+        wanted = " or ".join(
+            {2: "(n_times, n_channels)", 3: "(n_times, height, width)"}[n]
+            for n in ndims
+        )
+        raise ValueError(
+            f"Trial {i} of X has shape {trial.shape}; it must be {wanted}."
+        )
+    _check_length(i, len(trial))
+    if trial.size == 0:
+        raise ValueError(
+            f"Trial {i} of X has shape {trial.shape}, which holds no values; give each "
+            "trial one channel or more."
+        )
+    if not np.isfinite(trial).all():
+        raise ValueError(
+            f"Trial {i} of X contains NaN or infinity; impute or remove those samples."
+        )
+    return trial
+
+
+def _check_any(trials):
+    if len(trials) == 0:
+        raise ValueError("X holds no trials; at least one is required.")
+
+
+def _check_length(i, length, unit="time samples"):
+    if length == 0:
+        raise ValueError(
+            f"Trial {i} of X has 0 {unit}, but at least 1 is required; remove it."
+        )
+
+
+def _check_samples(i, shape, expected, where, hint=""):
+    if shape != expected:
+        raise ValueError(
+            f"Trial {i} of X has {_samples(shape)}, but {_samples(expected)} "
+            f"{'is' if expected == (1,) else 'are'} expected, as in {where}.{hint}"
+        )

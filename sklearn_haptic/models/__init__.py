@@ -1,0 +1,14 @@
+"""Models that predict the distribution of ratings from features."""
+
+from ._baselines import DummyDistribution
+from ._distributional import PAPER_2020, DistributionalOrdinalRegressor
+from ._fusion import SensorFusionNNPOM
+from ._nnpom import NNPOM
+
+__all__ = [
+    "NNPOM",
+    "PAPER_2020",
+    "DistributionalOrdinalRegressor",
+    "DummyDistribution",
+    "SensorFusionNNPOM",
+]
