@@ -116,8 +116,8 @@ def validate_rated_trials(estimator, X, y, levels=None):
         Gets ``n_features_in_`` and, of a DataFrame, ``feature_names_in_``.
     X : array-like of shape (n_trials, n_features)
     y : array-like of shape (n_trials,), (n_trials, n_levels) or \
-            (n_trials, n_attributes, n_levels)
-        As `check_ratings` takes it, or such counts of each of several attributes.
+            (n_trials, n_adjectives, n_levels)
+        As `check_ratings` takes it, or such counts of each of several adjectives.
     levels : array-like of shape (n_levels,), default=None
         As in `check_ratings`.
 
@@ -125,7 +125,7 @@ def validate_rated_trials(estimator, X, y, levels=None):
     -------
     X : ndarray of shape (n_trials, n_features)
         Features as float64.
-    counts : ndarray of shape (n_trials, n_levels) or (n_trials, n_attributes, n_levels)
+    counts : ndarray of shape (n_trials, n_levels) or (n_trials, n_adjectives, n_levels)
         Counts as float64.
     levels : ndarray of shape (n_levels,)
         The ordered levels.
@@ -138,15 +138,15 @@ def validate_rated_trials(estimator, X, y, levels=None):
     # Not `y` itself: what it is turned into no longer says what its levels are.
     required = None if y is None else "no_validation"
     X = check_table(estimator, X, y=required, dtype=np.float64)
-    counts, levels = check_attributes(y, levels)
+    counts, levels = check_adjectives(y, levels)
     check_consistent_length(X, counts)
     return X, counts, levels
 
 
-def check_attributes(y, levels=None, *, name="y"):
-    """Validate ratings as `check_ratings` does, or those of each of several attributes.
+def check_adjectives(y, levels=None, *, name="y"):
+    """Validate ratings as `check_ratings` does, or those of each of several adjectives.
 
-    Counts of several attributes are an array of shape (n_trials, n_attributes,
+    Counts of several adjectives are an array of shape (n_trials, n_adjectives,
     n_levels), and so are the counts returned.
     """
     check_regular(y, name)
@@ -154,7 +154,7 @@ def check_attributes(y, levels=None, *, name="y"):
         return check_ratings(y, levels, name=name)
     if y.shape[1] == 0:
         raise ValueError(
-            f"{name} has shape {y.shape}, no attribute; give at least one."
+            f"{name} has shape {y.shape}, no adjective; give at least one."
         )
     each = [
         check_ratings(y[:, i], levels, name=f"{name}[:, {i}]")

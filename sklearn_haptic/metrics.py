@@ -575,7 +575,7 @@ def neg_rps_scorer(
         The trials that ``estimator`` takes.
     y : array-like of shape (n_trials, n_levels) or (n_trials,)
         How many people chose each level, or one rating a trial; of shape (n_trials,
-        n_attributes, n_levels) where ``estimator`` predicts several attributes.
+        n_adjectives, n_levels) where ``estimator`` predicts several adjectives.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
 
@@ -616,7 +616,7 @@ def neg_macro_mae_scorer(
         The trials that ``estimator`` takes.
     y : array-like of shape (n_trials, n_levels) or (n_trials,)
         How many people chose each level, or one rating a trial; of shape (n_trials,
-        n_attributes, n_levels) where ``estimator`` predicts several attributes.
+        n_adjectives, n_levels) where ``estimator`` predicts several adjectives.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
 
@@ -643,13 +643,13 @@ def neg_macro_mae_scorer(
 
 
 def _score_estimator(score, estimator, X, y, sample_weight):
-    """Mean score of what an estimator predicts, over attributes if it does several."""
+    """Mean score of what an estimator predicts, over adjectives if it does several."""
     proba = estimator.predict_proba(X)
     if proba.ndim == 3:
         if np.shape(y) != proba.shape:
             raise ValueError(
                 f"y has shape {np.shape(y)}, but {proba.shape} is predicted; give "
-                "counts of the same trials, attributes and levels."
+                "counts of the same trials, adjectives and levels."
             )
         if sample_weight is not None:
             sample_weight = np.repeat(sample_weight, proba.shape[1])

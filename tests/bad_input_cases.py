@@ -569,7 +569,7 @@ RATINGS_CASES = [
     ),
 ]
 
-# Weights, groups, levels and several attributes
+# Weights, groups, levels and several adjectives
 
 
 def weighing(*weights):
@@ -679,33 +679,33 @@ LEVEL_ROWS = {
         fitting(levels=3),
     ),
 }
-ATTRIBUTE_ROWS = {
-    "no attribute": (
+ADJECTIVE_ROWS = {
+    "no adjective": (
         ValueError,
-        r"^y has shape \(12, 0, 3\), no attribute; give at least one",
+        r"^y has shape \(12, 0, 3\), no adjective; give at least one",
         fitting(np.empty((N, 0, 3))),
     ),
-    "a negative count of an attribute": (
+    "a negative count of an adjective": (
         ValueError,
         r"^y\[:, 1\] has a negative count in trial 2",
         fitting(replaced(np.stack([COUNTS, COUNTS], 1), -1, (2, 1, 0))),
     ),
-    "an attribute that nobody rated": (
+    "an adjective that nobody rated": (
         ValueError,
         r"^y\[:, 1\] has no ratings in trial 2; remove trials",
         fitting(replaced(np.stack([COUNTS, COUNTS], 1), 0, (2, 1))),
     ),
-    "NaN in an attribute": (
+    "NaN in an adjective": (
         ValueError,
         r"y\[:, 1\] contains NaN",
         fitting(replaced(np.stack([COUNTS, COUNTS], 1), np.nan, (2, 1, 0))),
     ),
-    "attributes of other trials": (
+    "adjectives of other trials": (
         ValueError,
         r"inconsistent numbers of samples: \[12, 11\]",
         fitting(np.stack([COUNTS, COUNTS], 1)[1:]),
     ),
-    "masked counts of attributes": (
+    "masked counts of adjectives": (
         ValueError,
         "^y has masked values",
         fitting(masked(np.stack([COUNTS, COUNTS], 1))),
@@ -718,7 +718,7 @@ FIT_CASES = [
         for given, (error, message, making) in (
             FIT_ROWS
             if name == "SensorFusionNNPOM"
-            else FIT_ROWS | LEVEL_ROWS | ATTRIBUTE_ROWS
+            else FIT_ROWS | LEVEL_ROWS | ADJECTIVE_ROWS
         ).items()
         for make in [partial(making, estimator)]
     ),
@@ -1063,9 +1063,9 @@ SETTING_CASES = [
             ),
         ),
         (
-            "several attributes, and n_hidden=0",
+            "several adjectives, and n_hidden=0",
             ValueError,
-            "^n_hidden=0 leaves nothing that several attributes could share; set it",
+            "^n_hidden=0 leaves nothing that several adjectives could share; set it",
             lambda _: call(NNPOM(n_hidden=0).fit, X, np.stack([COUNTS] * 2, 1)),
         ),
         (
@@ -1143,9 +1143,9 @@ SETTING_CASES = [
             by_ratings(estimator=LogisticRegression(), monotone=True),
         ),
         (
-            "several attributes, and an estimator that cannot",
+            "several adjectives, and an estimator that cannot",
             ValueError,
-            "^y has the ratings of several attributes, which .* cannot share; use an",
+            "^y has the ratings of several adjectives, which .* cannot share; use an",
             lambda _: call(
                 DistributionalOrdinalRegressor(LogisticRegression()).fit,
                 X,
@@ -1628,7 +1628,7 @@ FUNCTION_CASES = [
                 lambda _, s=scorer: call(s, fitted("NNPOM"), X[:, :3], COUNTS),
             ),
             (
-                "counts of other attributes",
+                "counts of other adjectives",
                 ValueError,
                 r"^y has shape \(12, 3\), but \(12, 2, 3\) is predicted; give counts",
                 lambda _, s=scorer: call(s, shared(), X, COUNTS),

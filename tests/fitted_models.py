@@ -87,7 +87,7 @@ MODELS = {
         TABLE,
         COUNTS,
     ),
-    "several attributes": (
+    "several adjectives": (
         DistributionalOrdinalRegressor(_NETWORK, random_state=0),
         TABLE,
         SEVERAL,

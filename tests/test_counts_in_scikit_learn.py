@@ -116,13 +116,13 @@ def check_cross_val_predict():
         corrupted = clone(MODEL).fit(X[train], ranks[train]).predict_proba(X[test])
         np.testing.assert_array_equal(proba[test], corrupted)
     network = clone(MODEL).set_params(estimator=NNPOM(2, random_state=0))
-    for n_attributes in (2, 6):
-        attributes = np.stack([COUNTS] * n_attributes, axis=1)
+    for n_adjectives in (2, 6):
+        adjectives = np.stack([COUNTS] * n_adjectives, axis=1)
         with (
             warnings.catch_warnings(action="ignore", category=RuntimeWarning),
             pytest.raises((ValueError, IndexError)),
         ):
-            cross_val_predict(network, X, attributes, cv=3, method="predict_proba")
+            cross_val_predict(network, X, adjectives, cv=3, method="predict_proba")
     gaps = np.array([2, 4, 8])[np.arange(60) % 3]
     model = clone(MODEL).set_params(levels=[2, 4, 8])
     with pytest.raises(ValueError, match="y has the rating 0 in trial"):

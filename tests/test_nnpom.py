@@ -521,7 +521,7 @@ def test_counts_and_labels_are_scored_by_the_same_rule(make):
     assert search.best_params_ == {name: 1.0}
 
 
-def test_several_attributes_are_scored():
+def test_several_adjectives_are_scored():
     rng = np.random.default_rng(0)
     X, counts = rng.normal(size=(40, 3)), rng.integers(1, 9, size=(40, 2, 3))
     model = NNPOM(2, random_state=0).fit(X, counts)

@@ -60,7 +60,7 @@ TARGETS = {
     ),
     "counts": COUNTS,
     "shares": COUNTS / 12,
-    "attributes": np.stack([COUNTS, COUNTS[:, ::-1]], axis=1),
+    "adjectives": np.stack([COUNTS, COUNTS[:, ::-1]], axis=1),
 }
 REGRESSOR = DistributionalOrdinalRegressor(NNPOM(2, alpha=3.0, random_state=0))
 

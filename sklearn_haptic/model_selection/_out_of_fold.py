@@ -60,8 +60,8 @@ def cross_val_predict_proba(
     X : DataFrame, array-like or collection of trials
         The trials, in any form that the estimator takes.
     y : array-like of shape (n_trials,), (n_trials, n_levels) or \
-            (n_trials, n_attributes, n_levels)
-        Labels, how many people gave each level, or such counts of several attributes.
+            (n_trials, n_adjectives, n_levels)
+        Labels, how many people gave each level, or such counts of several adjectives.
     groups : array-like of shape (n_trials,), default=None
         The object of each trial, for the splitter.
     cv : int, splitter or iterable of (train, test), default=None
@@ -83,7 +83,7 @@ def cross_val_predict_proba(
     Returns
     -------
     predicted : ndarray of shape (n_trials, n_levels) or (n_trials,)
-        Rows in the order of ``X``. If several attributes were learnt, they are a
+        Rows in the order of ``X``. If several adjectives were learnt, they are a
         further axis behind that of the trials. Columns are the levels of all trials:
         where the training trials of a fold lack a label, its probability is 0 in that
         fold, as that of a column of counts without any count is.

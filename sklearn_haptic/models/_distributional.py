@@ -24,7 +24,7 @@ from sklearn.utils.validation import (
     has_fit_parameter,
 )
 
-from .._check_ratings import check_attributes, validate_rated_trials, weighted
+from .._check_ratings import check_adjectives, validate_rated_trials, weighted
 from .._check_trials import check_numbers, check_table
 from .._distributions import _level_index
 from .._sklearn import DocumentedEstimator, RandomState, _fit_context
@@ -163,11 +163,11 @@ class DistributionalOrdinalRegressor(
     "mixture" their average distribution. The macro-averaged error of the paper
     rewards the first, proper scores reward the second.
 
-    Several attributes, such as the adjectives of a corpus, may be learnt together by
-    an `NNPOM` with hidden units: the attributes share these, and each has output
-    weights and thresholds of its own. It is one fit, and what one attribute tells of
-    a touch can help with another, as the paper suggests [1]_ (section 4.2). The
-    penalty works against the observations of all attributes, so it can be larger.
+    Several adjectives may be learned together by an `NNPOM` with hidden units: they
+    share these, and each has output weights and thresholds of its own. It is one fit,
+    and what one adjective tells of a touch can help with another, as the paper
+    suggests [1]_ (section 4.2). The penalty works against the observations of all
+    adjectives, so it can be larger.
 
     An estimator may offer three methods, documented with `NNPOM`:
     ``fit_with_positions`` and ``predict_proba_with_positions`` take the features of a
@@ -268,8 +268,8 @@ class DistributionalOrdinalRegressor(
             Features of each trial.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
             How many people gave the trial's object each rating, or one rating. Such
-            counts of several attributes, as an array of shape (n_trials,
-            n_attributes, n_levels), are learnt together; see the Notes.
+            counts of several adjectives, as an array of shape (n_trials,
+            n_adjectives, n_levels), are learnt together; see the Notes.
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial, also among those held out for early stopping. With
             ``sampling="level"`` 2 equals the trial given twice, if groups keep both
@@ -374,7 +374,7 @@ class DistributionalOrdinalRegressor(
                 "early_stopping=True, or leave X_val and y_val out."
             )
         X_val = check_table(self, X_val, dtype=np.float64, reset=False)
-        counts, _ = check_attributes(y_val, self.levels_, name="y_val")
+        counts, _ = check_adjectives(y_val, self.levels_, name="y_val")
         check_consistent_length(X_val, counts)
         return X_val, counts
 
@@ -403,7 +403,7 @@ class DistributionalOrdinalRegressor(
         if predicted != counts.shape[1:]:
             raise ValueError(
                 f"estimator is frozen and predicts an array of shape {predicted} for a "
-                f"trial, but y has {counts.shape[1:]}; fit it to the same attributes "
+                f"trial, but y has {counts.shape[1:]}; fit it to the same adjectives "
                 "and levels."
             )
 
@@ -445,8 +445,8 @@ class DistributionalOrdinalRegressor(
             )
         if weight.ndim == 3:
             raise ValueError(
-                f"y has the ratings of several attributes, which {name} cannot share; "
-                "use an NNPOM, or fit a model to each attribute."
+                f"y has the ratings of several adjectives, which {name} cannot share; "
+                "use an NNPOM, or fit a model to each adjective."
             )
         used = weight > 0
         rows = np.column_stack((X, np.zeros(len(X))))[np.nonzero(used)[0]]
@@ -486,7 +486,7 @@ class DistributionalOrdinalRegressor(
         -------
         proba : ndarray of shape (n_trials, n_levels)
             Share of the population at each level; rows sum to 1. Here and in all
-            that is predicted, if several attributes were learnt, they are a further
+            that is predicted, if several adjectives were learnt, they are a further
             axis behind that of the trials.
         """
         check_is_fitted(self)

@@ -364,8 +364,8 @@ class SensorFusionNNPOM(
     def _fit_networks(self, X, positions, level, weight, levels, validation):
         if weight.ndim == 3:
             raise ValueError(
-                "y has the ratings of several attributes, which a SensorFusionNNPOM "
-                "cannot share; use an NNPOM, or fit a model to each attribute."
+                "y has the ratings of several adjectives, which a SensorFusionNNPOM "
+                "cannot share; use an NNPOM, or fit a model to each adjective."
             )
         if self.held_out is not None and self.held_out not in self.sensors_:
             raise ValueError(

@@ -129,23 +129,23 @@ def unpack(params, n_inputs, n_hidden):
 
 
 def split_heads(params, n_inputs, n_hidden, n_levels):
-    """View the parts of the parameters of a network that attributes share.
+    """View the parts of the parameters of a network that adjectives share.
 
     Parameters
     ----------
     params : ndarray
         Weights and biases of the hidden units, then the output weights and thresholds
-        of each attribute; with one attribute, what `unpack` takes.
+        of each adjective; with one adjective, what `unpack` takes.
     n_inputs, n_hidden : int
     n_levels : sequence of int
-        Number of levels of each attribute.
+        Number of levels of each adjective.
 
     Returns
     -------
     coef, bias : ndarray
         As `unpack` returns them.
     heads : list of (output, first, gap_logits)
-        Of each attribute, as `unpack` returns them.
+        Of each adjective, as `unpack` returns them.
     """
     coef, bias, *_ = unpack(params, n_inputs, n_hidden)
     heads, start = [], coef.size + bias.size
@@ -185,12 +185,12 @@ def forward(X, positions, coef, bias, output):
     positions : ndarray broadcastable to (n_trials, n_positions), or None
         The extra input that the observations of a trial do not share.
     coef, bias, output : ndarray
-        As `unpack` returns them; `output` of shape (n_hidden, n_attributes) of a
-        network that attributes share.
+        As `unpack` returns them; `output` of shape (n_hidden, n_adjectives) of a
+        network that adjectives share.
 
     Returns
     -------
-    latent : ndarray of shape (n_trials, n_positions), or with n_attributes behind
+    latent : ndarray of shape (n_trials, n_positions), or with n_adjectives behind
     hidden : ndarray of shape (n_trials, n_positions, n_hidden), or None
     """
     shared = linear_response(X, coef[: X.shape[-1]])
@@ -337,18 +337,18 @@ class NetworkLoss:
 
 
 class SharedLoss:
-    """The cost of a network that several attributes share, and its gradient.
+    """The cost of a network that several adjectives share, and its gradient.
 
-    The attributes share the hidden layer; each has output weights and thresholds of
-    its own, and observations of its own of the same trials. With one attribute this is
-    `NetworkLoss`. Behind the product of features and weights each attribute has a
+    The adjectives share the hidden layer; each has output weights and thresholds of
+    its own, and observations of its own of the same trials. With one adjective this is
+    `NetworkLoss`. Behind the product of features and weights each adjective has a
     network whose inputs are the trials, one by one.
 
     Parameters
     ----------
     X : ndarray of shape (n_trials, n_features)
     observations : list of (positions, level, weight)
-        Of each attribute, as `NetworkLoss` takes them.
+        Of each adjective, as `NetworkLoss` takes them.
     n_hidden : int
         At least 1.
     alpha : float or ndarray of shape (n_inputs + 1,)
@@ -396,7 +396,7 @@ def initial_params(n_inputs, n_hidden, level_weights, random_state):
     """Start values: uniform in (-0.5, 0.5), as Gutiérrez et al. (2016) do.
 
     The linear model has one minimum, so it starts from zero weights and the
-    thresholds of the ratings without features. `level_weights` has for each attribute
+    thresholds of the ratings without features. `level_weights` has for each adjective
     the weight of each of its levels, all positive.
     """
     if n_hidden:

@@ -84,8 +84,8 @@ def single_ratings(X, counts, groups, sample_weight):
     return X, groups, level, weighted(counts, sample_weight), validation_weight
 
 
-def attributes_of(positions, level, weight):
-    """Return positions, level and weight of each attribute."""
+def adjectives_of(positions, level, weight):
+    """Return positions, level and weight of each adjective."""
     if weight.ndim == 2:
         return [(positions, level, weight)]
     return [
@@ -95,7 +95,7 @@ def attributes_of(positions, level, weight):
 
 
 def rank_levels(positions, level, weight, n_levels):
-    """Rank the levels that ratings have, for each attribute from 0 without gaps.
+    """Rank the levels that ratings have, for each adjective from 0 without gaps.
 
     Parameters
     ----------
@@ -107,14 +107,14 @@ def rank_levels(positions, level, weight, n_levels):
     Returns
     -------
     present : list of ndarray of int
-        The levels that ratings of each attribute have.
+        The levels that ratings of each adjective have.
     observations : list of (positions, rank, weight)
-        Of each attribute with more than one such level; ranks are indices into it.
+        Of each adjective with more than one such level; ranks are indices into it.
     level_weights : list of ndarray
-        Weight of each of the levels of these attributes.
+        Weight of each of the levels of these adjectives.
     """
     all_present, observations, level_weights = [], [], []
-    for positions_of, level_of, weight_of in attributes_of(positions, level, weight):
+    for positions_of, level_of, weight_of in adjectives_of(positions, level, weight):
         level_weight = np.bincount(
             level_of.ravel(), weight_of.ravel(), minlength=n_levels
         )
@@ -194,11 +194,11 @@ class NNPOM(
         The ordered levels.
     coefs_ : list of ndarray
         Weights of shape (n_features, n_hidden) into the hidden units and of
-        shape (n_hidden,) out of them, (n_hidden, n_attributes) if several were learnt;
+        shape (n_hidden,) out of them, (n_hidden, n_adjectives) if several were learnt;
         one array of shape (n_features,) if there are no units.
     intercepts_ : ndarray of shape (n_hidden,)
         Biases of the hidden units.
-    thresholds_ : ndarray of shape (n_levels - 1,), or (n_attributes, n_levels - 1)
+    thresholds_ : ndarray of shape (n_levels - 1,), or (n_adjectives, n_levels - 1)
         Thresholds between the levels; infinite or equal around levels that no
         training rating has.
     loss_ : float
@@ -299,8 +299,8 @@ class NNPOM(
             Features of each trial.
         y : array-like of shape (n_trials,) or (n_trials, n_levels)
             One rating a trial, or how many people gave each rating. Such counts of
-            several attributes, as an array of shape (n_trials, n_attributes,
-            n_levels), are learnt together: the attributes share the hidden units.
+            several adjectives, as an array of shape (n_trials, n_adjectives,
+            n_levels), are learnt together: the adjectives share the hidden units.
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial, also among those held out for early stopping. 2
             equals the trial given twice, if groups keep both on one side. Penalties
@@ -359,7 +359,7 @@ class NNPOM(
             if its observations do not share them.
         positions : ndarray of shape (n_trials, n_observations), or None
             The last feature of each observation, if there is one. Of several
-            attributes, this and the next two have the shape (n_trials, n_attributes,
+            adjectives, this and the next two have the shape (n_trials, n_adjectives,
             n_observations).
         level : ndarray of int of shape (n_trials, n_observations)
             Index into ``levels`` of each observation's rating.
@@ -416,8 +416,8 @@ class NNPOM(
         self._several = weight.ndim == 3
         if self._several and n_hidden == 0:
             raise ValueError(
-                "n_hidden=0 leaves nothing that several attributes could share; set it "
-                "to at least 1, or fit a model to each attribute."
+                "n_hidden=0 leaves nothing that several adjectives could share; set it "
+                "to at least 1, or fit a model to each adjective."
             )
         # Only their ratio matters; a power of four is exact, also under the root.
         exponent = 2 * (np.frexp(weight.sum())[1] // 2)
@@ -473,7 +473,7 @@ class NNPOM(
             self._store(of_features(params), n_levels)
             X_val, *observed = validation
             errors = []
-            for i, (at, true, counted) in enumerate(attributes_of(*observed)):
+            for i, (at, true, counted) in enumerate(adjectives_of(*observed)):
                 latent = forward(X_val, at, *self._weights)[0]
                 latent = latent[..., i] if self._several else latent
                 predicted = self._proba_of(latent, i).argmax(axis=-1)
@@ -559,7 +559,7 @@ class NNPOM(
         -------
         proba : ndarray of shape (n_trials, n_levels)
             Rows sum to 1; columns as in ``levels_``. Here and in all that is predicted,
-            if several attributes were learnt, they are a further axis behind that of
+            if several adjectives were learnt, they are a further axis behind that of
             the trials.
         """
         return np.ascontiguousarray(self._proba(self.predict_latent(X)))
@@ -689,9 +689,9 @@ class NNPOM(
         each = [self._proba_of(f, i) for i, f in enumerate(np.moveaxis(latent, -1, 0))]
         return np.stack(each, axis=-2)
 
-    def _proba_of(self, latent, attribute):
-        levels = self._present[attribute]
-        present = level_probabilities(latent, self._present_thresholds[attribute])
+    def _proba_of(self, latent, adjective):
+        levels = self._present[adjective]
+        present = level_probabilities(latent, self._present_thresholds[adjective])
         if len(levels) == len(self.levels_):
             return present
         proba = np.zeros((*latent.shape, len(self.levels_)))

@@ -29,8 +29,8 @@ class OrdinalClassifierMixin(ClassifierMixin):
         X : array-like of shape (n_trials, n_features)
             Features of each trial, or whatever else `predict_proba` takes.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
-            Counts of each rating, or one rating a trial. Of several attributes that
-            were learnt together, counts of shape (n_trials, n_attributes, n_levels),
+            Counts of each rating, or one rating a trial. Of several adjectives that
+            were learnt together, counts of shape (n_trials, n_adjectives, n_levels),
             whose scores are averaged.
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial.

@@ -1,4 +1,4 @@
-"""Several attributes that share a hidden layer: against sums written out by hand."""
+"""Several adjectives that share a hidden layer: against sums written out by hand."""
 
 import pickle
 
@@ -21,14 +21,14 @@ from sklearn_haptic.metrics import (
 from sklearn_haptic.models._network import SharedLoss, softplus, split_heads
 
 
-def touches(n_objects=12, n_trials=2, n_attributes=3, seed=0):
-    """Trials whose attributes are driven by the same two properties of an object."""
+def touches(n_objects=12, n_trials=2, n_adjectives=3, seed=0):
+    """Trials whose adjectives are driven by the same two properties of an object."""
     rng = np.random.default_rng(seed)
     objects = np.repeat(np.arange(n_objects), n_trials)
     properties = rng.normal(size=(n_objects, 2))
     X = np.hstack((properties, properties**2, rng.normal(size=(n_objects, 3))))
     X = X[objects] + 0.4 * rng.normal(size=(len(objects), 7))
-    driver = 3 * np.tanh(2 * properties @ rng.normal(size=(2, n_attributes)))
+    driver = 3 * np.tanh(2 * properties @ rng.normal(size=(2, n_adjectives)))
     raters = driver[..., None] + rng.logistic(size=(*driver.shape, 8))
     level = np.digitize(raters, [-2, -0.7, 0.7, 2])
     counts = np.stack([(level == k).sum(axis=-1) for k in range(5)], axis=-1)
@@ -134,7 +134,7 @@ def test_the_fit_is_a_minimum_of_the_cost_written_out():
 @pytest.mark.parametrize("sampling", ["level", "lattice", "random"])
 @pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
-def test_one_attribute_is_no_special_case(sampling, solver):
+def test_one_adjective_is_no_special_case(sampling, solver):
     X, counts, _ = touches()
     network = NNPOM(3, 3.0, solver=solver, max_iter=50)
     model = DistributionalOrdinalRegressor(network, sampling=sampling, random_state=0)
@@ -144,7 +144,7 @@ def test_one_attribute_is_no_special_case(sampling, solver):
 
 
 @pytest.mark.parametrize("decode", ["mixture", "quantile"])
-def test_what_is_predicted_has_an_axis_of_attributes(decode):
+def test_what_is_predicted_has_an_axis_of_adjectives(decode):
     X, counts, _ = touches()
     model = DistributionalOrdinalRegressor(
         NNPOM(3, 3.0, random_state=0), decode=decode
@@ -179,7 +179,7 @@ def test_quantile_decoding_equals_a_fine_grid():
         np.testing.assert_allclose(found, cdf, atol=0.01)
 
 
-def test_levels_that_an_attribute_never_has():
+def test_levels_that_an_adjective_never_has():
     X, counts, _ = touches()
     counts[:, 0, [1, 4]] = 0
     counts[:, 0, 2] += 1
@@ -233,7 +233,7 @@ def test_search_and_scorers():
     assert np.isfinite(search.cv_results_["mean_test_rps"]).all()
 
 
-def test_early_stopping_averages_the_error_of_all_attributes():
+def test_early_stopping_averages_the_error_of_all_adjectives():
     X, counts, objects = touches(30)
     train, held_out = objects < 24, objects >= 24
     network = NNPOM(8, 1e-3, tol=0, random_state=0, early_stopping=True)
@@ -276,9 +276,9 @@ def test_without_positions():
 @pytest.mark.parametrize(
     ("estimator", "message"),
     [
-        (None, "n_hidden=0 leaves nothing that several attributes could share"),
-        (LogisticRegression(), "several attributes, which LogisticRegression cannot"),
-        (SensorFusionNNPOM({"pac": [0]}), "several attributes, which a SensorFusion"),
+        (None, "n_hidden=0 leaves nothing that several adjectives could share"),
+        (LogisticRegression(), "several adjectives, which LogisticRegression cannot"),
+        (SensorFusionNNPOM({"pac": [0]}), "several adjectives, which a SensorFusion"),
     ],
 )
 def test_estimators_that_cannot(estimator, message):
@@ -291,7 +291,7 @@ def test_estimators_that_cannot(estimator, message):
     ("change", "message"),
     [
         (lambda y: y[:-1], "inconsistent numbers of samples"),
-        (lambda y: y[:, :0], "y has shape .24, 0, 5., no attribute"),
+        (lambda y: y[:, :0], "y has shape .24, 0, 5., no adjective"),
         (lambda y: y - 10 * (np.arange(3) == 1)[:, None], r"y\[:, 1\] has a negative"),
         (lambda y: y * (np.arange(3) != 2)[:, None], r"y\[:, 2\] has no ratings in"),
         (lambda y: np.where(np.arange(5) == 4, np.nan, y), r"Input y\[:, 0\] contains"),
@@ -307,7 +307,7 @@ def test_bad_ratings(change, message):
         NNPOM(2).fit(X, change(counts))
 
 
-def test_scores_need_the_same_attributes():
+def test_scores_need_the_same_adjectives():
     X, counts, _ = touches()
     model = DistributionalOrdinalRegressor(NNPOM(2, random_state=0)).fit(X, counts)
     with pytest.raises(ValueError, match=r"y has shape \(24, 2, 5\), but \(24, 3, 5\)"):
