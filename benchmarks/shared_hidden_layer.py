@@ -41,7 +41,7 @@ from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import (
     earth_movers_distance,
     log_score,
-    macro_mae_per_trial,
+    macro_mae,
     ranked_probability_score,
 )
 
@@ -50,7 +50,7 @@ ALPHAS = (3.0, 10.0, 30.0, 100.0)
 OPTIONS = {"max_iter": 200, "tol": 1e-3}
 SCORES = {
     "RPS": ranked_probability_score,
-    "MAE^M": macro_mae_per_trial,
+    "MAE^M": macro_mae,
     "EMD": earth_movers_distance,
     "log score": log_score,
 }

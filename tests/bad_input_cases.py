@@ -39,7 +39,7 @@ from sklearn_haptic.metrics import (
     dispersion,
     earth_movers_distance,
     log_score,
-    macro_mae_per_trial,
+    macro_mae,
     neg_macro_mae_scorer,
     neg_rps_scorer,
     pit_histogram,
@@ -547,7 +547,7 @@ SCORES = {
         ranked_probability_score,
         earth_movers_distance,
         log_score,
-        macro_mae_per_trial,
+        macro_mae,
         pit_histogram,
         dispersion,
     )
@@ -1593,12 +1593,12 @@ FUNCTION_CASES = [
         for make in [lambda _, s=score, k=kwargs: call(s, COUNTS, PROBA, **k)]
     ),
     *cases(
-        "macro_mae_per_trial",
+        "macro_mae",
         (
             "n_quantiles=0",
             ValueError,
             wrong_type("n_quantiles"),
-            lambda _: call(macro_mae_per_trial, COUNTS, PROBA, n_quantiles=0),
+            lambda _: call(macro_mae, COUNTS, PROBA, n_quantiles=0),
         ),
     ),
     *cases(
