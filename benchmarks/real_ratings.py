@@ -39,7 +39,7 @@ from sklearn_haptic.metrics import (
     dispersion,
     earth_movers_distance,
     log_score,
-    macro_mae_per_trial,
+    macro_mae,
     neg_macro_mae_scorer,
     neg_rps_scorer,
     ranked_probability_score,
@@ -47,7 +47,7 @@ from sklearn_haptic.metrics import (
 
 ALPHAS = np.logspace(-1, 2, 7)
 SCORES = {
-    "MAE^M": macro_mae_per_trial,
+    "MAE^M": macro_mae,
     "EMD": earth_movers_distance,
     "RPS": ranked_probability_score,
     "log score": log_score,

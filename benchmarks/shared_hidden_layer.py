@@ -41,7 +41,7 @@ from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import (
     earth_movers_distance,
     log_score,
-    macro_mae_per_trial,
+    macro_mae,
     ranked_probability_score,
 )
 
@@ -50,7 +50,7 @@ ALPHAS = (3.0, 10.0, 30.0, 100.0)
 OPTIONS = {"max_iter": 200, "tol": 1e-3}
 SCORES = {
     "RPS": ranked_probability_score,
-    "MAE^M": macro_mae_per_trial,
+    "MAE^M": macro_mae,
     "EMD": earth_movers_distance,
     "log score": log_score,
 }
@@ -67,10 +67,10 @@ class Joint:
         self.n_hidden = n_hidden
         self.alpha = alpha
 
-    def fit(self, X, ratings):
+    def fit(self, X, counts):
         network = NNPOM(self.n_hidden, self.alpha, **OPTIONS, random_state=0)
         self.model_ = DistributionalOrdinalRegressor(network)
-        self.model_.fit(X, np.stack(ratings, axis=1))
+        self.model_.fit(X, np.stack(counts, axis=1))
         return self
 
     def predict_proba(self, X):
@@ -88,14 +88,14 @@ class Separate:
         self.n_hidden = n_hidden
         self.alpha = alpha
 
-    def fit(self, X, ratings):
-        n_hidden = np.broadcast_to(self.n_hidden, len(ratings)).tolist()
-        alpha = np.broadcast_to(self.alpha, len(ratings)).tolist()
+    def fit(self, X, counts):
+        n_hidden = np.broadcast_to(self.n_hidden, len(counts)).tolist()
+        alpha = np.broadcast_to(self.alpha, len(counts)).tolist()
         self.models_ = [
             DistributionalOrdinalRegressor(
                 NNPOM(*setting, **OPTIONS, random_state=0)
-            ).fit(X, counts)
-            for *setting, counts in zip(n_hidden, alpha, ratings)
+            ).fit(X, y)
+            for *setting, y in zip(n_hidden, alpha, counts)
         ]
         return self
 
@@ -125,15 +125,15 @@ def split(n_splits, groups, seed):
     return folds.split(groups, groups=groups)
 
 
-def of_rows(ratings, rows):
-    return [counts[rows] for counts in ratings]
+def of_rows(counts, rows):
+    return [y[rows] for y in counts]
 
 
-def inner_rps(model, settings, X, ratings, groups, seed):
+def inner_rps(model, settings, X, counts, groups, seed):
     """RPS of each setting and adjective on held-out groups."""
-    rps = np.zeros((len(settings), len(ratings)))
+    rps = np.zeros((len(settings), len(counts)))
     for train, held_out in split(3, groups, seed):
-        known, unknown = of_rows(ratings, train), of_rows(ratings, held_out)
+        known, unknown = of_rows(counts, train), of_rows(counts, held_out)
         for i, setting in enumerate(settings):
             proba = model(*setting).fit(X[train], known).predict_proba(X[held_out])
             rps[i] += [*map(ranked_probability_score, unknown, proba)]
@@ -154,7 +154,7 @@ def best_setting(settings, rps, own):
 class Data(NamedTuple):
     title: str
     trials: pd.DataFrame  # recordings or features
-    ratings: dict  # name -> counts
+    counts: dict  # per adjective
     objects: np.ndarray
     features: object  # transformer, to be fitted to training trials
 
@@ -180,30 +180,30 @@ def real(folder):
     roughness += 1 - has["smooth"]
     votes = {"hardness": np.eye(6)[hardness], "roughness": np.eye(6)[roughness]}
     features = make_pipeline(standardise, PCA())
-    for title, ratings in [
+    for title, counts in [
         (f"PHAC-2, {len(binary)} adjectives, yes or no", binary),
         ("PHAC-2, hardness and roughness votes from 0 to 5", votes),
     ]:
-        yield Data(title, pd.DataFrame(X), ratings, objects, features)
+        yield Data(title, pd.DataFrame(X), counts, objects, features)
 
 
 # ----------------------------------------------------------------------------------
 # Cross-validation and tables
 
 
-def score(ratings, proba):
+def score(counts, proba):
     """Scores of shape (n_trials, n_adjectives, n_scores)."""
     scores = [
-        [function(counts, p, average=False) for function in SCORES.values()]
-        for counts, p in zip(ratings, proba)
+        [function(y, p, average=False) for function in SCORES.values()]
+        for y, p in zip(counts, proba)
     ]
     return np.transpose(scores, (2, 0, 1))
 
 
 def evaluate(data, rivals, seed):
     """Scores of each model, settings chosen, and seconds of search and fit."""
-    ratings = list(data.ratings.values())
-    shape = len(data.trials), len(ratings), len(SCORES)
+    counts = list(data.counts.values())
+    shape = len(data.trials), len(counts), len(SCORES)
     scores, chosen, seconds = {}, defaultdict(list), defaultdict(list)
     for train, test in split(5, data.objects, seed):
         features = clone(data.features).fit(data.trials.iloc[train])
@@ -211,7 +211,7 @@ def evaluate(data, rivals, seed):
             features.transform(data.trials.iloc[rows]).astype(np.float64)
             for rows in (train, test)
         )
-        known, unknown = of_rows(ratings, train), of_rows(ratings, test)
+        known, unknown = of_rows(counts, train), of_rows(counts, test)
         for model, settings, names in rivals:
             rps, search = timed(
                 inner_rps, model, settings, A, known, data.objects[train], seed

@@ -72,7 +72,7 @@ from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import (
     earth_movers_distance,
     log_score,
-    macro_mae_per_trial,
+    macro_mae,
     neg_rps_scorer,
     ranked_probability_score,
 )
@@ -85,7 +85,7 @@ ADJECTIVES = ["hard", "smooth", "springy"]  # whose extreme levels every fold ha
 REPEATS = {"synthetic": 2, "bolt": 1, "movie": 1, "phac2": 2}
 SECONDS = ["features", "transform", "fit", "predict"]
 SCORES = {
-    "mae_m": macro_mae_per_trial,
+    "mae_m": macro_mae,
     "emd": earth_movers_distance,
     "rps": ranked_probability_score,
     "log": log_score,

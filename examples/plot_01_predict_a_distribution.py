@@ -36,7 +36,7 @@ from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 from sklearn_haptic.metrics import (
     earth_movers_distance,
     log_score,
-    macro_mae_per_trial,
+    macro_mae,
     neg_rps_scorer,
     ranked_probability_score,
 )
@@ -98,7 +98,7 @@ baselines = {
     for name in ("marginal", "barycentre")
 }
 scores = {
-    "MAE^M": macro_mae_per_trial,
+    "MAE^M": macro_mae,
     "EMD": earth_movers_distance,
     "RPS": ranked_probability_score,
     "log": log_score,

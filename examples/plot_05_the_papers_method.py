@@ -39,7 +39,7 @@ from sklearn_haptic.metrics import (
     dispersion,
     earth_movers_distance,
     log_score,
-    macro_mae_per_trial,
+    macro_mae,
     neg_macro_mae_scorer,
     ranked_probability_score,
 )
@@ -117,7 +117,7 @@ features = make_pipeline(pipeline["features"], pipeline["scale"], PCA())
 X = features.fit_transform(corpus.trials)
 folds = GroupKFold(4, shuffle=True, random_state=0)
 scores = {
-    "MAE^M": macro_mae_per_trial,
+    "MAE^M": macro_mae,
     "EMD": earth_movers_distance,
     "RPS": ranked_probability_score,
     "log": log_score,

@@ -43,11 +43,11 @@ wide = wide.mask(np.random.default_rng(0).random(wide.shape) < 0.05)
 long = wide.reset_index().melt(["object", "rater"], wide.columns, "adjective", "rating")
 print(long.head(4).to_string(index=False))
 
-ratings, objects = {}, wide.index.unique("object").tolist()
+counts, objects = {}, wide.index.unique("object").tolist()
 for adjective, rows in long.groupby("adjective", sort=False):
     table = rating_counts(rows["rating"], rows["object"], levels=corpus.levels)
-    ratings[adjective] = table.counts_for(objects)
-print(f"\n{len(long)} rows, {sum(c.sum() for c in ratings.values())} ratings")
+    counts[adjective] = table.counts_for(objects)
+print(f"\n{len(long)} rows, {sum(c.sum() for c in counts.values())} ratings")
 
 # %%
 # 2. All ratings at a glance
@@ -55,7 +55,7 @@ print(f"\n{len(long)} rows, {sum(c.sum() for c in ratings.values())} ratings")
 # A bar is an object and an adjective. With one colour, all agree; where it falls short,
 # ratings are missing. That hard and soft are opposites, and moldable and springy alike,
 # shows before anything is computed.
-RatingsDisplay.from_counts(ratings, objects=objects)
+RatingsDisplay.from_counts(counts, objects=objects)
 plt.show()
 
 # %%
@@ -69,14 +69,14 @@ row = objects.index(chosen)
 figure, axes = plt.subplots(
     2, 5, figsize=(6.4, 3.4), sharex=True, sharey=True, layout="constrained"
 )
-for ax, (adjective, counts) in zip(axes.flat, ratings.items()):
-    InverseCDFDisplay.from_counts(counts[row], ax=ax)
+for ax, (adjective, table) in zip(axes.flat, counts.items()):
+    InverseCDFDisplay.from_counts(table[row], ax=ax)
     ax.set(title=adjective, xlabel="", ylabel="", xticks=[0, 0.5])
 figure.supxlabel("position p in the population")
 figure.supylabel(f"rating of {chosen}")
 plt.show()
 
-at_most_two = rating_cdf(ratings["hard"])[row, 1]
+at_most_two = rating_cdf(counts["hard"])[row, 1]
 print(f"{at_most_two:.0%} of the people rate {chosen} at most 2 for “hard”.")
 
 # %%
@@ -85,12 +85,12 @@ print(f"{at_most_two:.0%} of the people rate {chosen} at most 2 for “hard”."
 # The agreement r_wg is 1 where all give the same rating and 0 where they might as well
 # draw it from a hat; it can be negative. High agreement does not make a good question:
 # people agree on sticky because hardly anything is.
-InterraterAgreementDisplay.from_counts(ratings)
+InterraterAgreementDisplay.from_counts(counts)
 plt.show()
 
 for adjective in ("sticky", "hard", "springy"):
-    agreement = interrater_agreement(ratings[adjective])
-    ones = ratings[adjective][:, 0].sum() / ratings[adjective].sum()
+    agreement = interrater_agreement(counts[adjective])
+    ones = counts[adjective][:, 0].sum() / counts[adjective].sum()
     print(
         f"{adjective:8s} median r_wg {np.median(agreement):.2f}, "
         f"lowest {agreement.min():5.2f}; {ones:.0%} of the ratings are 1"

@@ -51,7 +51,7 @@ from sklearn_haptic import (
 )
 from sklearn_haptic.datasets import load_phac2
 from sklearn_haptic.metrics import (
-    macro_mae_per_trial,
+    macro_mae,
     neg_rps_scorer,
     ranked_probability_score,
 )
@@ -223,7 +223,7 @@ def how_strong(trials, materials, forces):
     print("| model | MAE^M | RPS |")
     print("|---|---|---|")
     for name, p in proba.items():
-        mae = macro_mae_per_trial(forces, p, levels=FORCES)
+        mae = macro_mae(forces, p, levels=FORCES)
         rps = ranked_probability_score(forces, p, levels=FORCES)
         print(f"| {name} | {mae:.3f} | {rps:.3f} |")
 

@@ -27,7 +27,7 @@ __all__ = [
     "dispersion",
     "earth_movers_distance",
     "log_score",
-    "macro_mae_per_trial",
+    "macro_mae",
     "neg_macro_mae_scorer",
     "neg_rps_scorer",
     "pit_histogram",
@@ -45,7 +45,7 @@ _SCORE_CONSTRAINTS = {
 
 
 @overload
-def macro_mae_per_trial(
+def macro_mae(
     y_true: ArrayLike,
     y_proba: ArrayLike,
     *,
@@ -57,7 +57,7 @@ def macro_mae_per_trial(
 
 
 @overload
-def macro_mae_per_trial(
+def macro_mae(
     y_true: ArrayLike,
     y_proba: ArrayLike,
     *,
@@ -75,7 +75,7 @@ def macro_mae_per_trial(
     },
     prefer_skip_nested_validation=True,
 )
-def macro_mae_per_trial(
+def macro_mae(
     y_true: ArrayLike,
     y_proba: ArrayLike,
     *,
@@ -140,8 +140,8 @@ def macro_mae_per_trial(
 
     Examples
     --------
-    >>> from sklearn_haptic.metrics import macro_mae_per_trial
-    >>> macro_mae_per_trial([[3, 0, 1]], [[0.75, 0.25, 0]])
+    >>> from sklearn_haptic.metrics import macro_mae
+    >>> macro_mae([[3, 0, 1]], [[0.75, 0.25, 0]])
     0.5
     """
     counts, proba, _ = _check_distributions(y_true, y_proba, levels)
@@ -623,7 +623,7 @@ def neg_macro_mae_scorer(
     Returns
     -------
     score : float
-        Higher is better; see :func:`macro_mae_per_trial`.
+        Higher is better; see :func:`macro_mae`.
 
     Raises
     ------
@@ -639,7 +639,7 @@ def neg_macro_mae_scorer(
     >>> round(neg_macro_mae_scorer(model, X, y), 4)
     -0.3333
     """
-    return -_score_estimator(macro_mae_per_trial, estimator, X, y, sample_weight)
+    return -_score_estimator(macro_mae, estimator, X, y, sample_weight)
 
 
 def _score_estimator(score, estimator, X, y, sample_weight):

@@ -39,7 +39,7 @@ from sklearn_haptic.metrics import (
     dispersion,
     earth_movers_distance,
     log_score,
-    macro_mae_per_trial,
+    macro_mae,
     neg_macro_mae_scorer,
     neg_rps_scorer,
     pit_histogram,
@@ -547,7 +547,7 @@ SCORES = {
         ranked_probability_score,
         earth_movers_distance,
         log_score,
-        macro_mae_per_trial,
+        macro_mae,
         pit_histogram,
         dispersion,
     )
@@ -1593,12 +1593,12 @@ FUNCTION_CASES = [
         for make in [lambda _, s=score, k=kwargs: call(s, COUNTS, PROBA, **k)]
     ),
     *cases(
-        "macro_mae_per_trial",
+        "macro_mae",
         (
             "n_quantiles=0",
             ValueError,
             wrong_type("n_quantiles"),
-            lambda _: call(macro_mae_per_trial, COUNTS, PROBA, n_quantiles=0),
+            lambda _: call(macro_mae, COUNTS, PROBA, n_quantiles=0),
         ),
     ),
     *cases(
@@ -2192,26 +2192,26 @@ PLOT_CASES = [
                 for given, message, ratings, objects in [
                     (
                         "no adjective",
-                        "^ratings is of no adjective; give the counts of one or more",
+                        "^counts is of no adjective; give the counts of one or more",
                         {},
                         None,
                     ),
                     (
                         "an object that nobody rated",
-                        r"^ratings\['hard'\] has no ratings in trial 1; remove",
+                        r"^counts\['hard'\] has no ratings in trial 1; remove",
                         {"hard": replaced(COUNTS, 0, 1)},
                         None,
                     ),
                     (
                         "adjectives with other levels",
-                        r"^ratings\['soft'\] has shape \(12, 2\), but ratings\['hard'\]"
+                        r"^counts\['soft'\] has shape \(12, 2\), but counts\['hard'\]"
                         r" has \(12, 3\); give the same rows and levels",
                         {"hard": COUNTS, "soft": COUNTS[:, :2]},
                         None,
                     ),
                     (
                         "trials of an object that differ",
-                        "^ratings has other counts in row 1 than in row 0, both of the "
+                        "^counts has other counts in row 1 than in row 0, both of the "
                         "object 0; give all rows of an object the same",
                         COUNTS,
                         OBJECTS,
@@ -2230,7 +2230,7 @@ PLOT_CASES = [
                     ),
                     (
                         "counts as text",
-                        "^ratings is not an array of numbers .*text.*; convert it",
+                        "^counts is not an array of numbers .*text.*; convert it",
                         text(COUNTS),
                         None,
                     ),
@@ -2243,7 +2243,7 @@ PLOT_CASES = [
         (
             "levels of another number",
             ValueError,
-            "^ratings has 3 columns of counts, but there are 2 levels",
+            "^counts has 3 columns of counts, but there are 2 levels",
             lambda _: call(RatingsDisplay.from_counts, COUNTS, levels=[1, 2]),
         ),
     ),
@@ -2252,7 +2252,7 @@ PLOT_CASES = [
         (
             "one rating of an object",
             ValueError,
-            "^ratings of 'hard' has fewer than two ratings in row 0; .* remove that",
+            r"^counts\['hard'\] has fewer than two ratings in row 0; .* remove that",
             lambda _: call(
                 InterraterAgreementDisplay.from_counts, {"hard": [[0, 1, 0]]}
             ),

@@ -13,7 +13,7 @@ from sklearn.model_selection import GridSearchCV, GroupKFold
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNNPOM
 from sklearn_haptic.metrics import (
-    macro_mae_per_trial,
+    macro_mae,
     neg_macro_mae_scorer,
     neg_rps_scorer,
     ranked_probability_score,
@@ -228,7 +228,7 @@ def test_search_and_scorers():
         cv=GroupKFold(3),
     ).fit(X, counts, groups=objects)
     proba = search.predict_proba(X)
-    each = [macro_mae_per_trial(counts[:, a], proba[:, a]) for a in range(3)]
+    each = [macro_mae(counts[:, a], proba[:, a]) for a in range(3)]
     assert neg_macro_mae_scorer(search, X, counts) == pytest.approx(-np.mean(each))
     assert np.isfinite(search.cv_results_["mean_test_rps"]).all()
 

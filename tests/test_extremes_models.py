@@ -27,7 +27,7 @@ from sklearn_haptic.metrics import (
     dispersion,
     earth_movers_distance,
     log_score,
-    macro_mae_per_trial,
+    macro_mae,
     pit_histogram,
     ranked_probability_score,
 )
@@ -689,7 +689,7 @@ def test_scores_equal_exact_arithmetic(pairs):
     for true, predicted in zip(*quantiles):
         errors.setdefault(true, []).append(abs(true - predicted))
     expected = np.mean([np.mean(each) for each in errors.values()])
-    assert macro_mae_per_trial(table, [proba], levels=levels) == pytest.approx(expected)
+    assert macro_mae(table, [proba], levels=levels) == pytest.approx(expected)
     heights = pit_histogram(table, [proba], levels=levels)
     assert (heights >= 0).all() and heights.mean() == pytest.approx(1)
 
@@ -724,7 +724,7 @@ def test_log_score_is_never_negative():
 
 
 @pytest.mark.parametrize(
-    "score", [macro_mae_per_trial, ranked_probability_score, log_score, dispersion]
+    "score", [macro_mae, ranked_probability_score, log_score, dispersion]
 )
 def test_weights_of_trials_in_scores(score):
     counts, proba = [[3, 1], [1, 3]], [[0.6, 0.4], [0.9, 0.1]]

@@ -27,7 +27,7 @@ from sklearn_haptic.metrics import (
     dispersion,
     earth_movers_distance,
     log_score,
-    macro_mae_per_trial,
+    macro_mae,
     neg_macro_mae_scorer,
     neg_rps_scorer,
     pit_histogram,
@@ -145,7 +145,7 @@ def test_numbers_that_label_columns_are_the_levels(name, kind, names, seed, data
     assert neg_rps_scorer(model, X, y) == -rps
     again = labelled(counts, names, order[::-1], kind)
     assert neg_rps_scorer(model, X, again) == -rps
-    assert neg_macro_mae_scorer(model, X, again) == -macro_mae_per_trial(counts, proba)
+    assert neg_macro_mae_scorer(model, X, again) == -macro_mae(counts, proba)
 
 
 @settings(max_examples=200, deadline=None)
@@ -303,7 +303,7 @@ SCORES = [
     ranked_probability_score,
     earth_movers_distance,
     log_score,
-    macro_mae_per_trial,
+    macro_mae,
     dispersion,
     pit_histogram,
 ]

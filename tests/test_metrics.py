@@ -18,7 +18,7 @@ from sklearn_haptic.metrics import (
     dispersion,
     earth_movers_distance,
     log_score,
-    macro_mae_per_trial,
+    macro_mae,
     neg_macro_mae_scorer,
     neg_rps_scorer,
     pit_histogram,
@@ -26,7 +26,7 @@ from sklearn_haptic.metrics import (
 )
 
 SCORES = [
-    macro_mae_per_trial,
+    macro_mae,
     ranked_probability_score,
     earth_movers_distance,
     log_score,
@@ -76,9 +76,7 @@ def test_macro_mae_equals_exact_arithmetic(n_quantiles):
         for c, w in zip(counts.tolist(), weights.tolist(), strict=True)
     ]
     np.testing.assert_allclose(
-        macro_mae_per_trial(
-            counts, weights / 20, average=False, n_quantiles=n_quantiles
-        ),
+        macro_mae(counts, weights / 20, average=False, n_quantiles=n_quantiles),
         expected,
         rtol=1e-14,
     )
@@ -91,20 +89,20 @@ def test_macro_mae_is_the_class_averaged_error_of_scikit_learn():
     for low, predicted in [(3, 0.5), (6, 0.1), (11, 0.77)]:
         true = (p > low / 12).astype(int)
         rating = (p > predicted).astype(int)
-        score = macro_mae_per_trial([[low, 12 - low]], [[predicted, 1 - predicted]])
+        score = macro_mae([[low, 12 - low]], [[predicted, 1 - predicted]])
         assert score == pytest.approx(1 - recall_score(true, rating, average="macro"))
 
 
 def test_macro_mae_by_hand():
     # A quarter rates 1 (p = .01 to .25), the rest 2; the prediction is always 2.
-    assert macro_mae_per_trial([[1, 3, 0]], [[0, 1, 0]]) == 0.5
+    assert macro_mae([[1, 3, 0]], [[0, 1, 0]]) == 0.5
     # True rating always 2; of 99 positions 50 are predicted 1 and 49 are right.
-    assert macro_mae_per_trial([[0, 4, 0]], [[0.5, 0.5, 0]]) == pytest.approx(50 / 99)
+    assert macro_mae([[0, 4, 0]], [[0.5, 0.5, 0]]) == pytest.approx(50 / 99)
 
 
 def test_macro_mae_of_a_certain_rating_is_the_mean_absolute_error():
     true, predicted = np.array([1, 5, 2, 3]), np.array([1, 2, 3, 5])
-    score = macro_mae_per_trial(true, np.eye(5)[predicted - 1], levels=LEVELS)
+    score = macro_mae(true, np.eye(5)[predicted - 1], levels=LEVELS)
     assert score == mean_absolute_error(true, predicted)
 
 
@@ -114,7 +112,7 @@ def test_macro_mae_is_not_proper():
     truth, bolder = np.array([[0.9, 0.06, 0.02, 0.01, 0.01], [0.84, 0.16, 0, 0, 0]])
     weight = multinomial.pmf(counts, 12, truth)
     mae_truth, mae_bolder = (
-        macro_mae_per_trial(counts, np.tile(p, (len(counts), 1)), sample_weight=weight)
+        macro_mae(counts, np.tile(p, (len(counts), 1)), sample_weight=weight)
         for p in (truth, bolder)
     )
     rps_truth, rps_bolder = (
@@ -343,7 +341,7 @@ def test_weight_and_level_errors(metric):
 
 def test_parameters_are_checked():
     with pytest.raises(ValueError, match="n_quantiles"):
-        macro_mae_per_trial([[1, 1]], [[0.5, 0.5]], n_quantiles=0)
+        macro_mae([[1, 1]], [[0.5, 0.5]], n_quantiles=0)
     with pytest.raises(ValueError, match="n_bins"):
         pit_histogram([[1, 1]], [[0.5, 0.5]], 0)
 
@@ -371,7 +369,7 @@ class CountsMarginal(ClassifierMixin, BaseEstimator):
     "scorer, score",
     [
         (neg_rps_scorer, ranked_probability_score),
-        (neg_macro_mae_scorer, macro_mae_per_trial),
+        (neg_macro_mae_scorer, macro_mae),
     ],
 )
 def test_scorers_search_over_counts_by_group(scorer, score, crowd):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sklearn.linear_model import LogisticRegression
 
-from sklearn_haptic.metrics import macro_mae_per_trial
+from sklearn_haptic.metrics import macro_mae
 from sklearn_haptic.plotting import DistributionDisplay, InverseCDFDisplay
 from sklearn_haptic.ratings import inverse_cdf
 
@@ -87,7 +87,7 @@ def test_labels_levels_and_errors_are_shown(proba):
     assert ax.get_xlabel() == "position p in the population"
     assert ax.get_ylabel() == "rating"
     assert [tick.get_text() for tick in ax.get_yticklabels()] == levels
-    scores = macro_mae_per_trial(np.tile(COUNTS, (10, 1)), proba, average=False)
+    scores = macro_mae(np.tile(COUNTS, (10, 1)), proba, average=False)
     np.testing.assert_array_equal(display.scores, scores)
     legend = ax.get_legend()
     texts = [text.get_text() for text in legend.get_texts()]

@@ -24,7 +24,7 @@ LUMINANCE = [0.2126, 0.7152, 0.0722]
 
 
 @pytest.fixture
-def ratings():
+def counts():
     """Counts of twelve people for six objects."""
     rng = np.random.default_rng(0)
     return {name: rng.multinomial(12, rng.dirichlet(np.ones(5), 6)) for name in NAMES}
@@ -48,12 +48,12 @@ def texts(labels):
 # All ratings
 
 
-def test_bars_are_as_long_as_there_are_responses(ratings):
-    ratings["rough"][2] = [0, 1, 0, 2, 3]  # half as many people
-    display = RatingsDisplay.from_counts(ratings)
-    scale = 12 / display.bars_[0][0].get_width() * ratings["hard"][0, 0]
+def test_bars_are_as_long_as_there_are_responses(counts):
+    counts["rough"][2] = [0, 1, 0, 2, 3]  # half as many people
+    display = RatingsDisplay.from_counts(counts)
+    scale = 12 / display.bars_[0][0].get_width() * counts["hard"][0, 0]
     lengths = np.array([[bar.get_width() for bar in bars] for bars in display.bars_])
-    expected = np.concatenate([*ratings.values()]).T
+    expected = np.concatenate([*counts.values()]).T
     np.testing.assert_allclose(lengths * scale, 12 * expected, atol=1e-9)
     for level, bars in enumerate(display.bars_):
         for i, bar in enumerate(bars):
@@ -63,20 +63,20 @@ def test_bars_are_as_long_as_there_are_responses(ratings):
             assert bar.get_y() + bar.get_height() / 2 == pytest.approx(row)
 
 
-def test_rows_of_one_object_are_drawn_once_in_the_order_they_occur(ratings):
+def test_rows_of_one_object_are_drawn_once_in_the_order_they_occur(counts):
     order = np.array([4, 4, 0, 2, 0, 4])
-    trials = {name: counts[order] for name, counts in ratings.items()}
+    trials = {name: table[order] for name, table in counts.items()}
     objects = np.array(["tile", "?", "cork", "?", "foam"])[order]
     display = RatingsDisplay.from_counts(trials, objects=objects)
     assert texts(display.ax_.get_yticklabels()) == ["foam", "tile", "cork"]
-    np.testing.assert_array_equal(display.counts["soft"], ratings["soft"][[4, 0, 2]])
+    np.testing.assert_array_equal(display.counts["soft"], counts["soft"][[4, 0, 2]])
     as_numbers = RatingsDisplay.from_counts(trials, objects=order)
     assert texts(as_numbers.ax_.get_yticklabels()) == ["4", "0", "2"]
 
 
-def test_levels_adjectives_and_units_are_named(ratings):
+def test_levels_adjectives_and_units_are_named(counts):
     levels = ["not", "slightly", "somewhat", "yes", "very"]
-    display = RatingsDisplay.from_counts(ratings, levels=levels)
+    display = RatingsDisplay.from_counts(counts, levels=levels)
     ax = display.ax_
     assert texts(ax.get_xticklabels()) == NAMES
     assert texts(ax.get_yticklabels()) == list("012345")
@@ -87,15 +87,15 @@ def test_levels_adjectives_and_units_are_named(ratings):
     display.figure_.canvas.draw()
 
 
-def test_higher_levels_are_darker(ratings):
-    display = RatingsDisplay.from_counts(ratings)
+def test_higher_levels_are_darker(counts):
+    display = RatingsDisplay.from_counts(counts)
     colours = np.array([bars[0].get_facecolor()[:3] for bars in display.bars_])
     assert (np.diff(colours @ LUMINANCE) < -0.05).all()
 
 
-def test_figure_grows_with_the_objects_and_labels_keep_apart(ratings):
-    many = {name: np.tile(counts, (10, 1)) for name, counts in ratings.items()}
-    few = RatingsDisplay.from_counts(ratings).figure_
+def test_figure_grows_with_the_objects_and_labels_keep_apart(counts):
+    many = {name: np.tile(table, (10, 1)) for name, table in counts.items()}
+    few = RatingsDisplay.from_counts(counts).figure_
     display = RatingsDisplay.from_counts(many)
     assert few.get_figheight() < 3 < 8 < display.figure_.get_figheight() < 10
     display.figure_.draw_without_rendering()
@@ -103,20 +103,20 @@ def test_figure_grows_with_the_objects_and_labels_keep_apart(ratings):
     assert not any(a.overlaps(b) for a, b in pairwise(boxes))
 
 
-def test_one_table_is_enough(ratings):
-    display = RatingsDisplay.from_counts(pd.DataFrame(ratings["hard"]))
+def test_one_table_is_enough(counts):
+    display = RatingsDisplay.from_counts(pd.DataFrame(counts["hard"]))
     assert texts(display.ax_.get_xticklabels()) == ["ratings"]
-    np.testing.assert_array_equal(display.counts["ratings"], ratings["hard"])
+    np.testing.assert_array_equal(display.counts["ratings"], counts["hard"])
 
 
 # Agreement
 
 
-def test_boxes_are_quartiles_of_the_agreement_sorted_by_median(ratings):
-    display = InterraterAgreementDisplay.from_counts(ratings)
+def test_boxes_are_quartiles_of_the_agreement_sorted_by_median(counts):
+    display = InterraterAgreementDisplay.from_counts(counts)
     expected = {}
-    for name, counts in ratings.items():
-        people = [np.repeat(np.arange(1, 6), row) for row in counts]
+    for name, table in counts.items():
+        people = [np.repeat(np.arange(1, 6), row) for row in table]
         expected[name] = np.array([1 - np.var(each, ddof=1) / 2 for each in people])
     order = sorted(NAMES, key=lambda name: -np.median(expected[name]))
     assert texts(display.ax_.get_xticklabels()) == order == [*display.agreement]
@@ -129,19 +129,19 @@ def test_boxes_are_quartiles_of_the_agreement_sorted_by_median(ratings):
         np.testing.assert_allclose([box.min(), box.max()], quartiles)
 
 
-def test_trials_of_an_object_count_once(ratings):
-    trials = {name: np.repeat(counts, 7, axis=0) for name, counts in ratings.items()}
+def test_trials_of_an_object_count_once(counts):
+    trials = {name: np.repeat(table, 7, axis=0) for name, table in counts.items()}
     display = InterraterAgreementDisplay.from_counts(
         trials, objects=np.repeat(np.arange(6), 7)
     )
-    alone = InterraterAgreementDisplay.from_counts(ratings)
+    alone = InterraterAgreementDisplay.from_counts(counts)
     for name in NAMES:
         np.testing.assert_array_equal(display.agreement[name], alone.agreement[name])
     assert display.ax_.get_xlabel() == "adjective (6 objects each)"
 
 
-def test_zero_is_marked_and_shown(ratings):
-    for each in (ratings, {"hard": [[12, 0, 0, 0, 0], [11, 1, 0, 0, 0]]}):
+def test_zero_is_marked_and_shown(counts):
+    for each in (counts, {"hard": [[12, 0, 0, 0, 0], [11, 1, 0, 0, 0]]}):
         display = InterraterAgreementDisplay.from_counts(each)
         assert set(display.zero_line_.get_ydata()) == {0}
         low, high = display.ax_.get_ylim()
@@ -151,8 +151,8 @@ def test_zero_is_marked_and_shown(ratings):
         display.figure_.canvas.draw()
 
 
-def test_labels_of_many_adjectives_are_turned(ratings):
-    many = {f"{name} {i}": ratings[name] for i in range(4) for name in NAMES}
+def test_labels_of_many_adjectives_are_turned(counts):
+    many = {f"{name} {i}": counts[name] for i in range(4) for name in NAMES}
     display = InterraterAgreementDisplay.from_counts(many)
     assert {label.get_rotation() for label in display.ax_.get_xticklabels()} == {45}
 
@@ -218,15 +218,15 @@ def test_how_a_correlation_is_written(rho, text):
 @pytest.mark.parametrize(
     "counts, objects, message",
     [
-        ({}, None, "ratings is of no adjective"),
-        ({"hard": [[1, 2]], "soft": [[1, 2, 3]]}, None, "ratings['soft'] has shape"),
-        ({"hard": [[1, 2], [0, 0]]}, None, "ratings['hard'] has no ratings in trial 1"),
-        ([[1, -2]], None, "ratings has a negative count in trial 0"),
+        ({}, None, "counts is of no adjective"),
+        ({"hard": [[1, 2]], "soft": [[1, 2, 3]]}, None, "counts['soft'] has shape"),
+        ({"hard": [[1, 2], [0, 0]]}, None, "counts['hard'] has no ratings in trial 1"),
+        ([[1, -2]], None, "counts has a negative count in trial 0"),
         ([1, 2], None, "Expected 2D array"),
         (
             {"hard": [[1, 2], [2, 1], [2, 1]]},
             ["foam", "tile", "foam"],
-            "ratings['hard'] has other counts in row 2 than in row 0, both of the "
+            "counts['hard'] has other counts in row 2 than in row 0, both of the "
             "object 'foam'; give",
         ),
         ([[1, 2], [2, 1]], [7, 7], "both of the object 7"),
@@ -241,24 +241,24 @@ def test_errors(display, counts, objects, message):
 
 
 def test_agreement_of_a_single_rating():
-    with pytest.raises(ValueError, match="ratings of 'soft' has fewer than two"):
+    with pytest.raises(ValueError, match=r"counts\['soft'\] has fewer than two"):
         InterraterAgreementDisplay.from_counts({"hard": [[1, 2]], "soft": [[1, 0]]})
 
 
-def draw(display, ratings, answers, **options):
+def draw(display, counts, answers, **options):
     if display is AdjectiveCorrelationDisplay:
         return display.from_ratings(answers, **options)
-    return display.from_counts(ratings, **options)
+    return display.from_counts(counts, **options)
 
 
 DISPLAYS = [RatingsDisplay, InterraterAgreementDisplay, AdjectiveCorrelationDisplay]
 
 
 @pytest.mark.parametrize("display", DISPLAYS)
-def test_given_axes_are_used_and_no_figure_is_made(display, ratings, answers):
+def test_given_axes_are_used_and_no_figure_is_made(display, counts, answers):
     figure = matplotlib.figure.Figure()
     ax = figure.subplots()
-    drawn = draw(display, ratings, answers, ax=ax)
+    drawn = draw(display, counts, answers, ax=ax)
     assert drawn.ax_ is ax
     assert drawn.figure_ is figure
     assert plt.get_fignums() == []
@@ -267,7 +267,7 @@ def test_given_axes_are_used_and_no_figure_is_made(display, ratings, answers):
 
 
 @pytest.mark.parametrize("display", DISPLAYS)
-def test_without_matplotlib_the_extra_is_named(display, ratings, answers, monkeypatch):
+def test_without_matplotlib_the_extra_is_named(display, counts, answers, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(ImportError, match="pip install matplotlib"):
-        draw(display, ratings, answers)
+        draw(display, counts, answers)

@@ -694,7 +694,7 @@ def test_scores_are_those_of_probabilities_and_counts(folder):
     scores = read_study(folder).scores
     counts, proba = scores.filter(like="count_"), scores.filter(like="proba_")
     for name, score in {
-        "macro_mae": metrics.macro_mae_per_trial,
+        "macro_mae": metrics.macro_mae,
         "emd": metrics.earth_movers_distance,
         "rps": metrics.ranked_probability_score,
         "log_score": metrics.log_score,
@@ -742,7 +742,7 @@ def test_baselines(folder):
         )
         model = DummyDistribution(strategy).fit(y[~test], y[~test])
         assert row["macro_mae"] == pytest.approx(
-            metrics.macro_mae_per_trial(y[test], model.predict_proba(y[test]))
+            metrics.macro_mae(y[test], model.predict_proba(y[test]))
         )
 
 

@@ -663,7 +663,7 @@ def calls_of_functions(folder):
     calls = {
         getattr(metrics, name): (COUNTS, proba)
         for name in (
-            *("macro_mae_per_trial", "ranked_probability_score", "log_score"),
+            *("macro_mae", "ranked_probability_score", "log_score"),
             *("earth_movers_distance", "pit_histogram", "dispersion"),
         )
     }

@@ -30,7 +30,7 @@ from .._validation import check_groups
 from ..metrics import (
     earth_movers_distance,
     log_score,
-    macro_mae_per_trial,
+    macro_mae,
     ranked_probability_score,
 )
 from ..models._distributional import DistributionalOrdinalRegressor
@@ -82,7 +82,7 @@ def score_trials(counts, proba):
     """
     counts, proba = np.asarray(counts), np.asarray(proba)
     scores = {
-        "macro_mae": macro_mae_per_trial(counts, proba, average=False),
+        "macro_mae": macro_mae(counts, proba, average=False),
         "emd": earth_movers_distance(counts, proba, average=False),
         "rps": ranked_probability_score(counts, proba, average=False),
         "log_score": log_score(counts, proba, average=False),

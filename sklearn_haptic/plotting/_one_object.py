@@ -12,7 +12,7 @@ from sklearn.utils import _safe_indexing
 from .._check_ratings import check_ratings
 from .._check_trials import check_regular
 from .._sklearn import Trials
-from ..metrics import _check_distributions, macro_mae_per_trial
+from ..metrics import _check_distributions, macro_mae
 from ._style import BLUE, axes_of
 
 if TYPE_CHECKING:
@@ -196,7 +196,7 @@ class InverseCDFDisplay:
             If matplotlib is not installed.
         """
         counts, y_proba, levels = _check_trials_of_one(y_true, y_proba, levels)
-        scores = macro_mae_per_trial(counts, y_proba, average=False)
+        scores = macro_mae(counts, y_proba, average=False)
         return cls(counts[0], y_proba, levels=levels, scores=scores).plot(ax)
 
     def plot(self, ax: Axes | None = None) -> Self:

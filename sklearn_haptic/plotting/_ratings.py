@@ -78,7 +78,7 @@ class RatingsDisplay:
     @classmethod
     def from_counts(
         cls,
-        ratings: Counts,
+        counts: Counts,
         *,
         objects: ArrayLike | None = None,
         levels: ArrayLike | None = None,
@@ -88,7 +88,7 @@ class RatingsDisplay:
 
         Parameters
         ----------
-        ratings : dict of str to array-like of shape (n_rows, n_levels), or array-like
+        counts : dict of str to array-like of shape (n_rows, n_levels), or array-like
             For each adjective, how many people chose each level, such as the
             ``ratings`` of a corpus; or the counts of one adjective.
         objects : array-like of shape (n_rows,), default=None
@@ -114,8 +114,8 @@ class RatingsDisplay:
         ImportError
             If matplotlib is not installed.
         """
-        counts, labels, levels = _counts_of_objects(ratings, objects, levels)
-        return cls(counts, objects=labels, levels=levels).plot(ax)
+        tables, labels, levels = _counts_of_objects(counts, objects, levels)
+        return cls(tables, objects=labels, levels=levels).plot(ax)
 
     def plot(self, ax: Axes | None = None) -> Self:
         """Plot the bars.
@@ -234,7 +234,7 @@ class InterraterAgreementDisplay:
     @classmethod
     def from_counts(
         cls,
-        ratings: Counts,
+        counts: Counts,
         *,
         objects: ArrayLike | None = None,
         ax: Axes | None = None,
@@ -243,7 +243,7 @@ class InterraterAgreementDisplay:
 
         Parameters
         ----------
-        ratings : dict of str to array-like of shape (n_rows, n_levels), or array-like
+        counts : dict of str to array-like of shape (n_rows, n_levels), or array-like
             For each adjective, how many people chose each level, such as the
             ``ratings`` of a corpus; or the counts of one adjective.
         objects : array-like of shape (n_rows,), default=None
@@ -265,10 +265,9 @@ class InterraterAgreementDisplay:
         ImportError
             If matplotlib is not installed.
         """
-        counts, _, _ = _counts_of_objects(ratings, objects, None)
+        tables, _, _ = _counts_of_objects(counts, objects, None)
         agreement = {
-            name: _agreement(table, f"ratings of {name!r}")
-            for name, table in counts.items()
+            name: _agreement(table, _called(name)) for name, table in tables.items()
         }
         by_median = sorted(agreement, key=lambda name: -np.median(agreement[name]))
         return cls({name: agreement[name] for name in by_median}).plot(ax)
@@ -501,20 +500,20 @@ class AdjectiveCorrelationDisplay:
 
 
 def _counts_of_objects(
-    ratings: Counts, objects: ArrayLike | None, levels: ArrayLike | None
+    counts: Counts, objects: ArrayLike | None, levels: ArrayLike | None
 ) -> tuple[dict[str, NDArray[np.float64]], list[str], np.ndarray]:
-    """Return the counts of each adjective, a row an object, its labels and levels."""
-    tables: Mapping[str, Any] = {"ratings": ratings}
-    called = {"ratings": "ratings"}
-    if isinstance(ratings, Mapping):
-        tables, called = ratings, {name: f"ratings[{name!r}]" for name in ratings}
-    if not tables:
-        raise ValueError("ratings is of no adjective; give the counts of one or more.")
+    """Return the counts per adjective, one row per object, its labels and levels."""
+    given: Mapping[str, Any] = {"ratings": counts}
+    called = {"ratings": "counts"}
+    if isinstance(counts, Mapping):
+        given, called = counts, {name: _called(name) for name in counts}
+    if not given:
+        raise ValueError("counts is of no adjective; give the counts of one or more.")
     checked = {
         name: _check_counts(table, levels, called[name])
-        for name, table in tables.items()
+        for name, table in given.items()
     }
-    counts = {name: table for name, (table, _) in checked.items()}
+    tables = {name: table for name, (table, _) in checked.items()}
     first_name, (first_table, levels_of_all) = next(iter(checked.items()))
     for name, (table, its_levels) in checked.items():
         if table.shape != first_table.shape:
@@ -529,11 +528,11 @@ def _counts_of_objects(
                 "levels for each."
             )
     if objects is None:
-        return counts, [*map(str, range(len(first_table)))], levels_of_all
+        return tables, [*map(str, range(len(first_table)))], levels_of_all
     objects = check_objects(objects)
     check_consistent_length(first_table, objects)
     _, first, which = np.unique(objects, return_index=True, return_inverse=True)
-    for name, table in counts.items():
+    for name, table in tables.items():
         differs = (table != table[first][which]).any(axis=1)
         if differs.any():
             row = int(np.argmax(differs))
@@ -544,7 +543,11 @@ def _counts_of_objects(
             )
     rows = np.sort(first)
     labels = [*map(str, objects[rows])]
-    return {name: table[rows] for name, table in counts.items()}, labels, levels_of_all
+    return {name: table[rows] for name, table in tables.items()}, labels, levels_of_all
+
+
+def _called(adjective):
+    return f"counts[{adjective!r}]"
 
 
 def _correlation(rho):
