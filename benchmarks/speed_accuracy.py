@@ -174,9 +174,7 @@ FEATURE_KNOBS = {
     },
     "sparsity": vary(features, "n_nonzero_coefs", [4, 1, 2, 8]),
     "K-SVD iterations": vary(features, "max_iter", [50, 0, 5, 20, 100]),
-    "training windows": vary(
-        features, "max_train_windows", [20_000, 2000, 5000, 50_000]
-    ),
+    "training windows": vary(features, "max_train", [20_000, 2000, 5000, 50_000]),
     "update": vary(features, "update", ["approximate", "exact"]),
     "precision": vary(features, "dtype", ["float32", "float64"]),
     "spatial pooling": {
@@ -201,7 +199,11 @@ FEATURE_KNOBS["presets"] = {
     "base": BASE,
     **{
         name: head(estimator__alpha=3.0)._replace(
-            features={"cells": preset["cells"], **preset["dictionary"]}
+            features={
+                "cells": preset["cells"],
+                "max_train": preset["max_train"],
+                **preset["dictionary"],
+            }
         )
         for name, preset in reversed(_PRESETS.items())
     },
@@ -339,7 +341,7 @@ class Sensor(NamedTuple):
     atoms: float = 1  # times the paper's size
     n_nonzero_coefs: int = 4
     max_iter: int = 50
-    max_train_windows: int = 20_000
+    max_train: int = 20_000  # windows or patches
     update: str = "approximate"
     dtype: str = "float32"
     spatial_cells: tuple = (3, 2, 1)
@@ -352,15 +354,23 @@ class Sensor(NamedTuple):
         return self._replace(cells=base.cells, spatial_cells=base.spatial_cells)
 
     def coder(self, random_state):
-        names = "n_nonzero_coefs", "remove_mean", "max_iter", "max_train_windows"
+        names = "n_nonzero_coefs", "remove_mean", "max_iter"
         parameters = {name: getattr(self, name) for name in (*names, "update")}
         parameters["random_state"] = random_state
         if self.name == "electrodes":
             return STHMPTransformer(
-                round(10 * self.atoms), spatial_cells=self.spatial_cells, **parameters
+                round(10 * self.atoms),
+                spatial_cells=self.spatial_cells,
+                max_train_patches=self.max_train,
+                **parameters,
             )
         window, n_atoms = SIZES[self.name]
-        return KSVDTransformer(round(n_atoms * self.atoms), window=window, **parameters)
+        return KSVDTransformer(
+            round(n_atoms * self.atoms),
+            window=window,
+            max_train_windows=self.max_train,
+            **parameters,
+        )
 
 
 def make_sensor(name, mean_removed=(), **changes):

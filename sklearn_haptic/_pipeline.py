@@ -23,14 +23,16 @@ _SENSORS = (*_WINDOWED, "electrodes")
 
 _PRESETS: dict[str, dict[str, Any]] = {
     "fast": {
-        "dictionary": {"n_nonzero_coefs": 2, "max_iter": 5, "max_train_windows": 5000},
+        "dictionary": {"n_nonzero_coefs": 2, "max_iter": 5},
+        "max_train": 5000,
         "cells": (4, 2, 1),
     },
     "balanced": {
-        "dictionary": {"max_iter": 20, "max_train_windows": 5000},
+        "dictionary": {"max_iter": 20},
+        "max_train": 5000,
         "cells": (4, 2, 1),
     },
-    "accurate": {"dictionary": {}, "cells": (8, 4, 2, 1)},
+    "accurate": {"dictionary": {}, "max_train": 20_000, "cells": (8, 4, 2, 1)},
 }
 
 
@@ -104,6 +106,7 @@ def make_haptic_pipeline(
     if preset not in _PRESETS:
         raise ValueError(f"preset={preset!r} must be one of {list(_PRESETS)}.")
     settings = _PRESETS[preset]
+    max_train = settings["max_train"]
     options = {
         **settings["dictionary"],
         "remove_mean": False,
@@ -113,10 +116,12 @@ def make_haptic_pipeline(
 
     def transformer(sensor):
         if sensor == "electrodes":
-            codes = STHMPTransformer(**options)
+            codes = STHMPTransformer(max_train_patches=max_train, **options)
         else:
             window, n_atoms = _WINDOWED[sensor]
-            codes = KSVDTransformer(n_atoms, window=window, **options)
+            codes = KSVDTransformer(
+                n_atoms, window=window, max_train_windows=max_train, **options
+            )
         return make_pipeline(codes, TemporalMaxPool(settings["cells"], memory=memory))
 
     regressor = DistributionalOrdinalRegressor(

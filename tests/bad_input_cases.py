@@ -751,7 +751,12 @@ PARAMETERS = {
         "random_state": ("zero", -1),
         "memory": (3,),
     },
-    STHMPTransformer: {"layout": ("palm", 3), "step": (0, 1.5), "n_atoms": (-1,)},
+    STHMPTransformer: {
+        "layout": ("palm", 3),
+        "step": (0, 1.5),
+        "n_atoms": (-1,),
+        "max_train_patches": (0,),
+    },
     TemporalMaxPool: {"split": ("half",), "memory": (3,)},
     NNPOM: {
         "n_hidden": (-1, 1.5, None),

@@ -17,8 +17,8 @@ from sklearn.datasets import make_sparse_coded_signal
 from sklearn.decomposition import SparseCoder
 from sklearn.pipeline import make_pipeline
 
-from sklearn_haptic import _ksvd
 from sklearn_haptic._sequences import Sequences
+from sklearn_haptic.features import _windows
 from sklearn_haptic.features._dictionary_coder import draw_observations
 from sklearn_haptic.features._pooling import TemporalMaxPool
 from sklearn_haptic.features._windows import KSVDTransformer
@@ -292,13 +292,13 @@ def test_clone_and_pickle():
 @pytest.fixture
 def coded(monkeypatch):
     """A list that receives the number of observations of every call of `encode`."""
-    numbers, encode = [], _ksvd.encode
+    numbers, encode = [], _windows.encode
 
     def counting(observations, *args, **params):
         numbers.append(len(observations))
         return encode(observations, *args, **params)
 
-    monkeypatch.setattr(_ksvd, "encode", counting)
+    monkeypatch.setattr(_windows, "encode", counting)
     return numbers
 
 

@@ -36,12 +36,13 @@ def corpus():
 def fitted_search(corpus, *, n_jobs=None, step_memory=None, pipeline_memory=None):
     learning = {
         "max_iter": 1,
-        "max_train_windows": 200,
         "memory": step_memory,
         "random_state": 0,
     }
-    pressure = KSVDTransformer(5, 3, window=20, **learning)
-    images = STHMPTransformer(4, 3, spatial_cells=(1,), **learning)
+    pressure = KSVDTransformer(5, 3, window=20, max_train_windows=200, **learning)
+    images = STHMPTransformer(
+        4, 3, spatial_cells=(1,), max_train_patches=200, **learning
+    )
     pool = TemporalMaxPool((2, 1), memory=step_memory)
     features = ColumnTransformer(
         [

@@ -22,9 +22,9 @@ from sklearn_haptic import (
     KSVDTransformer,
     STHMPTransformer,
     TemporalMaxPool,
-    _sthmp,
 )
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
+from sklearn_haptic.features import _sthmp
 from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
 
 

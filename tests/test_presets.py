@@ -81,7 +81,8 @@ def test_presets_grow():
         for preset in ("fast", "balanced", "accurate")
     )
     for sensor in SENSORS:
-        for name in ("n_nonzero_coefs", "max_iter", "max_train_windows"):
+        unit = "patches" if sensor == "electrodes" else "windows"
+        for name in ("n_nonzero_coefs", "max_iter", f"max_train_{unit}"):
             values = [
                 getattr(part(m, sensor), name) for m in (fast, balanced, accurate)
             ]

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.linear_model import orthogonal_mp_gram
 
-from sklearn_haptic import _sparse_coding
+from sklearn_haptic.features import _sparse_coding
 from sklearn_haptic.features._sparse_coding import batch_omp, dense_codes, row_norms
 
 DTYPES = [np.float64, np.float32]

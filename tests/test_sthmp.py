@@ -9,8 +9,8 @@ from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic import _ksvd, _sthmp
 from sklearn_haptic._sequences import Sequences
+from sklearn_haptic.features import _dictionary_coder, _sthmp
 from sklearn_haptic.features._dictionary_coder import encode
 from sklearn_haptic.features._pooling import TemporalMaxPool
 from sklearn_haptic.features._sthmp import (
@@ -430,7 +430,7 @@ def test_parameters_set_after_fit_wait_for_the_next_fit():
     model = make_pipeline(small(), TemporalMaxPool((2, 1))).fit(trials)
     expected, names = model.transform(trials), model.get_feature_names_out()
     model[0].set_params(
-        layout=None, patch_size=(2, 2), step=2, spatial_cells=(1,), max_train_windows=1
+        layout=None, patch_size=(2, 2), step=2, spatial_cells=(1,), max_train_patches=1
     )
     np.testing.assert_array_equal(model.transform(trials), expected)
     np.testing.assert_array_equal(model.get_feature_names_out(), names)
@@ -462,9 +462,10 @@ def test_dictionary_is_learned_from_patches(limit):
         image_patches(electrode_images(trial, LAYOUT), (3, 3)) for trial in trials
     ]
     table = np.concatenate([each.reshape(-1, 9) for each in patches])
-    params = {"n_atoms": 6, "max_iter": 3, "max_train_windows": limit}
-    expected = KSVDTransformer(**params, random_state=0).fit(table)
-    components = small(**params).fit(trials).components_
+    params = {"n_atoms": 6, "max_iter": 3}
+    expected = KSVDTransformer(**params, max_train_windows=limit, random_state=0)
+    expected.fit(table)
+    components = small(**params, max_train_patches=limit).fit(trials).components_
     np.testing.assert_allclose(components, expected.components_, atol=1e-10)
 
 
@@ -479,9 +480,9 @@ def test_most_trials_give_no_patch(n_fingers, limit):
         seen.append(observations)
         return observations[:1].repeat(n_atoms, axis=0), 0, 0.0
 
-    estimator = small(max_train_windows=limit)
+    estimator = small(max_train_patches=limit)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(_ksvd, "learn_dictionary", learn)
+        patched.setattr(_dictionary_coder, "learn_dictionary", learn)
         estimator.fit(trials)
     patches = [image_patches(electrode_images(t, LAYOUT), (3, 3)) for t in trials]
     known = {patch.round(6).tobytes() for patch in np.reshape(patches, (-1, 9))}

@@ -240,7 +240,6 @@ class _DictionaryCoder(
         "update": [StrOptions({"approximate", "exact"})],
         "max_iter": [Interval(Integral, 0, None, closed="left")],
         "tol": [Interval(Real, 0, 1, closed="left")],
-        "max_train_windows": [Interval(Integral, 1, None, closed="left"), None],
         "dict_init": ["array-like", None],
         "sign": [StrOptions({"split", "absolute", "none"})],
         "memory": [str, HasMethods("cache"), None],
@@ -248,7 +247,7 @@ class _DictionaryCoder(
     }
 
     @one_blas_thread
-    def _learn(self, X, y):
+    def _learn(self, X, y, max_train):
         """Learn the dictionary from a table or, if `_codes_trials`, from trials."""
         context = self._init_callback_context(max_subtasks=self.max_iter)
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
@@ -267,7 +266,7 @@ class _DictionaryCoder(
         else:
             rows = check_table(self, X, dtype=[np.float64, np.float32])
             observations = draw_observations(
-                [rows], [len(rows)], self.max_train_windows, np.ndarray.__getitem__, rng
+                [rows], [len(rows)], max_train, np.ndarray.__getitem__, rng
             )
         n_nonzero_coefs = check_sparsity(self.n_nonzero_coefs, self.n_atoms)
         # Callbacks have to see the iterations, and may stop them.

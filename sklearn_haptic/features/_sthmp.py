@@ -309,7 +309,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
     tol : float, default=1e-3
         Stop when five iterations lower the training error by less than this
         fraction.
-    max_train_windows : int, default=20_000
+    max_train_patches : int, default=20_000
         Most patches to learn from, drawn at random; None takes all.
     dict_init : array-like of shape (n_atoms, n_patch_pixels), default=None
         Initial atoms, pixels row by row; with `max_iter=0` they are used exactly
@@ -387,6 +387,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
 
     _parameter_constraints = {  # noqa: RUF012
         **_DictionaryCoder._parameter_constraints,
+        "max_train_patches": [Interval(Integral, 1, None, closed="left"), None],
         "layout": [StrOptions({"biotac"}), "array-like", None],
         "patch_size": [tuple, list],
         "step": [Interval(Integral, 1, None, closed="left")],
@@ -406,7 +407,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         update: Literal["approximate", "exact"] = "approximate",
         max_iter: int = 50,
         tol: float = 1e-3,
-        max_train_windows: int | None = 20_000,
+        max_train_patches: int | None = 20_000,
         dict_init: ArrayLike | None = None,
         sign: Literal["split", "absolute", "none"] = "split",
         memory: str | Memory | None = None,
@@ -422,7 +423,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         self.update = update
         self.max_iter = max_iter
         self.tol = tol
-        self.max_train_windows = max_train_windows
+        self.max_train_patches = max_train_patches
         self.dict_init = dict_init
         self.sign = sign
         self.memory = memory
@@ -455,7 +456,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         if hasattr(self, "spatial_cells_"):
             del self.spatial_cells_
         self.layout_ = self._check_layout()
-        return self._learn(X, y)
+        return self._learn(X, y, self.max_train_patches)
 
     def get_feature_names_out(
         self, input_features: Names | None = None
@@ -522,7 +523,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
 
         n_positions = positions[0] * positions[1]
         counts = [len(trial) * n_positions for trial in trials]
-        return draw_observations(trials, counts, self.max_train_windows, observe, rng)
+        return draw_observations(trials, counts, self.max_train_patches, observe, rng)
 
     def _transform_trials(self, X):
         if is_table(X):

@@ -198,6 +198,7 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
 
     _parameter_constraints = {  # noqa: RUF012
         **_DictionaryCoder._parameter_constraints,
+        "max_train_windows": [Interval(Integral, 1, None, closed="left"), None],
         "window": [Interval(Integral, 1, None, closed="left"), None],
         "overlap": [Interval(Real, 0, 1, closed="left")],
     }
@@ -256,7 +257,7 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
                 "X is a collection of trials, but window=None codes the rows of a "
                 "table; set window to the number of time samples a window."
             )
-        return self._learn(X, y)
+        return self._learn(X, y, self.max_train_windows)
 
     def get_feature_names_out(
         self, input_features: Names | None = None
