@@ -11,15 +11,11 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from sklearn.utils._missing import is_pandas_na
-from sklearn.utils.validation import (
-    _check_sample_weight,
-    check_consistent_length,
-    column_or_1d,
-)
+from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from ._check_trials import check_numbers, check_regular
 from ._levels import lossless_array
+from ._sklearn import _check_sample_weight, is_pandas_na
 
 
 def check_weights(sample_weight, X):

@@ -13,9 +13,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch
-from sklearn.utils._param_validation import StrOptions
 
-from .._sklearn import Names, validate_params
+from .._sklearn import Names, StrOptions, validate_params
 from ._hdf5 import (
     check_expansion,
     check_stored,

@@ -10,9 +10,8 @@ from numbers import Integral
 import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch, check_random_state
-from sklearn.utils._param_validation import Interval, StrOptions
 
-from .._sklearn import Names, RandomState, validate_params
+from .._sklearn import Interval, Names, RandomState, StrOptions, validate_params
 from ._crowd import (
     ADJECTIVES,
     LEVELS,

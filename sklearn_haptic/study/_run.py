@@ -19,10 +19,16 @@ import pandas as pd
 from joblib import effective_n_jobs
 from sklearn.metrics import check_scoring
 from sklearn.utils import Bunch
-from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.parallel import Parallel, delayed
 
-from .._sklearn import Names, Scorer, one_blas_thread, validate_params
+from .._sklearn import (
+    Interval,
+    Names,
+    Scorer,
+    StrOptions,
+    one_blas_thread,
+    validate_params,
+)
 from ..datasets._phac2 import PROCEDURE_STATES, SENSORS, choose
 from ..models._distributional import DistributionalOrdinalRegressor
 from ..models._nnpom import NNPOM
