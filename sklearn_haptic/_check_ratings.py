@@ -5,7 +5,6 @@ from __future__ import annotations
 from numbers import Real
 
 import numpy as np
-from sklearn.utils._missing import is_pandas_na
 from sklearn.utils.validation import check_array, check_consistent_length, column_or_1d
 
 from ._check_trials import check_numbers, check_regular, check_table
@@ -16,6 +15,7 @@ from ._levels import (
     lossless_array,
     names_levels,
 )
+from ._sklearn import is_pandas_na
 
 
 def weighted(counts, sample_weight):

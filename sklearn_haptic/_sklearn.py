@@ -1,6 +1,13 @@
-"""What is taken from scikit-learn's private names, and shared by all estimators."""
+"""All that the package takes from scikit-learn's private names, in one place.
 
-from collections.abc import Callable, Iterable, Sequence
+Beside them stand the types of common arguments, and what every estimator shares: the
+link to its page of the documentation, the hooks of callbacks, and the limit of BLAS
+threads. The private names are imported from here and keep the names that scikit-learn
+gave them.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from functools import wraps
 from threading import local
 from typing import Any, Protocol, TypeAlias, TypeVar
@@ -9,7 +16,47 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn import base, callback
 from sklearn.model_selection import BaseCrossValidator
-from sklearn.utils import _param_validation, parallel
+from sklearn.model_selection._search import BaseSearchCV
+from sklearn.utils import _param_validation, _safe_indexing, parallel
+from sklearn.utils._missing import is_pandas_na
+from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
+from sklearn.utils._set_output import _get_adapter_from_container, _get_output_config
+from sklearn.utils.validation import (
+    _check_feature_names_in,
+    _check_method_params,
+    _check_sample_weight,
+    _num_samples,
+)
+
+__all__ = [
+    "BaseSearchCV",
+    "CrossValidator",
+    "DocumentedEstimator",
+    "FitTask",
+    "FloatArray",
+    "HasMethods",
+    "Interval",
+    "Memory",
+    "Names",
+    "Observations",
+    "RandomState",
+    "Scorer",
+    "StrOptions",
+    "Trials",
+    "_check_feature_names_in",
+    "_check_method_params",
+    "_check_sample_weight",
+    "_fit_context",
+    "_get_adapter_from_container",
+    "_get_output_config",
+    "_num_samples",
+    "_safe_indexing",
+    "fit_task",
+    "is_pandas_na",
+    "one_blas_thread",
+    "validate_params",
+    "with_callbacks",
+]
 
 FloatArray: TypeAlias = NDArray[np.floating]
 """float64, or float32 where the input is."""
@@ -81,6 +128,78 @@ class DocumentedEstimator:
     _doc_link_module = "sklearn_haptic"
     _doc_link_template = (
         DOCUMENTATION_URL + "generated/{estimator_module}.{estimator_name}.html"
+    )
+
+
+class FitTask:
+    """A fit in progress, as callbacks see it; made by `fit_task`.
+
+    Attributes
+    ----------
+    on_iteration : callable or None
+        Called at the end of each iteration, it tells the callbacks and returns whether
+        one of them asks to stop; it ignores its arguments. None if there are no
+        callbacks.
+    """
+
+    def __init__(self, estimator: Any, context: Any, X: Any, y: Any) -> None:
+        self._context = context
+        self._data = {"estimator": estimator, "X": X, "y": y}
+        self._n_iterations = 0
+        watched = hasattr(estimator, "_skl_callbacks")
+        self.on_iteration = self._end_iteration if watched else None
+
+    def _end_iteration(self, *_: Any) -> bool:
+        self._n_iterations += 1
+        task = self._context.subcontext(task_name=f"iteration {self._n_iterations}")
+        task.call_on_fit_task_begin(**self._data)
+        return bool(task.call_on_fit_task_end(**self._data))
+
+    def fit_of(self, name: str, estimator: Any) -> AbstractContextManager[Any]:
+        """Pass the callbacks on to an estimator that is fitted within the context.
+
+        Parameters
+        ----------
+        name : str
+            Name of the subtask.
+        estimator : estimator object
+            The estimator to fit.
+
+        Returns
+        -------
+        context : context manager
+        """
+        context = self._context.subcontext(task_name=name)
+        passed_on: AbstractContextManager[Any] = context.propagate_callback_context(
+            estimator
+        )
+        return passed_on
+
+
+@contextmanager
+def fit_task(
+    estimator: Any, X: Any, y: Any = None, *, max_subtasks: int = 0
+) -> Iterator[FitTask]:
+    """Tell callbacks that a fit begins and, unless it raises an error, that it ended.
+
+    Parameters
+    ----------
+    estimator : estimator object
+        The estimator whose ``fit`` this is.
+    X, y : object
+        The data that the callbacks are given.
+    max_subtasks : int, default=0
+        Largest number of iterations, or number of estimators that are fitted.
+
+    Yields
+    ------
+    task : FitTask
+    """
+    context = estimator._init_callback_context(max_subtasks=max_subtasks)
+    context.call_on_fit_task_begin(estimator=estimator, X=X, y=y)
+    yield FitTask(estimator, context, X, y)
+    context.call_on_fit_task_end(
+        estimator=estimator, X=X, y=y, reconstruction_attributes={}
     )
 
 

@@ -9,17 +9,14 @@ scikit-learn's ordinary two-dimensional input; every transformer takes both.
 from __future__ import annotations
 
 import warnings
+from difflib import get_close_matches
 
 import numpy as np
-from sklearn.utils._missing import is_pandas_na
-from sklearn.utils.validation import (
-    _check_sample_weight,
-    check_consistent_length,
-    column_or_1d,
-)
+from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from ._check_trials import check_numbers, check_regular
 from ._levels import lossless_array
+from ._sklearn import _check_sample_weight, is_pandas_na
 
 
 def check_weights(sample_weight, X):
@@ -113,3 +110,38 @@ def check_sparsity(n_nonzero_coefs, n_atoms):
             stacklevel=3,
         )
     return min(n_nonzero_coefs, n_atoms)
+
+
+def check_names(asked, known, what, where):
+    """Return the names asked for, or all that are known if ``asked`` is None.
+
+    Parameters
+    ----------
+    asked : sequence of str, or None
+    known : list of str
+    what, where : str
+        What error messages call a name, and what has these names.
+
+    Raises
+    ------
+    ValueError
+        If no name is asked for, one is unknown, or one is asked for twice.
+    """
+    if asked is None:
+        return known
+    asked = [str(name) for name in asked]
+    if not asked:
+        raise ValueError(f"No {what} is asked for; name at least one or give None.")
+    left = set(known)
+    for name in asked:
+        if name in left:
+            left.remove(name)
+        elif name in known:
+            raise ValueError(f"The {what} {name!r} is asked for twice; name it once.")
+        else:
+            closest = get_close_matches(name, known, n=10, cutoff=0)
+            raise ValueError(
+                f"Unknown {what} {name!r}; {where} has {len(known)}, of which the "
+                f"closest are {closest}."
+            )
+    return asked

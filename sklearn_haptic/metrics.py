@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import xlogy
 from sklearn.base import BaseEstimator
-from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_array
 
 from ._check_ratings import check_ratings
 from ._check_trials import check_numbers
 from ._distributions import _cdf, _level_index, _macro_mae, _proportions
 from ._levels import in_order_of_levels, levels_of_columns, names_levels
-from ._sklearn import Trials, validate_params
+from ._sklearn import Interval, Trials, validate_params
 from ._validation import check_weights
 
 __all__ = [

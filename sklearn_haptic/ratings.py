@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import spearmanr
 from sklearn.utils import Bunch
-from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_array, check_consistent_length, column_or_1d
 
 from ._check_ratings import check_levels, check_levels_occur, check_ratings
 from ._check_trials import check_numbers
 from ._distributions import _level_index
 from ._levels import levels_of_ratings, names_levels
-from ._sklearn import validate_params
+from ._sklearn import Interval, validate_params
 from ._validation import check_objects, drop_missing, missing_to_none
 
 __all__ = [

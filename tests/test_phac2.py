@@ -9,9 +9,9 @@ from scipy.io import savemat
 from sklearn.utils._param_validation import InvalidParameterError
 
 from sklearn_haptic import make_haptic_pipeline
+from sklearn_haptic._validation import check_names
 from sklearn_haptic.datasets import load_phac2
 from sklearn_haptic.datasets._hdf5 import _unreadable
-from sklearn_haptic.datasets._phac2 import choose
 
 h5py = pytest.importorskip("h5py")
 
@@ -546,10 +546,10 @@ def test_names_are_chosen_in_linear_time(n):
 
     known = [Name(f"sponge_{i}_1") for i in range(n)]
     asked = [str(name) for name in known[::-1]]
-    assert choose(asked, known, "trial", "the file") == asked
+    assert check_names(asked, known, "trial", "the file") == asked
     assert n_compared < 20 * n
     with pytest.raises(ValueError, match=r"'sponge_0_1' is asked for twice"):
-        choose([*asked, "sponge_0_1"], known, "trial", "the file")
+        check_names([*asked, "sponge_0_1"], known, "trial", "the file")
 
 
 @pytest.mark.parametrize(

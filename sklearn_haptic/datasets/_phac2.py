@@ -7,15 +7,14 @@ the robot's controller marks which rows belong to which exploratory procedure.
 
 import os
 import re
-from difflib import get_close_matches
 from typing import Literal, TypeAlias
 
 import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch
-from sklearn.utils._param_validation import StrOptions
 
-from .._sklearn import Names, validate_params
+from .._sklearn import Names, StrOptions, validate_params
+from .._validation import check_names
 from ._hdf5 import (
     check_expansion,
     check_stored,
@@ -193,10 +192,10 @@ def load_phac2(
     ... # doctest: +SKIP
     (500, 38)
     """
-    sensors = choose(sensors, list(SENSORS), "sensor", "the corpus")
+    sensors = check_names(sensors, list(SENSORS), "sensor", "the corpus")
     with open_hdf5(path) as file:
         parsed = _parse_trial_names(file)
-        names = choose(trials, sorted(parsed, key=parsed.get), "trial", path)
+        names = check_names(trials, sorted(parsed, key=parsed.get), "trial", path)
         objects = np.array([parsed[name][0] for name in names])
         ratings, rater_ratings = {}, None
         if ratings_path is not None:
@@ -230,28 +229,6 @@ def load_phac2(
         sampling_rates={sensor: FRAME_RATE * SENSORS[sensor][0] for sensor in sensors},
         DESCR=DESCR,
     )
-
-
-def choose(asked, known, what, where):
-    """Return the names asked for, or all; each must be known and come once."""
-    if asked is None:
-        return known
-    asked = [str(name) for name in asked]
-    if not asked:
-        raise ValueError(f"No {what} is asked for; name at least one or give None.")
-    left = set(known)
-    for name in asked:
-        if name in left:
-            left.remove(name)
-        elif name in known:
-            raise ValueError(f"The {what} {name!r} is asked for twice; name it once.")
-        else:
-            closest = get_close_matches(name, known, n=10, cutoff=0)
-            raise ValueError(
-                f"Unknown {what} {name!r}; {where} has {len(known)}, of which the "
-                f"closest are {closest}."
-            )
-    return asked
 
 
 def _parse_trial_names(file):

@@ -10,9 +10,9 @@ from numbers import Integral
 import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch, check_random_state
-from sklearn.utils._param_validation import Interval, StrOptions
 
-from .._sklearn import Names, RandomState, validate_params
+from .._sklearn import Interval, Names, RandomState, StrOptions, validate_params
+from .._validation import check_names
 from ._crowd import (
     ADJECTIVES,
     LEVELS,
@@ -20,7 +20,7 @@ from ._crowd import (
     population,
     rate,
 )
-from ._phac2 import FRAME_RATE, SENSORS, Procedure, choose
+from ._phac2 import FRAME_RATE, SENSORS, Procedure
 from ._touch import PROCEDURES, draw_conditions, touch
 
 # Per material: first digit of its ids, share of the objects, then the middle of
@@ -184,7 +184,7 @@ def make_haptic_corpus(
     >>> corpus.ratings["hard"].shape
     (40, 5)
     """
-    sensors = choose(sensors, list(SENSORS), "sensor", "the corpus")
+    sensors = check_names(sensors, list(SENSORS), "sensor", "the corpus")
     seed = int(check_random_state(random_state).randint(np.iinfo(np.int32).max))
 
     properties = _draw_properties(n_objects, np.random.default_rng([seed, 0]))

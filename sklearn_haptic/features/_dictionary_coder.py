@@ -8,17 +8,23 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.callback import CallbackSupportMixin
 from sklearn.utils import check_array, check_random_state
-from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.random import sample_without_replacement
-from sklearn.utils.validation import (
-    _check_feature_names_in,
-    check_is_fitted,
-    check_memory,
-)
+from sklearn.utils.validation import check_is_fitted, check_memory
 
 from .._check_trials import channel_names, check_numbers, check_table
 from .._sequences import Sequences
-from .._sklearn import DocumentedEstimator, FloatArray, Names, Trials, one_blas_thread
+from .._sklearn import (
+    DocumentedEstimator,
+    FloatArray,
+    HasMethods,
+    Interval,
+    Names,
+    StrOptions,
+    Trials,
+    _check_feature_names_in,
+    fit_task,
+    one_blas_thread,
+)
 from .._validation import check_sparsity
 from ._ksvd import initial_atoms, ksvd
 from ._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows
@@ -249,14 +255,11 @@ class _DictionaryCoder(
     @one_blas_thread
     def _learn(self, X, y, max_train):
         """Learn the dictionary from a table or, if `_codes_trials`, from trials."""
-        context = self._init_callback_context(max_subtasks=self.max_iter)
-        context.call_on_fit_task_begin(estimator=self, X=X, y=y)
+        with fit_task(self, X, y, max_subtasks=self.max_iter) as task:
+            self._learn_from(X, task.on_iteration)
+        return self
 
-        def end_iteration(n_iter, error):
-            task = context.subcontext(task_name=f"iteration {n_iter}")
-            task.call_on_fit_task_begin(estimator=self, X=X, y=y)
-            return task.call_on_fit_task_end(estimator=self, X=X, y=y)
-
+    def _learn_from(self, X, on_iteration):
         rng = check_random_state(self.random_state)
         self._channel_names = None
         if self._codes_trials:
@@ -270,8 +273,8 @@ class _DictionaryCoder(
             )
         n_nonzero_coefs = check_sparsity(self.n_nonzero_coefs, self.n_atoms)
         # Callbacks have to see the iterations, and may stop them.
-        watched = hasattr(self, "_skl_callbacks")
-        learn = check_memory(None if watched else self.memory).cache(learn_dictionary)
+        memory = check_memory(self.memory if on_iteration is None else None)
+        learn = memory.cache(learn_dictionary)
         self.components_, self.n_iter_, self.reconstruction_error_ = learn(
             observations,
             self.n_atoms,
@@ -283,7 +286,7 @@ class _DictionaryCoder(
             tol=self.tol,
             # Drawn here, so that a cached result leaves rng in the same state.
             seed=rng.randint(np.iinfo(np.int32).max),
-            callback=end_iteration if watched else None,
+            callback=on_iteration,
         )
         # What `transform` does is settled here, whatever is set after.
         self._coding = {
@@ -291,10 +294,6 @@ class _DictionaryCoder(
             "remove_mean": self.remove_mean,
             "sign": self.sign,
         }
-        context.call_on_fit_task_end(
-            estimator=self, X=X, y=y, reconstruction_attributes={}
-        )
-        return self
 
     def _sequences(
         self, trials, lengths, encode_trial, index, unit="frames", **options

@@ -8,13 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.callback import CallbackSupportMixin
-from sklearn.utils._param_validation import HasMethods, StrOptions
-from sklearn.utils._set_output import _get_output_config
-from sklearn.utils.validation import (
-    _check_feature_names_in,
-    check_is_fitted,
-    check_memory,
-)
+from sklearn.utils.validation import check_is_fitted, check_memory
 
 from .._check_trials import (
     channel_names,
@@ -27,10 +21,15 @@ from .._sequences import Sequences, row_index
 from .._sklearn import (
     DocumentedEstimator,
     FloatArray,
+    HasMethods,
     Memory,
     Names,
+    StrOptions,
     Trials,
+    _check_feature_names_in,
     _fit_context,
+    _get_output_config,
+    fit_task,
     one_blas_thread,
 )
 
@@ -242,16 +241,12 @@ class TemporalMaxPool(
         ValueError
             If `cells` are not positive integers, or all of them are dropped.
         """
-        context = self._init_callback_context()
-        context.call_on_fit_task_begin(estimator=self, X=X, y=y)
-        sequences = self._check_sequences(X, reset=True)
-        self.cells_ = check_cells(self.cells)
-        if self.drop_fine_levels:
-            self._drop_fine_levels(sequences)
-        self._split = self.split
-        context.call_on_fit_task_end(
-            estimator=self, X=X, y=y, reconstruction_attributes={}
-        )
+        with fit_task(self, X, y):
+            sequences = self._check_sequences(X, reset=True)
+            self.cells_ = check_cells(self.cells)
+            if self.drop_fine_levels:
+                self._drop_fine_levels(sequences)
+            self._split = self.split
         return self
 
     @one_blas_thread  # sequences are coded as they are pooled

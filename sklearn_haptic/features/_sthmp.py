@@ -7,12 +7,19 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import check_array
-from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from .._check_trials import check_numbers, check_trials, is_table, transposed_hint
 from .._sequences import row_index
-from .._sklearn import Memory, Names, RandomState, Trials, _fit_context
+from .._sklearn import (
+    Interval,
+    Memory,
+    Names,
+    RandomState,
+    StrOptions,
+    Trials,
+    _fit_context,
+)
 from ._dictionary_coder import (
     _DictionaryCoder,
     _UnwrappedSequences,

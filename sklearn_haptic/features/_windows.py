@@ -7,12 +7,11 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import check_array
-from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted
 
 from .._check_trials import check_numbers, check_trials, is_table, transposed_hint
 from .._sequences import row_index
-from .._sklearn import Memory, Names, RandomState, Trials, _fit_context
+from .._sklearn import Interval, Memory, Names, RandomState, Trials, _fit_context
 from ._dictionary_coder import (
     _DictionaryCoder,
     _UnwrappedSequences,

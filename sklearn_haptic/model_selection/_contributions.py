@@ -18,14 +18,20 @@ from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer
-from sklearn.utils import _safe_indexing, check_random_state, indexable
-from sklearn.utils._param_validation import Interval
+from sklearn.utils import check_random_state, indexable
 from sklearn.utils.parallel import Parallel, delayed
 
 from .._check_ratings import check_ratings
 from .._check_trials import check_numbers
 from .._folds import make_splitter
-from .._sklearn import CrossValidator, RandomState, Trials, validate_params
+from .._sklearn import (
+    CrossValidator,
+    Interval,
+    RandomState,
+    Trials,
+    _safe_indexing,
+    validate_params,
+)
 from .._validation import check_groups
 from ..metrics import (
     earth_movers_distance,

@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator
-from sklearn.utils import _safe_indexing
-from sklearn.utils.validation import _num_samples
 
-from .._sklearn import Trials
+from .._sklearn import Trials, _num_samples, _safe_indexing
 
 # Trials that are timed, and how often each: a few, for a search does it for every fit.
 _N_TRIALS = 5

@@ -5,14 +5,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from itertools import count, takewhile
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-if TYPE_CHECKING:
-    from sklearn.model_selection._search import BaseSearchCV
+from .._sklearn import BaseSearchCV
 
 # Name of what `neg_seconds_scorer` measures, in a search and in `sensor_subsets`.
 _COST = "neg_seconds"

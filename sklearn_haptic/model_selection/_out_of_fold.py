@@ -9,14 +9,21 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, clone
-from sklearn.utils import _safe_indexing, indexable
-from sklearn.utils._param_validation import HasMethods, StrOptions
+from sklearn.utils import indexable
 from sklearn.utils.parallel import Parallel, delayed
-from sklearn.utils.validation import _check_method_params, _num_samples
 
 from .._check_ratings import check_ratings
 from .._folds import make_splitter, route
-from .._sklearn import CrossValidator, Trials, validate_params
+from .._sklearn import (
+    CrossValidator,
+    HasMethods,
+    StrOptions,
+    Trials,
+    _check_method_params,
+    _num_samples,
+    _safe_indexing,
+    validate_params,
+)
 from .._validation import check_groups
 from ..models._distributional import _cdf
 

@@ -14,13 +14,18 @@ from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
 from sklearn.metrics import check_scoring
 from sklearn.pipeline import Pipeline
-from sklearn.utils import _safe_indexing, indexable
-from sklearn.utils._set_output import _get_adapter_from_container
+from sklearn.utils import indexable
 from sklearn.utils.parallel import Parallel, delayed
-from sklearn.utils.validation import _check_method_params
 
 from .._folds import make_splitter, route
-from .._sklearn import CrossValidator, Scorer, Trials
+from .._sklearn import (
+    CrossValidator,
+    Scorer,
+    Trials,
+    _check_method_params,
+    _get_adapter_from_container,
+    _safe_indexing,
+)
 from .._validation import check_groups
 from ._cost import predictor, seconds_per_trial, timed, without_caches
 from ._frontier import _COST

@@ -5,16 +5,20 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
-from sklearn.utils._param_validation import StrOptions
 from sklearn.utils.validation import (
-    _num_samples,
     check_consistent_length,
     check_is_fitted,
     validate_data,
 )
 
 from .._check_ratings import check_ratings
-from .._sklearn import DocumentedEstimator, Trials, _fit_context
+from .._sklearn import (
+    DocumentedEstimator,
+    StrOptions,
+    Trials,
+    _fit_context,
+    _num_samples,
+)
 from ._ordinal import OrdinalClassifierMixin
 
 

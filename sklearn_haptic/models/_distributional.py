@@ -17,7 +17,6 @@ from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone, is_regressor
 from sklearn.callback import CallbackSupportMixin
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils import check_random_state, gen_batches
-from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import (
     check_consistent_length,
     check_is_fitted,
@@ -27,7 +26,15 @@ from sklearn.utils.validation import (
 from .._check_ratings import check_adjectives, validate_rated_trials, weighted
 from .._check_trials import check_numbers, check_table
 from .._distributions import _level_index
-from .._sklearn import DocumentedEstimator, RandomState, _fit_context
+from .._sklearn import (
+    DocumentedEstimator,
+    HasMethods,
+    Interval,
+    RandomState,
+    StrOptions,
+    _fit_context,
+    fit_task,
+)
 from .._validation import check_groups, check_weights
 from ._early_stopping import hold_out_trials, validates_on_rows
 from ._frozen import check_frozen, unfrozen
@@ -337,10 +344,10 @@ class DistributionalOrdinalRegressor(
                 X[held_out], counts[held_out], relative_weights(sample_weight)[held_out]
             )
             X, inputs, level, weight = (a[train] for a in (X, inputs, level, weight))
-        context = self._init_callback_context(max_subtasks=1)
-        context.call_on_fit_task_begin(estimator=self, X=X, y=y)
-        task = context.subcontext(task_name="fit estimator")
-        with task.propagate_callback_context(self.estimator_):
+        with (
+            fit_task(self, X, y, max_subtasks=1) as task,
+            task.fit_of("fit estimator", self.estimator_),
+        ):
             if self._shares_features:
                 self.estimator_.fit_with_positions(
                     X,
@@ -355,9 +362,6 @@ class DistributionalOrdinalRegressor(
             else:
                 self._fit_repeated_rows(X, inputs, level, weight)
         self._smooth = self._is_smooth(X)
-        context.call_on_fit_task_end(
-            estimator=self, X=X, y=y, reconstruction_attributes={}
-        )
         return self
 
     def _check_validation(self, X_val, y_val):

@@ -16,7 +16,6 @@ from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.callback import CallbackSupportMixin
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils import check_random_state
-from sklearn.utils._param_validation import HasMethods
 from sklearn.utils.validation import check_is_fitted
 
 from .._check_ratings import validate_rated_trials
@@ -24,9 +23,11 @@ from .._check_trials import check_table
 from .._sklearn import (
     DocumentedEstimator,
     FloatArray,
+    HasMethods,
     Observations,
     RandomState,
     _fit_context,
+    fit_task,
     one_blas_thread,
     with_callbacks,
 )
@@ -393,21 +394,19 @@ class SensorFusionNNPOM(
         ]
         tasks.append(("fit combined network", final_network, of_all))
         tasks = [task for task in tasks if not isinstance(task[1], FrozenEstimator)]
-        context = self._init_callback_context(max_subtasks=len(tasks))
-        context.call_on_fit_task_begin(estimator=self, X=X)
-        for name, network, inputs_of in tasks:
-            held_out = None
-            if validation is not None and network.early_stopping:
-                held_out = (*inputs_of(*validation[:2]), *validation[2:])
-            with context.subcontext(task_name=name).propagate_callback_context(network):
-                network.fit_with_positions(
-                    *inputs_of(X, positions),
-                    level,
-                    weight,
-                    levels=levels,
-                    validation=held_out,
-                )
-        context.call_on_fit_task_end(estimator=self, X=X, reconstruction_attributes={})
+        with fit_task(self, X, max_subtasks=len(tasks)) as task:
+            for name, network, inputs_of in tasks:
+                held_out = None
+                if validation is not None and network.early_stopping:
+                    held_out = (*inputs_of(*validation[:2]), *validation[2:])
+                with task.fit_of(name, network):
+                    network.fit_with_positions(
+                        *inputs_of(X, positions),
+                        level,
+                        weight,
+                        levels=levels,
+                        validation=held_out,
+                    )
         return self
 
     def _make_networks(self, levels):

@@ -10,7 +10,6 @@ from sklearn.base import BaseEstimator
 from sklearn.callback import CallbackSupportMixin
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.utils import check_random_state
-from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from .._check_ratings import validate_rated_trials, weighted
@@ -19,9 +18,12 @@ from .._distributions import _macro_mae
 from .._sklearn import (
     DocumentedEstimator,
     FloatArray,
+    Interval,
     Observations,
     RandomState,
+    StrOptions,
     _fit_context,
+    fit_task,
     one_blas_thread,
     with_callbacks,
 )
@@ -396,15 +398,22 @@ class NNPOM(
         return self._fit(X, positions, level, weight, validation, rng, monotone)
 
     def _fit(self, X, positions, level, weight, validation, rng, monotone=False):
-        context = self._init_callback_context(max_subtasks=self.max_iter)
-        context.call_on_fit_task_begin(estimator=self, X=X)
-        self._minimise(X, positions, level, weight, validation, rng, monotone, context)
-        context.call_on_fit_task_end(estimator=self, X=X, reconstruction_attributes={})
+        with fit_task(self, X, max_subtasks=self.max_iter) as task:
+            self._minimise(
+                X,
+                positions,
+                level,
+                weight,
+                validation,
+                rng,
+                monotone,
+                task.on_iteration,
+            )
         return self
 
     @one_blas_thread
     def _minimise(
-        self, X, positions, level, weight, validation, rng, monotone, context
+        self, X, positions, level, weight, validation, rng, monotone, on_iteration
     ):
         if monotone and self.solver != "lbfgs":
             raise ValueError(
@@ -481,15 +490,10 @@ class NNPOM(
                 errors.append(np.average(error, weights=counted.max(axis=1)))
             return np.mean(errors)
 
-        def end_iteration():
-            task = context.subcontext(task_name=f"iteration {len(monitor.costs)}")
-            task.call_on_fit_task_begin(estimator=self)
-            return task.call_on_fit_task_end(estimator=self)
-
         monitor = Monitor(
             None if validation is None else validation_error,
             self.n_iter_no_change,
-            end_iteration if hasattr(self, "_skl_callbacks") else None,
+            on_iteration,
         )
         options = {"max_iter": self.max_iter, "tol": self.tol, "callback": monitor}
         if self.solver == "lbfgs":

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
-from sklearn.utils import _safe_indexing
 
 from .._check_ratings import check_ratings
 from .._check_trials import check_regular
-from .._sklearn import Trials
+from .._sklearn import Trials, _safe_indexing
 from ..metrics import _check_distributions, macro_mae
 from ._style import BLUE, axes_of
 

@@ -17,7 +17,8 @@ from ._style import BLUE, ORANGE, axes_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from sklearn.model_selection._search import BaseSearchCV
+
+    from .._sklearn import BaseSearchCV
 
 
 class SpeedAccuracyDisplay:

@@ -19,11 +19,18 @@ import pandas as pd
 from joblib import effective_n_jobs
 from sklearn.metrics import check_scoring
 from sklearn.utils import Bunch
-from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.parallel import Parallel, delayed
 
-from .._sklearn import Names, Scorer, one_blas_thread, validate_params
-from ..datasets._phac2 import PROCEDURE_STATES, SENSORS, choose
+from .._sklearn import (
+    Interval,
+    Names,
+    Scorer,
+    StrOptions,
+    one_blas_thread,
+    validate_params,
+)
+from .._validation import check_names
+from ..datasets._phac2 import PROCEDURE_STATES, SENSORS
 from ..models._distributional import DistributionalOrdinalRegressor
 from ..models._nnpom import NNPOM
 from ._store import (
@@ -284,7 +291,7 @@ def run_study(
     study = Study(
         corpus=corpus,
         folder=Path(folder),
-        sensors=choose(sensors, list(SENSORS), "sensor", "PHAC-2"),
+        sensors=check_names(sensors, list(SENSORS), "sensor", "PHAC-2"),
         split=split,
         n_splits=int(n_splits),
         n_repeats=int(n_repeats),
@@ -295,7 +302,7 @@ def run_study(
         scoring=scoring,
         random_state=int(random_state),
     )
-    procedures = choose(procedures, list(PROCEDURE_STATES), "procedure", "PHAC-2")
+    procedures = check_names(procedures, list(PROCEDURE_STATES), "procedure", "PHAC-2")
     open_study(study.folder, study.settings)
 
     trials = list(product(["trials"], procedures))
@@ -388,7 +395,7 @@ def _rows_of(records, name):
 
 def _choose_adjectives(study, procedure, adjectives):
     trials, _ = read_unit(study.folder, ("trials", procedure))
-    return choose(adjectives, adjectives_of(trials), "adjective", "the corpus")
+    return check_names(adjectives, adjectives_of(trials), "adjective", "the corpus")
 
 
 def _check_grid(name, values, kind, least):
