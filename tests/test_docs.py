@@ -67,10 +67,6 @@ def test_code_of_the_readme(run):
     names = run(ROOT / "README.md")
     proba = names["corpus"].ratings["hard"][names["unseen"]] / 12
     assert proba.shape == (5, 5)  # touches of the unseen object, ratings
-    assert [name for name, *_ in names["features"].transformers] == [
-        "pipeline-1",
-        "pipeline-2",
-    ]
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """The HTML of estimators links to the pages of the reference."""
 
-import inspect
 import re
 import tomllib
 from pathlib import Path
@@ -22,9 +21,8 @@ from sklearn_haptic import (
 )
 from sklearn_haptic._sklearn import DOCUMENTATION_URL
 
-ESTIMATORS = [
-    value for value in vars(sklearn_haptic).values() if inspect.isclass(value)
-]
+PUBLIC = [getattr(sklearn_haptic, name) for name in sklearn_haptic.__all__]
+ESTIMATORS = [each for each in PUBLIC if hasattr(each, "_repr_html_")]
 
 
 def links(estimator):
