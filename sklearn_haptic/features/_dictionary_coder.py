@@ -256,10 +256,10 @@ class _DictionaryCoder(
     def _learn(self, X, y, max_train):
         """Learn the dictionary from a table or, if `_codes_trials`, from trials."""
         with fit_task(self, X, y, max_subtasks=self.max_iter) as task:
-            self._learn_from(X, task.on_iteration)
+            self._learn_from(X, max_train, task.on_iteration)
         return self
 
-    def _learn_from(self, X, on_iteration):
+    def _learn_from(self, X, max_train, on_iteration):
         rng = check_random_state(self.random_state)
         self._channel_names = None
         if self._codes_trials:
