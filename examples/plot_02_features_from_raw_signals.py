@@ -2,18 +2,18 @@
 Features from raw signals
 =========================
 
-A touch is thousands of samples of several sensors; a model wants one row of numbers.
-This follows one touch all the way: signals, windows, atoms, codes, maxima, and says
-what each step keeps and what it drops.
+A touch is thousands of samples of several sensors; a model needs one row of numbers.
+This example follows one touch all the way, from signals to windows, atoms, codes and
+their maxima, and says what each step keeps and what it drops.
 """
 
 # %%
 # 1. Signals
 # ----------
-# A trial is a row of a DataFrame, a sensor a column, each cell an array of samples of
-# two fingers. With one seed the corpus holds the same objects for every exploratory
-# procedure, so we can lay the procedures side by side: vibration (pac), pressure (pdc),
-# heat flow (tac), temperature (tdc) and the electrodes under the skin.
+# A trial is a row of a DataFrame and a sensor is a column; each cell is an array of
+# samples of two fingers. With one seed, the corpus holds the same objects for every
+# exploratory procedure, so the procedures can stand side by side: vibration (pac),
+# pressure (pdc), heat flow (tac), temperature (tdc) and the electrodes under the skin.
 import time
 
 import matplotlib
@@ -39,9 +39,9 @@ display.figure_.suptitle("One plastic object, touched in four ways")
 # %%
 # 2. Windows
 # ----------
-# From here on, the vibration of fast slides. Each finger's signal is cut into windows
-# of 22 samples, 10 ms, each of which shares half with the next. Where in the recording
-# a window was is kept; samples after the last whole window are dropped.
+# From here on we follow the vibration of fast slides. Each finger's signal is cut into
+# windows of 22 samples, 10 ms, each of which shares half with the next. The order of
+# the windows is kept; samples after the last whole window are dropped.
 rate = corpora["fast_slide"].sampling_rates["pac"]
 trials = corpora["fast_slide"].trials["pac"]
 trial = trials.iloc[number]
@@ -56,8 +56,8 @@ print(f"dictionary and codes: {time.perf_counter() - started:.1f} s")
 # 3. Atoms
 # --------
 # K-SVD learns 40 atoms such that each window, less its mean, is nearly a sum of at most
-# four of them. The atoms have no unit, for each has norm 1: the code says how much. We
-# sort them by how often they are used. The share is that of the windows of all trials.
+# four of them. The atoms have no unit, for each has norm 1: the code says how much of
+# it is there. We sort the atoms by the share of all windows that use them.
 display = AtomsDisplay.from_estimator(coder, trials, sampling_rate=rate)
 display.figure_.suptitle("Atoms of vibration, and the share of windows that use each")
 
@@ -83,11 +83,10 @@ for ax, rank, title in zip(axes, (errors.size // 2, -1), ("median", "worst")):
 axes[0].legend()
 
 # %%
-# The error that the transformer reports is in the unit of the signal: its root mean
-# square over the training windows. It falls with every atom that a code may use, and
-# ever less is left to win. A small error says that the codes keep the windows; it does
-# not say that what they keep tells how objects feel. That is for the scores of a model
-# on objects it has not seen to decide.
+# The transformer reports the root mean square error over the training windows, in the
+# unit of the signal. It falls with every atom that a code may use, by less each time. A
+# small error says that the codes keep the windows. It does not say that what they keep
+# tells how objects feel: only the scores of a model on unseen objects can decide that.
 spread = np.sqrt(
     np.mean(
         [
@@ -107,9 +106,9 @@ for n_nonzero_coefs in (1, 2, 4, 8):
 # %%
 # 5. Means
 # --------
-# By default each window's mean is removed: of vibration, it is a nuisance. What differs
-# in the mean alone is then the same to the coder. Pressure and temperature say much by
-# their level, so for these ``remove_mean=False`` keeps it.
+# By default each window's mean is removed, for in vibration it is a nuisance. Windows
+# that differ in the mean alone are then the same to the coder. Pressure and temperature
+# say much by their mean, so for these ``remove_mean=False`` keeps it.
 pressure = corpora["fast_slide"].trials["pdc"]
 for remove_mean in (True, False):
     of_pressure = KSVDTransformer(
@@ -120,12 +119,13 @@ for remove_mean in (True, False):
     print(f"remove_mean={remove_mean}: 100 counts more give the same codes: {same}")
 
 # %%
-# 6. One row a trial
-# ------------------
+# 6. One row per trial
+# --------------------
 # Trials differ in length. `TemporalMaxPool` takes the maximum of each code in four
-# quarters, two halves and the whole of the recording, so that every trial has as many
-# features. It keeps that an atom appeared, how strongly and in which quarter; it drops
-# how often, and when exactly. Below the codes, the maxima lie where their cells are.
+# quarters, two halves and the whole of the recording, so that every trial has the same
+# number of features. It keeps that an atom appeared, how strongly and in which quarter;
+# it drops how often, and when exactly. Below the codes, the maxima lie where their
+# cells are.
 coder.set_params(n_nonzero_coefs=4)
 pipeline = make_pipeline(coder, TemporalMaxPool((4, 2, 1)))
 features = pipeline.fit_transform(trials)

@@ -2,10 +2,10 @@
 Electrodes as images
 ====================
 
-Under the skin of a BioTac finger lie 19 electrodes. Where they lie matters: a slide
-raises the readings on one side of a finger and lowers them on the other.
-`STHMPTransformer` makes images of them, and codes small patches of these as
-`KSVDTransformer` codes windows of a signal.
+`STHMPTransformer` turns the readings of electrodes into images, and codes small patches
+of these as `KSVDTransformer` codes windows of a signal. A BioTac finger has 19
+electrodes under its skin, and where they lie matters: a slide raises the readings on
+one side of the finger and lowers them on the other.
 """
 
 # %%
@@ -13,9 +13,9 @@ raises the readings on one side of a finger and lowers them on the other.
 # ----------------------------
 # ``layout="biotac"`` stands for a matrix of shape (7, 3, 19): the weight of each of a
 # finger's electrodes in each pixel of 7 rows, tip of the finger first, and 3 columns.
-# Most pixels are one electrode. The middle of rows 3 and 4 has none, so it takes the
-# mean of its neighbours that have one. A fitted transformer holds the matrix as
-# ``layout_``.
+# Most pixels are one electrode. The middle pixels of rows 3 and 4 have none, so they
+# take the mean of those neighbours that have one. A fitted transformer holds the matrix
+# as ``layout_``.
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
@@ -63,21 +63,22 @@ bar.ax.figure.suptitle("The electrode of each pixel (× a mean); a slide over gl
 # %%
 # 2. Atoms of patches
 # -------------------
-# Every 3 × 3 patch of every frame is an observation, less its mean: what the skin does
-# in a place, wherever the place is and however high the level. K-SVD learns atoms of
-# them; light and dark are weights of opposite signs. The shares are those of frames and
-# cells, section 3, in which an atom appears: of several patches in most, so they are
-# high.
+# Every 3 × 3 patch of every frame, less its mean, is an observation: what the skin does
+# at some location, wherever that is and however high the readings are. K-SVD learns
+# atoms from these; light and dark are weights of opposite signs. The shares say in how
+# many frames and cells (section 3) an atom appears. They are high because most cells
+# hold several patches.
 display = AtomsDisplay.from_estimator(coder, trials)
 display.figure_.suptitle("Atoms of patches of electrodes")
 
 # %%
 # 3. A pyramid of cells
 # ---------------------
-# A 3 × 3 patch has 5 × 4 places in an image of 7 × 6 pixels. Codes are pooled over
-# cells of these places: the maximum in each of 3 × 3 cells, of 2 × 2 and of the whole.
-# Small cells keep where something was felt, large ones that it was felt anywhere.
-# The numbers are those in the names of features: ``s4of9`` is the fourth of nine cells.
+# A 3 × 3 patch has 5 × 4 locations in an image of 7 × 6 pixels. Codes are pooled over
+# cells of these locations: the maximum in each of 3 × 3 cells, of 2 × 2 and of the
+# whole. Small cells keep where something was felt, large ones that it was felt
+# anywhere. The numbers are those in the names of features: ``s4of9`` is the fourth of
+# nine cells.
 _, axes = plt.subplots(1, 3, figsize=(6.4, 2.8), layout="constrained", sharey=True)
 for ax, n_cells in zip(axes, (3, 2, 1)):
     down, right = [np.ceil(np.arange(1, n + 1) * n_cells / n) - 1 for n in (5, 4)]
@@ -91,9 +92,9 @@ axes[0].set(ylabel="row of patch", yticks=range(5))
 # %%
 # 4. Features of a slide
 # ----------------------
-# Each frame gives 14 cells of 20 codes, for positive and negative parts have a column
-# each, and is scaled to norm 1. `TemporalMaxPool` takes maxima over time, as of any
-# other sensor.
+# Each frame gives 14 cells of 20 codes, since positive and negative parts have one
+# column each, and is scaled to norm 1. `TemporalMaxPool` takes maxima over time, as for
+# any other sensor.
 pipeline = make_pipeline(coder, TemporalMaxPool((4, 2, 1)))
 features = pipeline.fit_transform(trials)
 print(f"{features.shape[0]} trials, {features.shape[1]} features each, such as")

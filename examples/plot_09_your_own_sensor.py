@@ -2,18 +2,19 @@
 Your own sensor
 ===============
 
-Nothing here depends on a BioTac. This is a gripper with a skin of 4 × 4 taxels and an
-accelerometer of three axes: what to tell the transformers about them, and how well the
-model predicts what people say.
+The transformers need to know two things about a sensor: where its channels lie, if they
+make an image, and how long a window should be. This example says both about a gripper
+with a skin of 4 × 4 taxels and an accelerometer of three axes, and shows how well the
+model predicts what people say. Nothing depends on a BioTac.
 """
 
 # %%
 # 1. Recordings
 # -------------
-# A few lines stand for the sensor. The softer the object, the larger the patch of skin
-# that touches it; the rougher, the stronger the vibration. Trials differ in length, in
-# force and in where the skin is touched. The taxels are read row by row, to and fro, as
-# the wire runs.
+# A few lines simulate the sensor. The softer the object, the larger the area of skin
+# that touches it; the rougher the object, the stronger the vibration. Trials differ in
+# length, in force and in where the skin is touched. The taxels are read row by row, to
+# and fro, as the wire runs.
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
@@ -57,7 +58,7 @@ def touch(softness, roughness):
 # 2. Ratings
 # ----------
 # Each of 30 objects is touched five times, and rated by 15 people from 1 to 5. They
-# differ in what they call rough, and feel some of what no sensor records.
+# differ in what they call rough, and feel some things that no sensor records.
 n_objects, n_trials, n_people = 30, 5, 15
 softness, roughness = rng.uniform(size=(2, n_objects))
 objects = np.repeat(np.arange(n_objects), n_trials)
@@ -69,7 +70,7 @@ for adjective, felt in {"soft": softness, "rough": roughness}.items():
     opinion = opinion[:, None] + rng.normal(scale=0.2, size=(n_objects, n_people))
     rating = np.digitize(opinion, [0.2, 0.4, 0.6, 0.8])
     counts = (rating[:, :, None] == np.arange(5)).sum(axis=1)
-    y[adjective] = counts[objects]  # a row a trial: the ratings of its object
+    y[adjective] = counts[objects]  # one row per trial: the ratings of its object
 
 hard, soft = softness[objects].argmin(), softness[objects].argmax()
 display = SignalsDisplay.from_trials(
@@ -81,10 +82,10 @@ display = SignalsDisplay.from_trials(
 # %%
 # 3. What must be changed
 # -----------------------
-# Of the taxels, the layout: a matrix of shape (height, width, n_channels) with the
-# weight of each channel in each pixel. Here each pixel is one channel. A dead taxel
-# would be a row of weights too: of its neighbours. Patches of 3 × 3 are large for 4 × 4
-# pixels, so we take 2 × 2, of which there are 3 × 3 places.
+# For the taxels, give the layout: a matrix of shape (height, width, n_channels) with
+# the weight of each channel in each pixel. Here each pixel is one channel; a dead taxel
+# could be given the weights of its neighbours. Patches of 3 × 3 are large for 4 × 4
+# pixels, so we take 2 × 2, of which there are 3 × 3 locations.
 layout = np.zeros((4, 4, 16))
 np.put_along_axis(layout, wiring[:, :, np.newaxis], 1, axis=2)
 skin = STHMPTransformer(
@@ -98,7 +99,8 @@ skin = STHMPTransformer(
 )
 
 # %%
-# One sensor may also be a list of arrays. The layout of another sensor is refused.
+# The trials of one sensor may also be a list of arrays. The layout of another sensor is
+# refused.
 display = AtomsDisplay.from_estimator(skin.fit([taxels for taxels, _ in cells]))
 try:
     STHMPTransformer(layout="biotac").fit(trials["taxels"])
@@ -106,8 +108,9 @@ except ValueError as error:
     print(error)
 
 # %%
-# Of the accelerometer, the length of a window: 20 samples are 40 ms. Any number of
-# channels works; each is cut into windows of its own, which share one dictionary.
+# For the accelerometer, give the length of a window: 20 samples are 40 ms. Any number
+# of channels works; each is cut into windows of its own, and all windows share one
+# dictionary.
 vibration = KSVDTransformer(
     n_atoms=8, n_nonzero_coefs=2, window=20, max_iter=20, random_state=0
 )
@@ -126,7 +129,7 @@ model = make_pipeline(features, StandardScaler(), regressor)
 # %%
 # 4. Objects never touched before
 # -------------------------------
-# In each fold all trials of some objects are held out, or the model would be asked
+# In each fold all trials of some objects are left out, or the model would be asked
 # about objects that it knows. `cross_val_predict_proba` keeps the trials of an object
 # together, and the counts as they are; scikit-learn's `cross_val_predict` would train
 # on ranks. The baselines predict one distribution for all, whatever the sensors say.
@@ -147,7 +150,8 @@ for adjective, counts in y.items():
         print(f"{adjective:<10} {name:<12} {rps:5.3f}  {emd:5.3f}")
 
 # %%
-# What the model says of the roughest object, from each of its five touches.
+# The figure shows what the model says of the roughest object, from each of its five
+# touches.
 of_object = objects == roughness.argmax()
 display = InverseCDFDisplay.from_predictions(
     y["rough"][of_object], predicted["rough", "model"][of_object]

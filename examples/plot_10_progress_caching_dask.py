@@ -2,17 +2,18 @@
 A search that computes nothing twice
 ====================================
 
-A grid search fits a whole model for every setting and fold, and most of the time goes
-into features that are the same for all settings. Watch how far the search has come,
-keep what it has computed in a cache, and hand its fits to a cluster. None of this
-changes a score.
+A cache saves most of the time of a search. A grid search fits a whole model for every
+setting and fold, and most of its time goes into features that are the same for all
+settings. This example also shows how far a search has come, and hands its fits to a
+cluster. None of this changes a score.
 """
 
 # %%
 # 1. A search
 # -----------
-# Twelve objects squeezed twice each, three sensors, eight penalties of the model behind
-# the features, three folds of whole objects: 24 fits, and one more of the best.
+# Twelve objects are squeezed twice each and recorded by three sensors. Eight penalties
+# of the model behind the features, in three folds of whole objects, make 24 fits, and
+# one more of the best.
 import tempfile
 import time
 
@@ -58,16 +59,16 @@ def run(name, search):
 # 2. Progress
 # -----------
 # The bar is scikit-learn's and needs the package rich. On the search it counts the
-# fits. A deeper one shows the iterations of a model, too, but would not be handed on
-# through a `ColumnTransformer`.
+# fits. A deeper bar shows the iterations of a model too, but is not handed on through a
+# `ColumnTransformer`.
 search = new_search().set_callbacks(ProgressBar(max_propagation_depth=0))
 run("no cache", search)
 
 # %%
 # 3. A cache
 # ----------
-# `memory` is a folder where the steps keep their dictionaries and pooled features.
-# The first setting of a fold computes them, the others read them.
+# `memory` is a folder where the steps keep their dictionaries and pooled features. In
+# each fold, the first setting computes them and the others read them.
 with tempfile.TemporaryDirectory() as folder:
     run("cache", new_search(memory=folder))
 
@@ -75,8 +76,9 @@ with tempfile.TemporaryDirectory() as folder:
 # 4. A cluster
 # ------------
 # dask spreads the fits over the machines of a cluster. To try it, two threads of this
-# process will do, on a cache of their own that is empty at first. For a real cluster
-# give `Client` the address of its scheduler, and the cache a folder that all share.
+# process will do, with a cache of their own that is empty at first. For a real cluster,
+# give `Client` the address of its scheduler, and put the cache into a folder that all
+# machines share.
 cluster = Client(
     processes=False, n_workers=1, threads_per_worker=2, dashboard_address=None
 )
@@ -91,8 +93,8 @@ print(all(np.array_equal(scores["no cache"], each) for each in scores.values()))
 # 5. What it saves
 # ----------------
 # The cache saves most of the time. The two threads save none of what is left: they take
-# turns at one interpreter, and changing turns costs time. Workers pay where they are
-# processes, each with a processor of its own.
+# turns at one interpreter, and changing turns costs time. Workers are worth it where
+# they are processes, each with a processor of its own.
 _, ax = plt.subplots(figsize=(6.4, 2.4), layout="constrained")
 bars = ax.barh(list(seconds), list(seconds.values()), color="#0072B2")
 ax.bar_label(bars, fmt="%.1f s", padding=3)

@@ -7,10 +7,10 @@ Run it as
     python examples/run_full_study.py --jobs 8 --phac2 \
         phac_train_test_pos_neg_90_10_1_20.h5 --ratings ratings.mat
 
-Interrupt it whenever you like; the same command goes on where it stopped. It prints the
+Interrupt it whenever you like: the same command goes on where it stopped. It prints the
 scores beside those of guesses that know no touch, and what each sensor contributes. The
 folder then holds every prediction (see docs/study.md), and two figures like those of
-the paper: figure_11.png, predicted and true ratings of an object, and figure_12.png,
+the paper: figure_11.png has the predicted and true ratings of an object, figure_12.png
 what each sensor contributes.
 """
 
@@ -111,7 +111,7 @@ def print_summary(scores):
 
 
 def plot_contributions(scores):
-    """Plot Figure 12: a row a procedure, a group of bars an adjective."""
+    """Plot Figure 12: one row per procedure, one group of bars per adjective."""
     by_procedure = list(scores.groupby("procedure"))
     n_bars = scores["adjective"].nunique() * scores["held_out"].nunique()
     figure, axes = plt.subplots(

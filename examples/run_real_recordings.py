@@ -2,20 +2,21 @@
 Materials and grip force from real recordings
 =============================================
 
-A robot with two BioTac fingers gripped five materials at three forces, about five
-times each: 74 recordings in the layout of PHAC-2. Another slid one BioTac over twenty
-materials, fifteen times each. This script asks three questions of features that were
-learnt, never designed:
+Do features that were learned, never designed, tell materials and forces apart? A robot
+with two BioTac fingers gripped five materials at three forces, about five times each:
+74 recordings in the layout of PHAC-2. Another robot slid one BioTac over twenty
+materials, fifteen times each. This script asks three questions:
 
-(a) Which material is it, gripped at a force never trained on? Leave one force out,
-    logistic regression. Each procedure alone and all four together, with and without
-    removing the mean of every window, from the features of all sensors in a row or
-    from a vote of one model a sensor. Dictionaries are learnt and all choices made
-    on the two training forces.
+(a) Which material is it, gripped at a force never trained on? One force is left out,
+    and logistic regression answers: for each procedure alone and all four together,
+    with and without removing the mean of every window, from the features of all sensors
+    in a row or from a vote of one model per sensor. Dictionaries are learned and all
+    choices made on the two training forces.
 (b) How strong was the grip (100 < 150 < 200 counts of pressure), on a material never
-    touched? Leave one material out; the regressor beside both baselines.
+    touched? One material is left out; the regressor stands beside both baselines.
 (c) Which of twenty materials is it, from a slide of one finger? Five of the fifteen
-    runs left out, logistic regression; whole slides and stretches of them.
+    runs are left out, and logistic regression answers from whole slides and stretches
+    of them.
 
     python examples/run_real_recordings.py bolt_pilot_phac2_layout.h5 biotac_slides.npz
 
@@ -88,7 +89,7 @@ def read(path):
     return trials, materials, FORCES[(run - 1) // 5]
 
 
-def learnt_features(trials, train, remove_mean):
+def learned_features(trials, train, remove_mean):
     """Features of each procedure and sensor; dictionaries see training trials only."""
     features = {}
     for procedure, sensor in trials.columns:
@@ -107,7 +108,7 @@ def learnt_features(trials, train, remove_mean):
 
 
 def predict_material(blocks, materials, train, test, how):
-    """One model on all features in a row, or the mean of one model a sensor."""
+    """One model on all features in a row, or the mean of one model per sensor."""
     if how == "row":
         blocks = [np.hstack(blocks)]
     model = make_pipeline(StandardScaler(), LogisticRegression(max_iter=1000))
@@ -149,7 +150,7 @@ def which_material(trials, materials, forces):
     variants = [(mean, how) for how in ("row", "vote") for mean in (True, False)]
     table = {(name, v): [] for name in parts for v in [*variants, "chosen"]}
     for train, test in LeaveOneGroupOut().split(trials, groups=forces):
-        features = {m: learnt_features(trials, train, m) for m in (True, False)}
+        features = {m: learned_features(trials, train, m) for m in (True, False)}
         say(f"(a) features for {forces[test][0]} counts left out")
         for name, procedures in parts.items():
             inner = {}
@@ -212,7 +213,7 @@ def how_strong(trials, materials, forces):
     }
     proba = {name: np.empty((len(trials), 3)) for name in models}
     for train, test in LeaveOneGroupOut().split(trials, groups=materials):
-        features = learnt_features(trials, train, remove_mean=False)
+        features = learned_features(trials, train, remove_mean=False)
         X = np.hstack(list(features.values()))
         say(f"(b) features for {materials[test][0]} left out")
         for name, model in models.items():

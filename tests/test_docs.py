@@ -20,6 +20,7 @@ pytest.importorskip("rich")
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+WRITTEN = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
 
 
 def read(page):
@@ -76,7 +77,7 @@ def test_code_of_a_guide(page, run):
     run(page)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.name)
 def test_commands(page):
     """Scripts, their options and the extras of the package exist."""
     text = read(page)
@@ -90,7 +91,7 @@ def test_commands(page):
             assert f'"{option}"' in read(ROOT / script), f"{script} {option}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.name)
 def test_links_to_files(page):
     """To files, to other pages with or without their ending, and to examples."""
     links = re.findall(r"\]\(([^)#\s]+)|\{doc\}`([^`]+)`", read(page))
