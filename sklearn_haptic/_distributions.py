@@ -66,3 +66,30 @@ def _level_index(counts, p):
     for column in below.T[:-1]:
         index += column[:, None] < rank
     return index
+
+
+def levels_at(shares, p):
+    """Return the index of the level at each position, for any axes of distributions.
+
+    Parameters
+    ----------
+    shares : ndarray of shape (..., n_levels)
+        Counts, weights or probabilities, as `_level_index` takes them.
+    p : float, or ndarray of shape (n_p,) or (..., n_p)
+        Positions within [0, 1], the same for all distributions or a row for each.
+
+    Returns
+    -------
+    index : ndarray of shape (...) or (..., n_p)
+    """
+    p = np.asarray(p)
+    rows = shares.reshape(-1, shares.shape[-1])
+    index = _level_index(rows, p if p.ndim < 2 else p.reshape(len(rows), -1))
+    return index.reshape(*shares.shape[:-1], *p.shape[-1:])
+
+
+def cdf_of_shares(shares):
+    """Return the share at or below each level, over the last axis, which ends in 1."""
+    cdf = np.cumsum(shares, axis=-1)
+    cdf[..., -1] = 1.0
+    return np.minimum(cdf, 1.0)

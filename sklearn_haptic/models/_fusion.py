@@ -35,6 +35,7 @@ from ._early_stopping import hold_out_trials
 from ._frozen import check_frozen, unfrozen
 from ._nnpom import NNPOM, single_ratings
 from ._ordinal import OrdinalClassifierMixin
+from ._shared_features import refuse_adjectives, refuse_monotone
 
 _Network: TypeAlias = NNPOM | FrozenEstimator
 
@@ -288,18 +289,14 @@ class SensorFusionNNPOM(
             X, counts, groups, sample_weight
         )
         validation = None
-        if self.early_stopping:
+        share = self.validation_share()
+        if share > 0:
             seed = self.random_state
             if seed is None:
                 seed = self._stopping_early()[0].random_state
-            train, held_out = hold_out_trials(
-                self,
-                len(X),
-                groups,
-                self.validation_fraction,
-                check_random_state(seed),
-            )
-            validation = X[held_out], None, level[held_out], counted[held_out]
+            rng = check_random_state(seed)
+            train, validating = hold_out_trials(self, len(X), groups, share, rng)
+            validation = X[validating], None, level[validating], counted[validating]
             X, level, weight = X[train], level[train], weight[train]
         return self._fit_networks(X, None, level, weight, levels, validation)
 
@@ -349,11 +346,7 @@ class SensorFusionNNPOM(
         """
         self._validate_params()
         if monotone:
-            raise ValueError(
-                "monotone=True requires an NNPOM, but estimator is a "
-                "SensorFusionNNPOM; set monotone=False, predicted distributions are "
-                "sorted in any case."
-            )
+            refuse_monotone("SensorFusionNNPOM")
         self.n_features_in_ = X.shape[1] + 1
         if feature_names is not None:
             self.feature_names_in_ = np.append(feature_names, "position")
@@ -363,10 +356,7 @@ class SensorFusionNNPOM(
 
     def _fit_networks(self, X, positions, level, weight, levels, validation):
         if weight.ndim == 3:
-            raise ValueError(
-                "y has the ratings of several adjectives, which a SensorFusionNNPOM "
-                "cannot share; use an NNPOM, or fit a model to each adjective."
-            )
+            refuse_adjectives("SensorFusionNNPOM")
         if self.held_out is not None and self.held_out not in self.sensors_:
             raise ValueError(
                 f"held_out={self.held_out!r} is not among the sensors "
@@ -407,6 +397,7 @@ class SensorFusionNNPOM(
                     levels=levels,
                     validation=held_out,
                 )
+        self.thresholds_ = self.final_network_.thresholds_
         context.call_on_fit_task_end(estimator=self, X=X, reconstruction_attributes={})
         return self
 
@@ -472,21 +463,17 @@ class SensorFusionNNPOM(
             if getattr(network, "early_stopping", False)
         ]
 
-    @property
-    def early_stopping(self) -> bool:
-        """Whether a network stops early, and so needs trials to validate on."""
-        return bool(self._stopping_early())
+    def validation_share(self) -> float:
+        """Share of the trials that early stopping validates on.
 
-    @property
-    def validation_fraction(self) -> float:
-        """Largest share of the trials that a network holds out for early stopping."""
+        Returns
+        -------
+        share : float
+            The largest ``validation_fraction`` of the networks that stop early; 0 if
+            none does.
+        """
         fractions = [network.validation_fraction for network in self._stopping_early()]
         return max(fractions, default=0.0)
-
-    @property
-    def thresholds_(self) -> NDArray[np.float64]:
-        """Thresholds between the levels, of the combined network."""
-        return self.final_network_.thresholds_
 
     @one_blas_thread
     def _activations(self, X, positions=None):
