@@ -62,7 +62,7 @@ def test_the_public_interface_is_found():
         "sklearn_haptic.NNPOM.__init__",
         "sklearn_haptic.NNPOM.predict_proba",
         "sklearn_haptic.KSVDTransformer.fit_transform",
-        "sklearn_haptic.SensorFusionNNPOM.thresholds_",
+        "sklearn_haptic.SensorFusionNNPOM.validation_share",
         "sklearn_haptic.datasets.load_phac2",
         "sklearn_haptic.metrics.neg_rps_scorer",
         "sklearn_haptic.model_selection.sensor_contributions",

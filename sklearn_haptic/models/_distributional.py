@@ -1,9 +1,9 @@
 """Distributions of ratings from any ordinal model, by sweeping the population.
 
-Richardson & Kuchenbecker (2020) let a model predict one rating for each position
-p of a rater in the population: every trial is duplicated, each duplicate carries
-a position as one more feature, and its label is the object's inverse CDF there.
-At prediction p sweeps the population.
+Richardson & Kuchenbecker (2020) train a model to predict the rating at each quantile
+position p in the population of raters. Every trial is duplicated, each duplicate has a
+position as one more feature, and its label is the object's inverse CDF there. To
+predict a distribution, p sweeps the population.
 """
 
 from numbers import Integral
@@ -46,67 +46,69 @@ class DistributionalOrdinalRegressor(
     OrdinalClassifierMixin,
     BaseEstimator,
 ):
-    """Predict the distribution of the ratings a crowd would give.
+    """Classifier that predicts the distribution of a crowd's ratings.
 
-    Any ordinal model, classifier or regressor is trained on observations of
-    each trial at several positions p of the population of raters, and predicts
-    a distribution by letting p sweep the population [1]_.
+    To scikit-learn it is a classifier whose classes are the ordered levels. Its base
+    estimator, which may be a classifier or a regressor, learns from observations of
+    each trial at several quantile positions p in the population of raters, 0 the
+    lowest rating and 1 the highest. To predict a distribution, p sweeps the population
+    [1]_.
 
     Parameters
     ----------
     estimator : estimator object, default=None
-        What predicts a rating from features and position. By default
-        ``NNPOM(n_hidden=0, alpha=3)``. `NNPOM`, or another that has the methods
-        named in the Notes, shares a trial's features between its observations; any
-        other is fitted on one row for each observation, labelled 0, 1, … by level.
-        One in a `sklearn.frozen.FrozenEstimator` is used as it was fitted, to the
-        features and the position as given by ``p_transform``; `fit` then only checks
-        that its inputs and levels are those of the trials.
+        The base estimator, which predicts a rating from the features and the position;
+        by default ``NNPOM(n_hidden=0, alpha=3)``. `NNPOM`, or another that has the
+        methods in the Notes, takes a trial's features once for all its observations.
+        Any other is fitted to one row per observation, labelled 0, 1, … by level.
+        A `sklearn.frozen.FrozenEstimator` is used as it was fitted, to the features and
+        the position as given by ``p_transform``; `fit` only checks that its inputs and
+        levels are those of the trials.
     n_duplicates : int, default=15
-        Observations of each trial. Their weights sum to this number, which an
-        estimator's penalty works against.
+        Observations per trial. Their weights sum to this number, against which the
+        estimator's penalty works.
     sampling : {"level", "lattice", "stratified", "random"}, default="level"
-        How positions are chosen. "level": quadrature nodes within the stretch
-        of the population at each level, weighted by its size, so that no rating
-        is missed and nothing is random; the estimator must take sample weights.
-        "lattice": evenly spaced, turned for each trial. "stratified": at random
-        within even stretches. "random": at random (the paper).
+        How positions are chosen. "level": quadrature nodes within the share of the
+        population at each level, weighted by that share, so that no rating is missed
+        and nothing is random; the estimator must take sample weights. "lattice":
+        evenly spaced, shifted for each trial. "stratified": one at random in each of
+        ``n_duplicates`` even intervals. "random": at random (the paper).
     p_transform : {"logit", None}, default="logit"
-        What is given to the estimator as its last feature: the log-odds of p,
-        which reach into the tails of the distribution, or p itself (the paper).
+        What the estimator gets as its last feature: the log-odds of p, which reach
+        into the tails of the distribution, or p itself (the paper).
     balance : {"macro", None}, default=None
-        "macro" lets the levels of a trial count equally, however many people
-        chose them, as the macro-averaged error does.
+        With "macro" the levels of a trial count equally, however many people chose
+        each, as in the macro-averaged error.
     monotone : bool, default=False
         Constrain `NNPOM` to ratings that never fall as p grows. Predicted
         distributions are sorted in any case.
     decode : {"mixture", "quantile"}, default="mixture"
-        "mixture" averages the probabilities of the levels over the population:
-        calibrated, better by RPS and log score. "quantile" decides on one
-        rating at each position and measures the share of each (the paper):
-        sharper, better by absolute error, with probabilities that are often
-        exactly 0. This parameter and the next two are choices at prediction:
-        `set_params` may change them after `fit`.
+        "mixture" averages the probabilities of the levels over the population. It is
+        calibrated and better by RPS and log score. "quantile" decides on one rating
+        per position and measures the share of each (the paper). It is sharper and
+        better by absolute error, with probabilities that are often exactly 0. This
+        parameter and the next two take effect at prediction, so `set_params` may
+        change them after `fit`.
     rule : {"median", "argmax"}, default="median"
-        How "quantile" decides: the median level, at every position, or the most
+        How "quantile" decides: on the median level, at every position, or on the most
         probable, at ``n_quantiles`` positions (the paper).
     n_quantiles : int, default=99
-        Positions of the rule "argmax", and of the ratings of trials held out for
-        early stopping, evenly spaced: 0.01, …, 0.99.
+        Number of evenly spaced positions, 0.01, …, 0.99 by default, at which the rule
+        "argmax" decides and validation trials are observed for early stopping.
     levels : array-like of shape (n_levels,), default=None
         All ordered levels, so that one absent from the training data keeps its
-        column. By default they are what ``y`` is labelled with: the categories of an
-        ordered categorical, or the columns of a table of counts, numbers sorted and
-        words in the order of the columns. Without labels they are 1, 2, … for counts
-        and the sorted ratings that occur.
+        column. By default they are what labels ``y``: the categories of an ordered
+        categorical, or the columns of a table of counts, numbers sorted and words in
+        the order of the columns. Without labels they are 1, 2, … for counts, and the
+        sorted ratings that occur otherwise.
     random_state : int, RandomState instance or None, default=None
-        Random positions, validation trials, and the ``random_state`` of
-        ``estimator``, which is left as it is if this is None.
+        Draws the random positions, the validation trials and the ``random_state`` of
+        ``estimator``, which stays as it is if this is None.
 
     Attributes
     ----------
     estimator_ : estimator object
-        The fitted estimator, with the position as its last feature.
+        The fitted estimator; the position is its last feature.
     levels_, classes_ : ndarray of shape (n_levels,)
         The ordered levels.
     n_features_in_ : int
@@ -126,23 +128,24 @@ class DistributionalOrdinalRegressor(
     "mixture" their average distribution. The macro-averaged error of the paper
     rewards the first, proper scores reward the second.
 
-    Several adjectives may be learned together by an `NNPOM` with hidden units: they
-    share these, and each has output weights and thresholds of its own. It is one fit,
-    and what one adjective tells of a touch can help with another, as the paper
-    suggests [1]_ (section 4.2). The penalty works against the observations of all
-    adjectives, so it can be larger.
+    An `NNPOM` with hidden units can learn several adjectives together: they share the
+    units, and each has output weights and thresholds of its own. What one adjective
+    tells of a touch can then help with another, as the paper suggests [1]_ (section
+    4.2). The penalty works against the observations of all adjectives, so it can be
+    larger.
 
-    An estimator may offer three methods, documented with `NNPOM`:
-    ``fit_with_positions`` and ``predict_proba_with_positions`` take the features of a
-    trial once for all its positions, and ``predict_latent_with_positions``, with
-    ``thresholds_``, lets "quantile" find by the rule "median" where the latent
-    response crosses each threshold.
+    To take the features of a trial once for all its positions, an estimator offers the
+    methods ``fit_with_positions``, ``predict_proba_with_positions`` and
+    ``validation_share``, documented with `NNPOM`. If it also offers
+    ``predict_latent_with_positions`` and ``thresholds_``, "quantile" with the rule
+    "median" finds where the latent response crosses each threshold.
 
-    The population is swept on 20 quadrature nodes where these suffice, which `fit`
-    finds out on some of its trials, as for a `NNPOM` or a logistic regression. What
-    jumps as p grows, such as trees or any regressor, whose ratings are rounded, is
-    predicted at 384 positions, and at 1024 more for trials whose jumps need them, so
-    that the distribution function is off by less than 0.005 (`benchmarks/ordinal.py`).
+    The population is swept on 20 quadrature nodes where these suffice, as they do for
+    an `NNPOM` or a logistic regression; `fit` tests this on some of its trials. The
+    predictions of trees, and of any regressor, whose ratings are rounded, jump as p
+    grows. They are averaged over 384 positions, and over 1024 or more for trials whose
+    jumps need them, so that the CDF is off by less than 0.005
+    (`benchmarks/ordinal.py`).
 
     References
     ----------
@@ -168,7 +171,7 @@ class DistributionalOrdinalRegressor(
            [4, 5, 5]])
     """
 
-    # Splitters take groups too: passing them does not mean that fit wants them.
+    # Not requested by default, since groups may be passed for the splitter alone.
     __metadata_request__fit = {"groups": False}  # noqa: RUF012
 
     _parameter_constraints = {  # noqa: RUF012
@@ -230,23 +233,24 @@ class DistributionalOrdinalRegressor(
         X : array-like of shape (n_trials, n_features)
             Features of each trial.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
-            How many people gave the trial's object each rating, or one rating. Such
-            counts of several adjectives, as an array of shape (n_trials,
-            n_adjectives, n_levels), are learnt together; see the Notes.
+            How many people gave the trial's object each rating, or one rating per
+            trial. Counts of several adjectives, of shape (n_trials, n_adjectives,
+            n_levels), are learned together; see the Notes.
         sample_weight : array-like of shape (n_trials,), default=None
-            Weight of each trial, also among those held out for early stopping. With
-            ``sampling="level"`` 2 equals the trial given twice, if groups keep both
-            on one side; the other samplings draw positions for each trial. A factor
-            of all weights acts like its inverse on the estimator's penalty.
+            Weight of each trial, also where early stopping validates on it. With
+            ``sampling="level"`` a weight of 2 equals giving the trial twice, if groups
+            keep both on the same side of the split; the other samplings draw positions
+            for each trial anew. Multiplying all weights by a factor divides the
+            estimator's penalty by it.
         groups : array-like of shape (n_trials,), default=None
             The object of each trial, so that an estimator with
-            ``early_stopping=True`` validates on whole objects; it warns if it has
-            to do without. In a search or cross-validation they reach `fit` after
+            ``early_stopping=True`` validates on whole objects; without them it warns.
+            In a search or cross-validation they reach `fit` after
             ``sklearn.set_config(enable_metadata_routing=True)`` and
             ``DistributionalOrdinalRegressor(...).set_fit_request(groups=True)``.
         X_val : array-like of shape (n_val_trials, n_features), default=None
-            Trials on which an estimator with ``early_stopping=True`` validates; by
-            default a share of those in ``X``.
+            Validation trials of an estimator with ``early_stopping=True``; by default
+            it validates on a share of those in ``X``.
         y_val : array-like of shape (n_val_trials, n_levels) or (n_val_trials,), \
                 default=None
             Their ratings.
@@ -409,9 +413,9 @@ class DistributionalOrdinalRegressor(
         Returns
         -------
         proba : ndarray of shape (n_trials, n_levels)
-            Share of the population at each level; rows sum to 1. Here and in all
-            that is predicted, if several adjectives were learnt, they are a further
-            axis behind that of the trials.
+            Share of the population at each level; rows sum to 1. If several
+            adjectives were learned, all predictions have an axis of adjectives behind
+            that of the trials.
         """
         check_is_fitted(self)
         X = check_table(self, X, dtype=np.float64, reset=False)
@@ -439,12 +443,12 @@ class DistributionalOrdinalRegressor(
         Returns
         -------
         cdf : ndarray of shape (n_trials, n_levels)
-            Rows rise to exactly 1.
+            Rows never fall and end in exactly 1.
         """
         return cdf_of_shares(self.predict_proba(X))
 
     def predict_quantile(self, X: ArrayLike, p: ArrayLike) -> np.ndarray:
-        """Predict the rating of the people at given positions.
+        """Predict the rating at given quantile positions.
 
         Parameters
         ----------
@@ -494,7 +498,7 @@ class DistributionalOrdinalRegressor(
         n_samples : int, default=1
             Number of people.
         random_state : int, RandomState instance or None, default=None
-            Who they are.
+            Draws the people.
 
         Returns
         -------
@@ -528,10 +532,10 @@ PAPER_2020: dict[str, Any] = {
     "rule": "argmax",
     "n_quantiles": 99,
 }
-"""Parameters of `DistributionalOrdinalRegressor` in Richardson & Kuchenbecker.
+"""Parameters of `DistributionalOrdinalRegressor` in Richardson & Kuchenbecker (2020).
 
 The paper chooses ``estimator__n_hidden`` among 1, 5, 10, 20, 30 and
 ``estimator__alpha`` among 0.001 … 10 on validation objects.
-Pass the trials' objects to ``fit`` as `groups`, so that early stopping validates
-on whole objects as the paper does.
+Give ``fit`` the trials' objects as `groups`, so that early stopping validates on whole
+objects as the paper does.
 """
