@@ -68,24 +68,23 @@ def _level_index(counts, p):
     return index
 
 
-def levels_at(shares, p):
-    """Return the index of the level at each position, for any axes of distributions.
+def level_at(counts, p):
+    """Return the inverse CDF, as indices of levels, for any axes of distributions.
 
     Parameters
     ----------
-    shares : ndarray of shape (..., n_levels)
-        Counts, weights or probabilities, as `_level_index` takes them.
-    p : float, or ndarray of shape (n_p,) or (..., n_p)
-        Positions within [0, 1], the same for all distributions or a row for each.
+    counts : ndarray of shape (..., n_levels)
+        As `_level_index` takes them.
+    p : ndarray of shape (n_p,) or (..., n_p)
+        Quantile positions within [0, 1]; a vector is shared by all distributions.
 
     Returns
     -------
-    index : ndarray of shape (...) or (..., n_p)
+    index : ndarray of shape (..., n_p)
     """
-    p = np.asarray(p)
-    rows = shares.reshape(-1, shares.shape[-1])
-    index = _level_index(rows, p if p.ndim < 2 else p.reshape(len(rows), -1))
-    return index.reshape(*shares.shape[:-1], *p.shape[-1:])
+    rows = counts.reshape(-1, counts.shape[-1])
+    index = _level_index(rows, p if p.ndim == 1 else p.reshape(len(rows), -1))
+    return index.reshape(*counts.shape[:-1], -1)
 
 
 def cdf_of_shares(shares):

@@ -21,7 +21,7 @@ from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from .._check_ratings import check_adjectives, validate_rated_trials, weighted
 from .._check_trials import check_numbers, check_table
-from .._distributions import cdf_of_shares, levels_at
+from .._distributions import cdf_of_shares, level_at
 from .._sklearn import DocumentedEstimator, RandomState, _fit_context
 from .._validation import check_groups, check_weights
 from ._decoding import (
@@ -389,7 +389,7 @@ class DistributionalOrdinalRegressor(
     def _validation_set(self, X, counts, trial_weight=1.0):
         """Return trials at the positions of the grid, with their true ratings there."""
         grid = quantile_grid(self.n_quantiles)
-        level = levels_at(counts, grid)
+        level = level_at(counts, grid)
         inputs = np.broadcast_to(self._to_input(grid), level.shape)
         return X, inputs, level, (np.ones(level.shape).T * trial_weight).T
 
@@ -469,7 +469,8 @@ class DistributionalOrdinalRegressor(
                 "p must be a number or a list of numbers from 0 to 1; got "
                 f"{p.tolist() if p.size < 10 else p.shape}."
             )
-        return self.levels_[levels_at(self.predict_proba(X), p)]
+        rating = self.levels_[level_at(self.predict_proba(X), np.atleast_1d(p))]
+        return rating if p.ndim else rating[..., 0]
 
     def predict(self, X: ArrayLike) -> np.ndarray:
         """Predict the most common rating; ``predict_quantile(X, 0.5)`` is the median.
@@ -509,7 +510,7 @@ class DistributionalOrdinalRegressor(
         proba = self.predict_proba(X)
         rng = check_random_state(random_state)
         p = rng.uniform(size=(*proba.shape[:-1], n_samples))
-        return self.levels_[levels_at(proba, p)]
+        return self.levels_[level_at(proba, p)]
 
 
 PAPER_2020: dict[str, Any] = {

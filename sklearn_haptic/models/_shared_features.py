@@ -197,16 +197,7 @@ class RepeatedRows:
     n_levels: int
 
     def fit_with_positions(
-        self,
-        X,
-        positions,
-        level,
-        weight,
-        *,
-        levels,
-        monotone=False,
-        validation=None,
-        feature_names=None,
+        self, X, positions, level, weight, *, monotone=False, **_not_needed
     ):
         """Fit the estimator to one row per observation, the position its last column.
 
