@@ -66,3 +66,29 @@ def _level_index(counts, p):
     for column in below.T[:-1]:
         index += column[:, None] < rank
     return index
+
+
+def level_at(counts, p):
+    """Return the inverse CDF, as indices of levels, for any axes of distributions.
+
+    Parameters
+    ----------
+    counts : ndarray of shape (..., n_levels)
+        As `_level_index` takes them.
+    p : ndarray of shape (n_p,) or (..., n_p)
+        Quantile positions within [0, 1]; a vector is shared by all distributions.
+
+    Returns
+    -------
+    index : ndarray of shape (..., n_p)
+    """
+    rows = counts.reshape(-1, counts.shape[-1])
+    index = _level_index(rows, p if p.ndim == 1 else p.reshape(len(rows), -1))
+    return index.reshape(*counts.shape[:-1], -1)
+
+
+def cdf_of_shares(shares):
+    """Return the share at or below each level, over the last axis, which ends in 1."""
+    cdf = np.cumsum(shares, axis=-1)
+    cdf[..., -1] = 1.0
+    return np.minimum(cdf, 1.0)

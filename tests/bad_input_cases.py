@@ -1236,7 +1236,7 @@ SETTING_CASES = [
                 ("no sensor", "names no sensor; give the columns", {"sensors": {}}),
                 (
                     "a sensor of no columns",
-                    "sensors has no columns for 'pac'; name some or none",
+                    "sensors has no columns for 'pac'; name at least one column",
                     {"sensors": {"pac": []}},
                 ),
                 (

@@ -277,8 +277,8 @@ def test_without_positions():
     ("estimator", "message"),
     [
         (None, "n_hidden=0 leaves nothing that several adjectives could share"),
-        (LogisticRegression(), "several adjectives, which LogisticRegression cannot"),
-        (SensorFusionNNPOM({"pac": [0]}), "several adjectives, which a SensorFusion"),
+        (LogisticRegression(), "adjectives, which a LogisticRegression cannot"),
+        (SensorFusionNNPOM({"pac": [0]}), "adjectives, which a SensorFusion"),
     ],
 )
 def test_estimators_that_cannot(estimator, message):

@@ -25,7 +25,7 @@ from sklearn_haptic import (
 )
 from sklearn_haptic._folds import validation_split
 from sklearn_haptic.model_selection import cross_val_predict_proba
-from sklearn_haptic.models._distributional import decide
+from sklearn_haptic.models._decoding import decide
 from sklearn_haptic.models._quantile_positions import (
     population_quadrature,
     quantile_grid,
@@ -199,50 +199,39 @@ def test_both_decodings_come_from_one_fit():
     np.testing.assert_allclose(model.predict_cdf(X[:5])[:, :4], closed_form, atol=1e-5)
 
 
-def test_shared_path_equals_repeated_rows():
-    """The same network on rows that are really repeated, through the other path."""
+@pytest.mark.parametrize(("decode", "error"), [("mixture", 1e-6), ("quantile", 5e-3)])
+def test_shared_features_equal_repeated_rows(decode, error):
+    """The same network on rows that are repeated; its crossings are not looked for."""
 
     class PlainNNPOM(NNPOM):
         fit_with_positions = property()
-        predict_proba_with_positions = property()
 
     X, counts, _ = ordinal_trials()
-    for decode in ("mixture", "quantile"):
-        fits = [
-            DistributionalOrdinalRegressor(base, decode=decode).fit(X, counts)
-            for base in (
-                NNPOM(2, scale_features=False, tol=1e-8, random_state=0),
-                PlainNNPOM(2, scale_features=False, tol=1e-8, random_state=0),
-            )
-        ]
-        np.testing.assert_allclose(
-            fits[0].predict_proba(X), fits[1].predict_proba(X), atol=1e-6
-        )
+    params = {"scale_features": False, "tol": 1e-8, "random_state": 0}
+    shared, repeated = (
+        DistributionalOrdinalRegressor(base(2, **params), decode=decode)
+        .fit(X, counts)
+        .predict_cdf(X)
+        for base in (NNPOM, PlainNNPOM)
+    )
+    np.testing.assert_allclose(shared, repeated, atol=error)
 
 
 class CountingBase(BaseEstimator):
-    """Offers the shared path: counts the training ratings near each position."""
+    """Shares features: counts the training ratings near each position."""
+
+    def __init__(self, share=0.0):
+        self.share = share
 
     def fit(self, X, y):
         raise AssertionError("the rows were repeated")
 
-    def fit_with_positions(
-        self,
-        X,
-        positions,
-        level,
-        weight,
-        *,
-        levels,
-        monotone,
-        validation,
-        feature_names,
-    ):
-        assert X.shape[0] == positions.shape[0]
-        assert validation is None and feature_names is None
-        self.seen_ = X, positions, level, weight
+    def fit_with_positions(self, *observed, levels, monotone, validation, **_):
+        self.seen_, self.validation_ = observed, validation
         self.n_levels_ = len(levels)
-        return self
+
+    def validation_share(self):
+        return self.share
 
     def predict_proba_with_positions(self, X, positions):
         _, seen, level, weight = self.seen_
@@ -306,7 +295,7 @@ def test_quantile_decoding_beats_the_grid(p_transform):
     ).fit(X, counts)
 
     def on_grid(n_quantiles):
-        inputs = model._transform(quantile_grid(n_quantiles))
+        inputs = model._to_input(quantile_grid(n_quantiles))
         proba = model.estimator_.predict_proba_with_positions(X, inputs)
         decided = decide(proba, "median")
         return np.stack([(decided <= k).mean(axis=1) for k in range(5)], axis=1)
@@ -461,11 +450,13 @@ def test_validation_trials_may_be_given():
 
 @pytest.mark.parametrize("p_transform, input_of", [("logit", logit), (None, float)])
 def test_validation_trials_are_predicted_on_the_grid(p_transform, input_of):
-    """At the positions of quantile decoding, as the network sees positions."""
-    model = DistributionalOrdinalRegressor(p_transform=p_transform, n_quantiles=3)
+    """At the positions of quantile decoding, as the estimator sees positions."""
+    model = DistributionalOrdinalRegressor(
+        CountingBase(share=0.5), p_transform=p_transform, n_quantiles=3
+    )
     X, counts = np.zeros((2, 1)), np.array([[1, 2, 1], [0, 1, 3]])
-    model.fit(X, counts)
-    _, inputs, level, weight = model._validation_set(X, counts)
+    model.fit(X, counts, X_val=X, y_val=counts)
+    _, inputs, level, weight = model.estimator_.validation_
     expected = [input_of(p) for p in (0.25, 0.5, 0.75)]
     np.testing.assert_allclose(inputs, [expected, expected])
     np.testing.assert_array_equal(level, [[0, 1, 1], [1, 2, 2]])

@@ -75,8 +75,7 @@ class Witness(BaseEstimator):
 
     seen = []  # noqa: RUF012
 
-    def __init__(self, early_stopping=True, validation_fraction=0.3, alpha=1.0):
-        self.early_stopping = early_stopping
+    def __init__(self, validation_fraction=0.3, alpha=1.0):
         self.validation_fraction = validation_fraction
         self.alpha = alpha
 
@@ -89,6 +88,9 @@ class Witness(BaseEstimator):
         self.levels_ = levels
         Witness.seen.append((X[:, 0].tolist(), validation[0][:, 0].tolist()))
         return self
+
+    def validation_share(self):
+        return self.validation_fraction
 
     def predict_proba_with_positions(self, X, positions):
         shape = len(X), len(positions), len(self.levels_)

@@ -274,10 +274,10 @@ def test_every_network_that_stops_early_validates_on_the_same_trials():
     model.fit(X[train], counts[train], X_val=X[held_out], y_val=counts[held_out])
     assert model.estimator_.final_network_.n_iter_ == 10
     grouped = clone(model).fit(X, counts, groups=objects)
-    assert grouped.estimator_.early_stopping
-    assert grouped.estimator_.validation_fraction == 0.1
+    assert grouped.estimator_.validation_share() == 0.1
     final = clone(stopping).set_params(validation_fraction=0.3)
-    assert SensorFusionNNPOM(SENSORS, stopping, final).validation_fraction == 0.3
+    assert SensorFusionNNPOM(SENSORS, stopping, final).validation_share() == 0.3
+    assert SensorFusionNNPOM(SENSORS).validation_share() == 0
 
 
 def test_holdouts_train_on_the_trials_of_the_full_model():

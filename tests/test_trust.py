@@ -598,6 +598,7 @@ def methods_of(model, X, y):
         "sample": lambda: model.sample(X, 2, random_state=0),
         "score": lambda: model.score(X, y),
         "get_params": lambda: model.get_params(),
+        "validation_share": lambda: model.validation_share(),
         "fit": lambda: clone(model).fit(X, y),
     }
     if hasattr(model, "transform"):

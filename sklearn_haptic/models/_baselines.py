@@ -1,4 +1,4 @@
-"""Baselines that ignore the features: what a model must beat."""
+"""Baselines that ignore the features, which a model must beat."""
 
 from typing import Literal, Self
 
@@ -25,16 +25,15 @@ from ._ordinal import OrdinalClassifierMixin
 class DummyDistribution(DocumentedEstimator, OrdinalClassifierMixin, BaseEstimator):
     """Predict the same distribution for every trial, whatever its features.
 
-    The two baselines that a model must beat: which one is harder depends on
-    the score.
+    A model must beat both strategies; which one is harder to beat depends on the score.
 
     Parameters
     ----------
     strategy : {"marginal", "barycentre"}, default="marginal"
-        "marginal": the mean of the training trials' distributions, hard to beat
-        by RPS and log score. "barycentre": the distribution whose CDF is the
-        median of theirs at each level, their Wasserstein-1 barycentre, hard to
-        beat by absolute error.
+        "marginal": the mean of the training trials' distributions, which is hard to
+        beat by RPS and log score. "barycentre": the distribution whose CDF at each
+        level is the median of their CDFs, their Wasserstein-1 barycentre, which is hard
+        to beat by absolute error.
     levels : array-like of shape (n_levels,), default=None
         All ordered levels, by default as for `DistributionalOrdinalRegressor`.
 
@@ -88,9 +87,9 @@ class DummyDistribution(DocumentedEstimator, OrdinalClassifierMixin, BaseEstimat
         Parameters
         ----------
         X : array-like of length n_trials
-            Features or trials, ignored but for their number.
+            Features or trials, of which only the number counts.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
-            Counts of each rating, or one rating a trial.
+            Counts of each rating, or one rating per trial.
 
         Returns
         -------
@@ -115,7 +114,7 @@ class DummyDistribution(DocumentedEstimator, OrdinalClassifierMixin, BaseEstimat
         Parameters
         ----------
         X : array-like of length n_trials
-            Features or trials, ignored but for their number.
+            Features or trials, of which only the number counts.
 
         Returns
         -------
@@ -130,7 +129,7 @@ class DummyDistribution(DocumentedEstimator, OrdinalClassifierMixin, BaseEstimat
         Parameters
         ----------
         X : array-like of length n_trials
-            Features or trials, ignored but for their number.
+            Features or trials, of which only the number counts.
 
         Returns
         -------

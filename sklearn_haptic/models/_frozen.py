@@ -1,8 +1,8 @@
-"""Estimators that are used as they were fitted.
+"""Frozen estimators, which are used as they were fitted.
 
-A `FrozenEstimator` hands out every attribute of what it wraps, so that ``hasattr``
-finds ``fit_with_positions`` in it and calling that would fit the wrapped estimator
-again, in place. So one is unwrapped, checked, and then only predicts.
+A `FrozenEstimator` hands out every attribute of what it wraps. So ``hasattr`` finds
+``fit_with_positions`` in it, and calling that would fit the wrapped estimator again, in
+place. Therefore a frozen estimator is unwrapped, checked, and then only predicts.
 """
 
 import numpy as np
@@ -11,28 +11,28 @@ from sklearn.utils.validation import check_is_fitted
 
 
 def unfrozen(estimator):
-    """Return the estimator itself, out of its `FrozenEstimator` if it is in one."""
+    """Return the estimator itself, without any `FrozenEstimator` around it."""
     while isinstance(estimator, FrozenEstimator):
         estimator = estimator.estimator
     return estimator
 
 
 def check_frozen(estimator, name, n_inputs, levels=None, *, names=None, position=False):
-    """Check that an estimator that is not fitted here was fitted to such data.
+    """Check that a frozen estimator was fitted to data like those given here.
 
     Parameters
     ----------
     estimator : FrozenEstimator
     name : str
-        What error messages call it.
+        Its name in error messages.
     n_inputs : int
         Number of features that it will be given.
     levels : ndarray of shape (n_levels,), default=None
-        The levels that it must predict, if they matter.
+        The levels that it must predict; None if that does not matter.
     names : ndarray of shape (n_features,), default=None
         Names of the features, without the position, if they have any.
     position : bool, default=False
-        Whether the last of the features is the position in the population.
+        Whether the position in the population is the last feature.
 
     Raises
     ------

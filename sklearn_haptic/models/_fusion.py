@@ -1,9 +1,9 @@
-"""A network for each sensor, and one network that combines what they have learnt.
+"""One network per sensor, and one that combines what they have learned.
 
-Richardson & Kuchenbecker (2020) train a network on the features of each sensor; the
-activations of their hidden units, not their outputs, are the inputs of a combined
-network. Setting those of one sensor to zero and training the combined network again
-shows what the sensor contributes.
+Richardson & Kuchenbecker (2020) train a network on the features of each sensor. The
+activations of the hidden units of these networks, not their outputs, are the inputs of
+a combined network. Setting those of one sensor to zero and training the combined
+network again shows what the sensor contributes.
 """
 
 import warnings
@@ -36,6 +36,7 @@ from ._early_stopping import hold_out_trials
 from ._frozen import check_frozen, unfrozen
 from ._nnpom import NNPOM, single_ratings
 from ._ordinal import OrdinalClassifierMixin
+from ._shared_features import refuse_adjectives, refuse_monotone
 
 _Network: TypeAlias = NNPOM | FrozenEstimator
 
@@ -51,19 +52,19 @@ def resolve_sensors(sensors, feature_names, n_features):
     sensors : dict of str to columns, or None
         As `SensorFusionNNPOM` takes it.
     feature_names : array-like of shape (n_features,), or None
-        The name of each column, if they have any.
+        Names of the columns, if they have any.
     n_features : int
         Number of columns.
 
     Returns
     -------
     columns : dict of str to ndarray of int
-        Indices of the columns, sensors in the order of their first mention.
+        Indices of the columns; sensors are in the order of their first mention.
 
     Raises
     ------
     ValueError
-        If a column has a name without a prefix, or a sensor unknown columns or none.
+        If the name of a column has no prefix, or a sensor has unknown columns or none.
 
     Examples
     --------
@@ -83,9 +84,9 @@ def resolve_sensors(sensors, feature_names, n_features):
     names = [] if feature_names is None else [str(name) for name in feature_names]
     if not any("__" in name for name in names):
         warnings.warn(
-            "X has no column names to tell sensors by, as 'pac__0' does, so all "
-            "columns are taken to be of one; name them, with "
-            "set_output(transform='pandas') in a pipeline, or set sensors.",
+            "X has no column names to tell sensors by, such as 'pac__0', so all "
+            "columns are taken to be of one sensor; name the columns, in a pipeline by "
+            "set_output(transform='pandas'), or set sensors.",
             UserWarning,
             stacklevel=3,
         )
@@ -95,8 +96,8 @@ def resolve_sensors(sensors, feature_names, n_features):
         sensor, separator, _ = name.partition("__")
         if not separator:
             raise ValueError(
-                f"Column {name!r} of X has no prefix that names its sensor, as others "
-                "have; rename it or set sensors."
+                f"Column {name!r} of X has no prefix that names its sensor, as other "
+                "columns have; rename it or set sensors."
             )
         columns.setdefault(sensor, []).append(i)
     return {sensor: np.array(indices) for sensor, indices in columns.items()}
@@ -120,12 +121,15 @@ def _resolve_columns(sensor, columns, feature_names, n_features):
             f"some of its {n_features} columns."
         ) from error
     if len(columns) == 0:
-        raise ValueError(f"sensors has no columns for {sensor!r}; name some or none.")
+        raise ValueError(
+            f"sensors has no columns for {sensor!r}; name at least one column, or "
+            "leave the sensor out."
+        )
     return columns
 
 
 def n_units(network):
-    """Hidden units of a network, fitted if it is frozen."""
+    """Return the number of hidden units: those fitted, if the network is frozen."""
     if isinstance(network, FrozenEstimator):
         return len(network.intercepts_)
     return network.n_hidden
@@ -138,33 +142,33 @@ class SensorFusionNNPOM(
     OrdinalClassifierMixin,
     BaseEstimator,
 ):
-    """Combine a network for each sensor by the activations of their hidden units.
+    """Combine one network per sensor by the activations of their hidden units.
 
-    Each sensor's columns, with the position in the population if there is one, train
-    a network of their own; the activations of all hidden units are the inputs of a
-    combined network [1]_. Made to be the ``estimator`` of
-    `DistributionalOrdinalRegressor`, which gives every network the same positions.
+    The columns of each sensor, with the quantile position if there is one, train a
+    network of their own. The activations of all hidden units are the inputs of a
+    combined network [1]_. This is meant to be the ``estimator`` of
+    `DistributionalOrdinalRegressor`, which gives all networks the same positions.
 
     Parameters
     ----------
     sensors : dict of str to columns, default=None
         The columns of each sensor: indices, names, a slice or a mask. By default
-        columns are grouped by what precedes ``"__"`` in their names, which a
-        ColumnTransformer puts there; with ``set_output(transform="pandas")`` names
-        reach this estimator. Columns of no sensor are not used.
+        columns are grouped by the prefix before ``"__"`` in their names, which a
+        ColumnTransformer puts there; ``set_output(transform="pandas")`` brings the
+        names to this estimator. Columns of no sensor are not used.
     estimator : NNPOM or dict of str to NNPOM, default=None
-        The network of every sensor, or of each. One in a
-        `sklearn.frozen.FrozenEstimator` is used as it was fitted. By default
-        ``NNPOM(n_hidden=10, alpha=10)``.
+        One network for all sensors, or one for each; by default
+        ``NNPOM(n_hidden=10, alpha=10)``. A network in a
+        `sklearn.frozen.FrozenEstimator` is used as it was fitted.
     final_estimator : NNPOM, default=None
-        The combined network. By default ``NNPOM(n_hidden=0, alpha=10)``; the paper's
-        has hidden units too. One in a `sklearn.frozen.FrozenEstimator` is used as it
-        was fitted, to as many activations and the same levels.
+        The combined network; by default ``NNPOM(n_hidden=0, alpha=10)``, while the
+        paper's has hidden units too. A network in a `sklearn.frozen.FrozenEstimator` is
+        used as it was fitted, to as many activations and the same levels.
     held_out : str, default=None
-        A sensor whose activations are zero in training and prediction.
+        The sensor whose activations are zero in training and prediction.
     random_state : int, RandomState instance or None, default=None
-        Start values of all networks, in place of their own; None leaves those as
-        they are.
+        Draws the start values of all networks, in place of their own
+        ``random_state``; None leaves these as they are.
 
     Attributes
     ----------
@@ -185,13 +189,13 @@ class SensorFusionNNPOM(
 
     See Also
     --------
-    sklearn_haptic.model_selection.sensor_contributions : Hold out one after the other.
+    sklearn_haptic.model_selection.sensor_contributions : Hold out each sensor in turn.
 
     Notes
     -----
-    With p the position, x_s the features of sensor s and h_s(x_s, p) the activations
-    of its network, the latent response is that of the combined network at
-    (h_1, …, h_S). The position enters through the sensors' networks alone.
+    Let p be the position, x_s the features of sensor s and h_s(x_s, p) the activations
+    of its network. The latent response is that of the combined network at
+    (h_1, …, h_S), so the position enters through the sensors' networks alone.
 
     References
     ----------
@@ -217,7 +221,7 @@ class SensorFusionNNPOM(
     True
     """
 
-    # Splitters take groups too: passing them does not mean that fit wants them.
+    # Not requested by default, since groups may be passed for the splitter alone.
     __metadata_request__fit = {"groups": False}  # noqa: RUF012
 
     _parameter_constraints = {  # noqa: RUF012
@@ -259,13 +263,13 @@ class SensorFusionNNPOM(
         X : array-like of shape (n_trials, n_features)
             Features of each trial.
         y : array-like of shape (n_trials,) or (n_trials, n_levels)
-            One rating a trial, or how many people gave each rating. Labels say what
-            the levels are, as for `NNPOM`.
+            One rating per trial, or how many people gave each rating. Labels determine
+            the levels, as for `NNPOM`.
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial, as in :meth:`NNPOM.fit`.
         groups : array-like of shape (n_trials,), default=None
-            The object of each trial; early stopping holds out whole objects, the same
-            for all networks, and warns if it has to do without. In a search or
+            The object of each trial, so that early stopping validates on whole objects,
+            the same for all networks; without them it warns. In a search or
             cross-validation they reach `fit` after
             ``sklearn.set_config(enable_metadata_routing=True)`` and
             ``SensorFusionNNPOM(...).set_fit_request(groups=True)``.
@@ -289,18 +293,14 @@ class SensorFusionNNPOM(
             X, counts, groups, sample_weight
         )
         validation = None
-        if self.early_stopping:
+        share = self.validation_share()
+        if share > 0:
             seed = self.random_state
             if seed is None:
                 seed = self._stopping_early()[0].random_state
-            train, held_out = hold_out_trials(
-                self,
-                len(X),
-                groups,
-                self.validation_fraction,
-                check_random_state(seed),
-            )
-            validation = X[held_out], None, level[held_out], counted[held_out]
+            rng = check_random_state(seed)
+            train, validating = hold_out_trials(self, len(X), groups, share, rng)
+            validation = X[validating], None, level[validating], counted[validating]
             X, level, weight = X[train], level[train], weight[train]
         return self._fit_networks(X, None, level, weight, levels, validation)
 
@@ -324,7 +324,7 @@ class SensorFusionNNPOM(
         X : ndarray of shape (n_trials, n_features)
             Features of each trial.
         positions : ndarray of shape (n_trials, n_observations)
-            The last feature of each observation, the same for every network.
+            The last feature of each observation, for every network the same.
         level : ndarray of int of shape (n_trials, n_observations)
             Index into ``levels`` of each observation's rating.
         weight : ndarray of shape (n_trials, n_observations)
@@ -332,9 +332,9 @@ class SensorFusionNNPOM(
         levels : ndarray of shape (n_levels,)
             The ordered levels.
         monotone : bool, default=False
-            Not supported here.
+            Not supported.
         validation : tuple of (X, positions, level, weight), default=None
-            Trials for the early stopping of networks that have it.
+            Validation trials of the networks that stop early.
         feature_names : ndarray of shape (n_features,), default=None
             Names of the features, if they have any.
 
@@ -350,11 +350,7 @@ class SensorFusionNNPOM(
         """
         self._validate_params()
         if monotone:
-            raise ValueError(
-                "monotone=True requires an NNPOM, but estimator is a "
-                "SensorFusionNNPOM; set monotone=False, predicted distributions are "
-                "sorted in any case."
-            )
+            refuse_monotone("SensorFusionNNPOM")
         self.n_features_in_ = X.shape[1] + 1
         if feature_names is not None:
             self.feature_names_in_ = np.append(feature_names, "position")
@@ -364,10 +360,7 @@ class SensorFusionNNPOM(
 
     def _fit_networks(self, X, positions, level, weight, levels, validation):
         if weight.ndim == 3:
-            raise ValueError(
-                "y has the ratings of several adjectives, which a SensorFusionNNPOM "
-                "cannot share; use an NNPOM, or fit a model to each adjective."
-            )
+            refuse_adjectives("SensorFusionNNPOM")
         if self.held_out is not None and self.held_out not in self.sensors_:
             raise ValueError(
                 f"held_out={self.held_out!r} is not among the sensors "
@@ -396,17 +389,18 @@ class SensorFusionNNPOM(
         tasks = [task for task in tasks if not isinstance(task[1], FrozenEstimator)]
         with fit_task(self, X, max_subtasks=len(tasks)) as task:
             for name, network, inputs_of in tasks:
-                held_out = None
+                validating = None
                 if validation is not None and network.early_stopping:
-                    held_out = (*inputs_of(*validation[:2]), *validation[2:])
+                    validating = (*inputs_of(*validation[:2]), *validation[2:])
                 with task.fit_of(name, network):
                     network.fit_with_positions(
                         *inputs_of(X, positions),
                         level,
                         weight,
                         levels=levels,
-                        validation=held_out,
+                        validation=validating,
                     )
+        self.thresholds_ = self.final_network_.thresholds_
         return self
 
     def _make_networks(self, levels):
@@ -419,7 +413,7 @@ class SensorFusionNNPOM(
         if of_sensor.keys() != self.sensors_.keys():
             raise ValueError(
                 f"estimator has networks for {list(of_sensor)}, but the sensors are "
-                f"{list(self.sensors_)}; give one network for each of them."
+                f"{list(self.sensors_)}; give one network for each sensor."
             )
         networks = {sensor: clone(of_sensor[sensor]) for sensor in self.sensors_}
         if self.final_estimator is None:
@@ -462,7 +456,8 @@ class SensorFusionNNPOM(
             )
 
     def _stopping_early(self):
-        # Frozen networks count, so that all models that share them train on the same.
+        # Frozen networks count, so that all models that share them train on the same
+        # trials.
         of_sensor = self.estimator
         networks = of_sensor.values() if isinstance(of_sensor, dict) else [of_sensor]
         return [
@@ -471,25 +466,21 @@ class SensorFusionNNPOM(
             if getattr(network, "early_stopping", False)
         ]
 
-    @property
-    def early_stopping(self) -> bool:
-        """Whether a network stops early, and so needs trials to validate on."""
-        return bool(self._stopping_early())
+    def validation_share(self) -> float:
+        """Share of the trials that early stopping validates on.
 
-    @property
-    def validation_fraction(self) -> float:
-        """Largest share of the trials that a network holds out for early stopping."""
+        Returns
+        -------
+        share : float
+            The largest ``validation_fraction`` of the networks that stop early; 0 if
+            none does.
+        """
         fractions = [network.validation_fraction for network in self._stopping_early()]
         return max(fractions, default=0.0)
 
-    @property
-    def thresholds_(self) -> NDArray[np.float64]:
-        """Thresholds between the levels, of the combined network."""
-        return self.final_network_.thresholds_
-
     @one_blas_thread
     def _activations(self, X, positions=None):
-        """Activations of all sensors side by side, zero for the one held out."""
+        """Put the activations of all sensors side by side, 0 for the one held out."""
         shape = (len(X),) if positions is None else (len(X), np.shape(positions)[-1])
         parts = []
         for sensor, columns in self.sensors_.items():

@@ -605,6 +605,16 @@ class NNPOM(
         """
         return self._forward_with_positions(X, positions)[0]
 
+    def validation_share(self) -> float:
+        """Share of the trials that early stopping validates on.
+
+        Returns
+        -------
+        share : float
+            ``validation_fraction``; 0 without early stopping.
+        """
+        return self.validation_fraction if self.early_stopping else 0.0
+
     def hidden_activations_with_positions(
         self, X: FloatArray, positions: FloatArray
     ) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""What the classifiers of this package share: ordered classes, scored as such."""
+"""Mixin of the package's classifiers, whose classes are ordered and scored as such."""
 
 from numpy.typing import ArrayLike
 from sklearn.base import ClassifierMixin
@@ -8,7 +8,7 @@ from ..metrics import neg_rps_scorer
 
 
 class OrdinalClassifierMixin(ClassifierMixin):
-    """Mixin, in place of `ClassifierMixin`: one score for labels and for counts."""
+    """Use in place of `ClassifierMixin`: labels and counts have the same score."""
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
@@ -20,18 +20,18 @@ class OrdinalClassifierMixin(ClassifierMixin):
     ) -> float:
         """Return the negative mean ranked probability score; higher is better.
 
-        Labels and counts are scored by the same rule, not by the accuracy of
-        scikit-learn's classifiers, which ignores both the order of the levels and
-        the predicted probabilities; ``scoring="accuracy"`` gives that for labels.
+        It scores labels and counts. The accuracy, the score of scikit-learn's own
+        classifiers, ignores the order of the levels and the predicted probabilities;
+        for labels, ``scoring="accuracy"`` still gives it.
 
         Parameters
         ----------
         X : array-like of shape (n_trials, n_features)
-            Features of each trial, or whatever else `predict_proba` takes.
+            Features of each trial, or whatever `predict_proba` takes.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
-            Counts of each rating, or one rating a trial. Of several adjectives that
-            were learnt together, counts of shape (n_trials, n_adjectives, n_levels),
-            whose scores are averaged.
+            Counts of each rating, or one rating per trial. If several adjectives were
+            learned together, counts of shape (n_trials, n_adjectives, n_levels); their
+            scores are averaged.
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial.
 

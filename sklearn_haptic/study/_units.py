@@ -239,7 +239,7 @@ def rotate_features(features, train):
 
 def for_early_stopping(regressor, X, counts, parts):
     """Return the arguments that ``fit`` needs of a regressor that stops early."""
-    if not regressor.estimator.early_stopping:
+    if regressor.estimator.validation_share() == 0:
         return {}
     return {"X_val": X[parts.validation], "y_val": counts[parts.validation]}
 

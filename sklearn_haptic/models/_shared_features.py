@@ -1,0 +1,271 @@
+"""What `DistributionalOrdinalRegressor` asks of its base estimator.
+
+The regressor observes each trial at several quantile positions in the population of
+raters. A base estimator that implements `SharesFeatures` takes the features of a trial
+once for all its positions; `RepeatedRows` adapts every other estimator, by one row per
+observation. So the regressor has one path for all.
+"""
+
+import warnings
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeGuard
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.base import is_regressor
+from sklearn.frozen import FrozenEstimator
+from sklearn.utils import gen_batches
+from sklearn.utils.validation import has_fit_parameter
+
+from .._sklearn import FloatArray, Observations
+from ._early_stopping import validates_on_rows
+
+# Rows, and values in them, that an estimator is given at once for prediction.
+_BATCH_ROWS, _BATCH_VALUES = 2**14, 2**22
+
+
+class SharesFeatures(Protocol):
+    """A base estimator that takes a trial's features once for all its positions.
+
+    Its inputs have been validated. The position is the last of its features, on the
+    scale that ``p_transform`` of the regressor chooses. Of several adjectives, the
+    observations have the shape (n_trials, n_adjectives, n_observations), and what is
+    predicted has an axis of adjectives behind that of the positions; an estimator that
+    cannot learn several calls `refuse_adjectives`, one that cannot be monotone
+    `refuse_monotone`.
+    """
+
+    def fit_with_positions(
+        self,
+        X: FloatArray,
+        positions: FloatArray,
+        level: NDArray[np.integer],
+        weight: FloatArray,
+        *,
+        levels: np.ndarray,
+        monotone: bool = False,
+        validation: Observations | None = None,
+        feature_names: np.ndarray | None = None,
+    ) -> Any:
+        """Fit to observations of each trial at several positions.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n_trials, n_features)
+            Features of each trial.
+        positions : ndarray of shape (n_trials, n_observations)
+            Position of each observation.
+        level : ndarray of int of shape (n_trials, n_observations)
+            Index into ``levels`` of each observation's rating.
+        weight : ndarray of shape (n_trials, n_observations)
+            Weight of each observation; those of weight 0 do not count.
+        levels : ndarray of shape (n_levels,)
+            The ordered levels.
+        monotone : bool, default=False
+            Whether predicted ratings must not fall as the position grows.
+        validation : tuple of (X, positions, level, weight), default=None
+            Validation trials, given if `validation_share` is above 0.
+        feature_names : ndarray of shape (n_features,), default=None
+            Names of the features, if they have any.
+        """
+
+    def predict_proba_with_positions(
+        self, X: FloatArray, positions: FloatArray
+    ) -> NDArray[np.float64]:
+        """Predict the probability of each level for each trial at each position.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n_trials, n_features)
+            Features of each trial.
+        positions : ndarray of shape (n_positions,)
+            Positions, the same for all trials.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_positions, n_levels)
+        """
+
+    def validation_share(self) -> float:
+        """Share of the trials that early stopping validates on, 0 without it."""
+
+
+class HasLatentResponse(SharesFeatures, Protocol):
+    """A base estimator whose predictions are a latent response cut by thresholds.
+
+    This is optional: the median rating is then found at every position, from where
+    the response crosses the thresholds, instead of at some positions.
+    """
+
+    thresholds_: NDArray[np.float64]
+    """Thresholds of shape (n_levels - 1,), or (n_adjectives, n_levels - 1)."""
+
+    def predict_latent_with_positions(
+        self, X: FloatArray, positions: FloatArray
+    ) -> NDArray[np.float64]:
+        """Predict the latent response of each trial at each position.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n_trials, n_features)
+            Features of each trial.
+        positions : ndarray of shape (n_positions,)
+            Positions, the same for all trials.
+
+        Returns
+        -------
+        latent : ndarray of shape (n_trials, n_positions)
+        """
+
+
+def share_features(
+    estimator: Any, present: NDArray[np.integer], n_levels: int
+) -> SharesFeatures:
+    """Return the estimator itself if it shares features, an adapter otherwise.
+
+    A `FrozenEstimator` hands out the methods of what it wraps, and calling these would
+    fit that again. So it is never taken for an estimator that shares features.
+
+    Parameters
+    ----------
+    estimator : estimator object
+    present, n_levels
+        As `RepeatedRows` takes them.
+
+    Returns
+    -------
+    base : SharesFeatures
+    """
+    frozen = isinstance(estimator, FrozenEstimator)
+    if hasattr(estimator, "fit_with_positions") and not frozen:
+        base: SharesFeatures = estimator
+        return base
+    return RepeatedRows(estimator, present, n_levels)
+
+
+def has_latent_response(base: SharesFeatures) -> TypeGuard[HasLatentResponse]:
+    """Whether the base estimator offers the optional latent response."""
+    return hasattr(base, "predict_latent_with_positions")
+
+
+def refuse_monotone(name):
+    """Raise the error of an estimator that cannot be monotone."""
+    raise ValueError(
+        f"monotone=True requires an NNPOM, but estimator is a {name}; set "
+        "monotone=False, predicted distributions are sorted in any case."
+    )
+
+
+def refuse_adjectives(name):
+    """Raise the error of an estimator that cannot learn several adjectives."""
+    raise ValueError(
+        f"y has the ratings of several adjectives, which a {name} cannot share; use an "
+        "NNPOM, or fit a model to each adjective."
+    )
+
+
+@dataclass(frozen=True)
+class RepeatedRows:
+    """Adapter to `SharesFeatures`: repeat a trial's row for each of its positions.
+
+    Parameters
+    ----------
+    estimator : estimator object
+        A classifier of the levels that ratings have, labelled 0, 1, … without gaps, or
+        a regressor of the index of the level.
+    present : ndarray of int
+        Indices of the levels that ratings have.
+    n_levels : int
+        Number of all levels.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn.linear_model import LogisticRegression
+    >>> from sklearn_haptic.models._shared_features import RepeatedRows
+    >>> base = RepeatedRows(LogisticRegression(), np.array([0, 2]), 3)
+    >>> X, positions = np.zeros((4, 1)), np.tile([-1.0, 1.0], (4, 1))
+    >>> level, weight = np.tile([0, 2], (4, 1)), np.ones((4, 2))
+    >>> base.fit_with_positions(X, positions, level, weight, levels=np.arange(3))
+    >>> base.predict_proba_with_positions(X[:1], np.array([-9.0, 9.0])).round()
+    array([[[1., 0., 0.],
+            [0., 0., 1.]]])
+    """
+
+    estimator: Any
+    present: NDArray[np.integer]
+    n_levels: int
+
+    def fit_with_positions(
+        self, X, positions, level, weight, *, monotone=False, **_not_needed
+    ):
+        """Fit the estimator to one row per observation, the position its last column.
+
+        Raises
+        ------
+        ValueError
+            If `monotone` is true, there are several adjectives, or the observations
+            differ in weight and the estimator takes no weights.
+
+        Warns
+        -----
+        UserWarning
+            If the estimator stops early by rows that it holds out itself.
+        """
+        name = type(self.estimator).__name__
+        if monotone:
+            refuse_monotone(name)
+        if weight.ndim == 3:
+            refuse_adjectives(name)
+        used = weight > 0
+        rows = np.column_stack((X, np.zeros(len(X))))[np.nonzero(used)[0]]
+        rows[:, -1] = positions[used]
+        level, weight = level[used], weight[used]
+        if not is_regressor(self.estimator):
+            level = np.searchsorted(self.present, level)
+        if validates_on_rows(self.estimator, len(rows)):
+            warnings.warn(
+                f"{name} stops early by rows that it holds out itself, other positions "
+                "of the trials that it learns from, and so stops too late; set its "
+                "early_stopping=False (or n_iter_no_change=None).",
+                UserWarning,
+                stacklevel=4,  # beyond this, fit, and its decorator
+            )
+        if np.ptp(weight) == 0:
+            self.estimator.fit(rows, level)
+        elif has_fit_parameter(self.estimator, "sample_weight"):
+            self.estimator.fit(rows, level, sample_weight=weight)
+        else:
+            raise ValueError(
+                f"{name} takes no sample_weight, but the observations differ in "
+                "weight; set sampling='lattice' and balance=None, and give equal "
+                "sample_weight or none."
+            )
+
+    def predict_proba_with_positions(self, X, positions):
+        """Predict for each trial at each position, from few rows at a time."""
+        n_rows = min(_BATCH_ROWS, _BATCH_VALUES // X.shape[1])
+        n_trials = max(1, n_rows // len(positions))
+        proba = [
+            self._predict_rows(X[batch], positions)
+            for batch in gen_batches(len(X), n_trials)
+        ]
+        return np.concatenate(proba).reshape(len(X), len(positions), self.n_levels)
+
+    def _predict_rows(self, X, positions):
+        rows = np.column_stack((X, np.zeros(len(X)))).repeat(len(positions), axis=0)
+        rows[:, -1] = np.tile(positions, len(X))
+        proba = np.zeros((len(rows), self.n_levels))
+        if is_regressor(self.estimator):
+            level = np.rint(self.estimator.predict(rows)).astype(int)
+            proba[np.arange(len(rows)), np.clip(level, 0, self.n_levels - 1)] = 1
+        elif hasattr(self.estimator, "predict_proba"):
+            proba[:, self.present] = self.estimator.predict_proba(rows)
+        else:
+            level = self.present[self.estimator.predict(rows)]
+            proba[np.arange(len(rows)), level] = 1
+        return proba
+
+    def validation_share(self):
+        """Return 0: other estimators take no validation trials."""
+        return 0.0
