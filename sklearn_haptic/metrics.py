@@ -18,7 +18,7 @@ from sklearn.utils.validation import check_array
 
 from ._check_ratings import check_ratings
 from ._check_trials import check_numbers
-from ._distributions import _cdf, _level_index, _macro_mae, _proportions
+from ._distributions import cdf, level_at, macro_error, quantile_grid, shares
 from ._levels import in_order_of_levels, levels_of_columns, names_levels
 from ._sklearn import Trials, validate_params
 from ._validation import check_weights
@@ -145,8 +145,8 @@ def macro_mae(
     0.5
     """
     counts, proba, _ = _check_distributions(y_true, y_proba, levels)
-    p = np.arange(1, n_quantiles + 1) / (n_quantiles + 1)
-    errors = _macro_mae(_level_index(proba, p), _level_index(counts, p))
+    p = quantile_grid(n_quantiles)
+    errors = macro_error(level_at(proba, p), level_at(counts, p))
     return _summarise(errors, sample_weight, average)
 
 
@@ -237,7 +237,7 @@ def ranked_probability_score(
     0.4375
     """
     counts, proba, _ = _check_distributions(y_true, y_proba, levels)
-    true, predicted = _cdf(counts), _cdf(proba)
+    true, predicted = cdf(counts)[:, :-1], cdf(proba)[:, :-1]
     scores = ((predicted - true) ** 2 + true * (1 - true)).sum(axis=1)
     return _summarise(scores, sample_weight, average)
 
@@ -321,7 +321,7 @@ def earth_movers_distance(
     0.75
     """
     counts, proba, _ = _check_distributions(y_true, y_proba, levels)
-    scores = np.abs(_cdf(proba) - _cdf(counts)).sum(axis=1)
+    scores = np.abs(cdf(proba) - cdf(counts))[:, :-1].sum(axis=1)
     return _summarise(scores, sample_weight, average)
 
 
@@ -405,7 +405,7 @@ def log_score(
     0.6931
     """
     counts, proba, _ = _check_distributions(y_true, y_proba, levels)
-    scores = -xlogy(_proportions(counts), proba).sum(axis=1)
+    scores = -xlogy(shares(counts), proba).sum(axis=1)
     return _summarise(scores + 0.0, sample_weight, average)  # -0.0 becomes 0.0
 
 
@@ -477,8 +477,8 @@ def pit_histogram(
     array([2., 0., 0., 2.])
     """
     counts, proba, _ = _check_distributions(y_true, y_proba, levels)
-    proportions = _proportions(counts)
-    edges = np.pad(_cdf(proba), ((0, 0), (1, 1)), constant_values=((0, 0), (0, 1)))
+    proportions = shares(counts)
+    edges = np.pad(cdf(proba), ((0, 0), (1, 0)))
     lower, width = edges[:, :-1], np.diff(edges, axis=1)
     point = width == 0
     below = np.empty((len(counts), n_bins + 1))  # CDF of the PIT at the bins' edges
@@ -553,7 +553,7 @@ def dispersion(
     steps = np.arange(proba.shape[1])
     squares = (steps - (proba @ steps)[:, None]) ** 2
     spread = _mean((proba * squares).sum(axis=1), sample_weight)
-    scatter = _mean((_proportions(counts) * squares).sum(axis=1), sample_weight)
+    scatter = _mean((shares(counts) * squares).sum(axis=1), sample_weight)
     if scatter == 0:
         return 1.0 if spread == 0 else np.inf
     return float(spread / scatter)
@@ -683,7 +683,7 @@ def _check_distributions(y_true, y_proba, levels):
             f"y_true has {len(counts)} trials, but y_proba has {len(proba)}; give one "
             "row a trial in both."
         )
-    return counts, _proportions(proba), levels
+    return counts, shares(proba), levels
 
 
 def _summarise(scores, sample_weight, average):

@@ -17,7 +17,7 @@ from sklearn.utils.validation import check_array, check_consistent_length, colum
 
 from ._check_ratings import check_levels, check_levels_occur, check_ratings
 from ._check_trials import check_numbers
-from ._distributions import _level_index
+from ._distributions import cdf, level_at, shares
 from ._levels import levels_of_ratings, names_levels
 from ._sklearn import validate_params
 from ._validation import check_objects, drop_missing, missing_to_none
@@ -214,7 +214,7 @@ def rating_distribution(counts: ArrayLike) -> NDArray[np.float64]:
     array([[0.  , 0.25, 0.5 , 0.25, 0.  ]])
     """
     counts, _ = _check_counts(counts, None)
-    return counts / counts.sum(axis=1, keepdims=True)
+    return shares(counts)
 
 
 def rating_cdf(counts: ArrayLike) -> NDArray[np.float64]:
@@ -247,8 +247,7 @@ def rating_cdf(counts: ArrayLike) -> NDArray[np.float64]:
     array([[0.  , 0.25, 0.75, 1.  , 1.  ]])
     """
     counts, _ = _check_counts(counts, None)
-    below = np.cumsum(counts, axis=1)
-    return below / below[:, -1:]
+    return cdf(counts)
 
 
 def inverse_cdf(
@@ -307,7 +306,7 @@ def inverse_cdf(
     positions = column_or_1d(np.atleast_1d(p), dtype=np.float64, input_name="p")
     if not ((positions >= 0) & (positions <= 1)).all():
         raise ValueError("p must lie within [0, 1]; give positions in the population.")
-    index = _level_index(counts, positions)
+    index = level_at(counts, positions)
     return levels[index[:, 0] if np.ndim(p) == 0 else index]
 
 

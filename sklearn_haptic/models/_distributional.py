@@ -26,7 +26,7 @@ from sklearn.utils.validation import (
 
 from .._check_ratings import check_attributes, validate_rated_trials, weighted
 from .._check_trials import check_numbers, check_table
-from .._distributions import _level_index
+from .._distributions import level_at, quantile_grid
 from .._sklearn import DocumentedEstimator, RandomState, _fit_context
 from .._validation import check_groups, check_weights
 from ._early_stopping import hold_out_trials, validates_on_rows
@@ -38,7 +38,6 @@ from ._quantile_positions import (
     largest_jump_error,
     population_cells,
     population_quadrature,
-    quantile_grid,
     share_below,
     training_observations,
 )
@@ -431,7 +430,7 @@ class DistributionalOrdinalRegressor(
         """Trials at the positions of the grid, with their true ratings there."""
         grid = quantile_grid(self.n_quantiles)
         rows = counts.reshape(-1, counts.shape[-1])
-        level = _level_index(rows, np.broadcast_to(grid, (len(rows), len(grid))))
+        level = level_at(rows, np.broadcast_to(grid, (len(rows), len(grid))))
         level = level.reshape(*counts.shape[:-1], -1)
         inputs = np.broadcast_to(self._transform(grid), level.shape)
         return X, inputs, level, (np.ones(level.shape).T * sample_weight).T
@@ -653,7 +652,7 @@ class DistributionalOrdinalRegressor(
         proba = self.predict_proba(X)
         rows = proba.reshape(-1, proba.shape[-1])
         p = check_random_state(random_state).uniform(size=(len(rows), n_samples))
-        rating = self.levels_[_level_index(rows, p)]
+        rating = self.levels_[level_at(rows, p)]
         return rating.reshape(*proba.shape[:-1], n_samples)
 
 
@@ -672,7 +671,7 @@ def _quantile(proba, p, levels):
             f"{p.tolist() if p.size < 10 else p.shape}."
         )
     rows = proba.reshape(-1, proba.shape[-1])
-    index = _level_index(rows, np.broadcast_to(p, (len(rows), p.size)))
+    index = level_at(rows, np.broadcast_to(p, (len(rows), p.size)))
     return levels[index].reshape(*proba.shape[:-1], *p.shape)
 
 

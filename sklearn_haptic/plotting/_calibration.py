@@ -12,7 +12,7 @@ from scipy.special import betaincinv
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
 
-from .._distributions import _cdf, _proportions
+from .._distributions import cdf, shares
 from .._sklearn import Trials
 from .._validation import check_groups
 from ..metrics import _check_distributions, pit_histogram
@@ -457,7 +457,7 @@ class ReliabilityDisplay:
         curves = [
             _reliability(predicted, observed, n_bins, objects)
             for predicted, observed in zip(
-                1 - _cdf(proba).T, 1 - _cdf(_proportions(counts)).T
+                (1 - cdf(proba)[:, :-1]).T, (1 - cdf(shares(counts))[:, :-1]).T
             )
         ]
         *binned, half_widths = zip(*curves)

@@ -11,6 +11,7 @@ from sklearn.utils import _safe_indexing
 
 from .._check_ratings import check_ratings
 from .._check_trials import check_regular
+from .._distributions import cdf, shares
 from .._sklearn import Trials
 from ..metrics import _check_distributions, macro_mae
 from ._style import BLUE, axes_of
@@ -419,7 +420,7 @@ class DistributionDisplay:
         self.ax_, self.figure_ = ax, ax.figure
         self.true_bars_ = ax.bar(
             x - _BAR_WIDTH / 2,
-            self.counts / self.counts.sum(),
+            shares(self.counts),
             _BAR_WIDTH,
             color="0.8",
             edgecolor="black",
@@ -499,6 +500,5 @@ def _check_equal_rows(counts, name):
 def _draw(ax, weights, offset=0.0, **style):
     """Draw an inverse CDF with its steps exactly where the CDF jumps."""
     used = np.flatnonzero(weights)
-    below = np.cumsum(weights[used])
-    edges = np.append(0, below / below[-1])
+    edges = np.append(0, cdf(weights[used]))
     return ax.stairs(used + offset, edges, baseline=None, **style)
