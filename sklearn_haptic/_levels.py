@@ -104,7 +104,9 @@ def levels_of_columns(table, levels, name):
     read = _read_numbers(labels)
     if len({*read}) < len(read):
         twice = next(label for label in read if read.count(label) > 1)
-        raise ValueError(f"{name} has two columns {twice!r}; give one column a level.")
+        raise ValueError(
+            f"{name} has two columns {twice!r}; give one column per level."
+        )
     categories = _ordered_categories(table.columns)
     named = labels if categories is None else categories.tolist()
     if levels is None:
@@ -173,7 +175,7 @@ def _warn(what, levels, mend):
         f"{what}; they are taken as {order}. Give {mend} or levels=[...], lowest "
         "level first.",
         UserWarning,
-        stacklevel=4,
+        stacklevel=5,
     )
 
 

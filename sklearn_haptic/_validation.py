@@ -1,25 +1,97 @@
-"""Input checks that more than one module needs: trials, ratings, sparsity.
+"""Checks of input of any kind: numbers, tables, weights, objects, missing values.
 
-A *trial* is one touch of one object: an array of shape ``(n_times,
-n_channels)``, or ``(n_times, height, width)`` for tactile images. Trials
-differ in length, so a collection of them is a sequence of arrays. A *table* is
-scikit-learn's ordinary two-dimensional input; every transformer takes both.
+`_check_trials` has the checks of recordings, `_check_ratings` those of ratings.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator, Mapping, Set
+from datetime import date, timedelta
 
 import numpy as np
+from scipy import sparse
 from sklearn.utils._missing import is_pandas_na
 from sklearn.utils.validation import (
     _check_sample_weight,
     check_consistent_length,
     column_or_1d,
+    validate_data,
 )
 
-from ._check_trials import check_numbers, check_regular
 from ._levels import lossless_array
+
+_NO_NUMBERS = (str, bytes, date, timedelta, np.datetime64, np.timedelta64)
+
+
+def check_numbers(values, name):
+    """Refuse what is no real number, though NumPy might quietly make it one.
+
+    Parameters
+    ----------
+    values : array-like
+        Numbers in any container; what scikit-learn refuses is left to it.
+    name : str
+        What error messages call ``values``.
+
+    Raises
+    ------
+    ValueError
+        If a value is text, a date, complex or masked, or rows differ in length.
+    """
+    array = check_regular(values, name)
+    if not (hasattr(values, "columns") and hasattr(values, "dtypes")):
+        if _holds_no_numbers(array):
+            raise ValueError(
+                f"{name} is not an array of numbers (it holds text or dates); convert "
+                "it."
+            )
+        return
+    # Column by column: an array of them all may make numbers of dates.
+    for i, dtype in enumerate(values.dtypes):
+        if is_numeric(dtype):
+            continue
+        if _holds_no_numbers(np.asarray(column_of(values, i))):
+            column = values.columns[i]
+            raise ValueError(
+                f"{name} is not an array of numbers (column {column!r} holds text or "
+                "dates); convert it or leave it out."
+            )
+
+
+def check_regular(values, name):
+    """Refuse masked and complex values, rows of unequal length and what is no array."""
+    if isinstance(values, (Mapping, Set, Iterator)) and not sparse.issparse(values):
+        raise ValueError(
+            f"{name} is a {type(values).__name__}, which is no array; give a list, an "
+            "array or a DataFrame."
+        )
+    if np.ma.is_masked(values):
+        raise ValueError(
+            f"{name} has masked values, which are no data; fill or remove them."
+        )
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise ValueError(
+            f"{name} is no array of one shape; give rows of equal length ({error})."
+        ) from error
+    if array.dtype.kind == "c":
+        raise ValueError(
+            f"Complex data not supported: {name} is not an array of numbers (complex "
+            "values have no order); give real ones."
+        )
+    return array
+
+
+def check_table(estimator, X, **options):
+    """Validate a table of features: `validate_data` after `check_numbers`.
+
+    Its rows are contiguous, so that the same table gives the same sums in any layout.
+    """
+    check_numbers(X, "X")
+    with np.errstate(over="ignore", invalid="ignore"):  # of the sum it looks at first
+        return validate_data(estimator, X, order="C", **options)
 
 
 def check_weights(sample_weight, X):
@@ -98,9 +170,17 @@ def missing_to_none(values, name):
     check_regular(values, name)
     values = np.array(values, dtype=object)
     for i, value in enumerate(values.flat):
-        if is_pandas_na(value) or value != value:
+        if is_missing(value):
             values.flat[i] = None
     return values
+
+
+def is_missing(value):
+    """Whether a value is None, NaN or NA, which differ from themselves."""
+    if value is None or is_pandas_na(value):
+        return True
+    differs = value != value
+    return isinstance(differs, (bool, np.bool_)) and bool(differs)
 
 
 def check_sparsity(n_nonzero_coefs, n_atoms):
@@ -113,3 +193,25 @@ def check_sparsity(n_nonzero_coefs, n_atoms):
             stacklevel=3,
         )
     return min(n_nonzero_coefs, n_atoms)
+
+
+def column_of(X, i):
+    """Return column i of a DataFrame or an array; a Series is its only column."""
+    if len(X.shape) == 1:
+        return X
+    if hasattr(X, "to_series"):  # polars
+        return X.to_series(i)
+    return X.iloc[:, i] if hasattr(X, "iloc") else X[:, i]
+
+
+def is_numeric(dtype):
+    """Whether a data type of NumPy, pandas or polars is one of real numbers."""
+    if hasattr(dtype, "is_numeric"):
+        return dtype.is_numeric()
+    return dtype.kind in "biuf"
+
+
+def _holds_no_numbers(array):
+    if array.dtype.kind != "O":
+        return array.dtype.kind in "SUTMm"
+    return any(isinstance(value, _NO_NUMBERS) for value in array.flat)

@@ -6,20 +6,18 @@ people who rated its object at level k or below, and the *predicted* one
 levels: neighbours are 1 apart whatever their labels.
 """
 
+from collections.abc import Callable
 from numbers import Integral
-from typing import Literal, overload
+from typing import Any, Literal, Protocol, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import xlogy
 from sklearn.base import BaseEstimator
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import check_array
 
-from ._check_ratings import check_ratings
-from ._check_trials import check_numbers
+from ._check_ratings import check_distributions
 from ._distributions import cdf, level_at, macro_error, quantile_grid, shares
-from ._levels import in_order_of_levels, levels_of_columns, names_levels
 from ._sklearn import Trials, validate_params
 from ._validation import check_weights
 
@@ -35,46 +33,52 @@ __all__ = [
 ]
 
 
-_SCORE_CONSTRAINTS = {
+_CONSTRAINTS = {
     "y_true": ["array-like"],
     "y_proba": ["array-like"],
     "sample_weight": ["array-like", None],
-    "average": ["boolean"],
     "levels": ["array-like", None],
 }
 
 
-@overload
-def macro_mae(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[True] = ...,
-    levels: ArrayLike | None = ...,
-    n_quantiles: int = ...,
-) -> float: ...
+class _Score(Protocol):
+    """The type of a score: a float, or with ``average=False`` an array."""
+
+    @overload
+    def __call__(
+        self,
+        y_true: ArrayLike,
+        y_proba: ArrayLike,
+        *,
+        sample_weight: ArrayLike | None = ...,
+        average: Literal[True] = ...,
+        levels: ArrayLike | None = ...,
+        **options: int,
+    ) -> float: ...
+
+    @overload
+    def __call__(
+        self,
+        y_true: ArrayLike,
+        y_proba: ArrayLike,
+        *,
+        sample_weight: ArrayLike | None = ...,
+        average: Literal[False],
+        levels: ArrayLike | None = ...,
+        **options: int,
+    ) -> NDArray[np.float64]: ...
 
 
-@overload
-def macro_mae(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[False],
-    levels: ArrayLike | None = ...,
-    n_quantiles: int = ...,
-) -> NDArray[np.float64]: ...
+def _score(**constraints: list[Any]) -> Callable[[Callable[..., Any]], _Score]:
+    """Decorate a score, so that its parameters are validated and its type is known."""
+    decorate: Any = validate_params(
+        {**_CONSTRAINTS, "average": ["boolean"], **constraints},
+        prefer_skip_nested_validation=True,
+    )
+    return decorate
 
 
-@validate_params(
-    {
-        **_SCORE_CONSTRAINTS,
-        "n_quantiles": [Interval(Integral, 1, None, closed="left")],
-    },
-    prefer_skip_nested_validation=True,
-)
+@_score(n_quantiles=[Interval(Integral, 1, None, closed="left")])
 def macro_mae(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -144,35 +148,13 @@ def macro_mae(
     >>> macro_mae([[3, 0, 1]], [[0.75, 0.25, 0]])
     0.5
     """
-    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
+    counts, proba, _ = check_distributions(y_true, y_proba, levels)
     p = quantile_grid(n_quantiles)
     errors = macro_error(level_at(proba, p), level_at(counts, p))
     return _summarise(errors, sample_weight, average)
 
 
-@overload
-def ranked_probability_score(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[True] = ...,
-    levels: ArrayLike | None = ...,
-) -> float: ...
-
-
-@overload
-def ranked_probability_score(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[False],
-    levels: ArrayLike | None = ...,
-) -> NDArray[np.float64]: ...
-
-
-@validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
+@_score()
 def ranked_probability_score(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -236,35 +218,13 @@ def ranked_probability_score(
     >>> ranked_probability_score([[1, 1, 2]], [[0.25, 0.25, 0.5]])
     0.4375
     """
-    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
+    counts, proba, _ = check_distributions(y_true, y_proba, levels)
     true, predicted = cdf(counts)[:, :-1], cdf(proba)[:, :-1]
     scores = ((predicted - true) ** 2 + true * (1 - true)).sum(axis=1)
     return _summarise(scores, sample_weight, average)
 
 
-@overload
-def earth_movers_distance(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[True] = ...,
-    levels: ArrayLike | None = ...,
-) -> float: ...
-
-
-@overload
-def earth_movers_distance(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[False],
-    levels: ArrayLike | None = ...,
-) -> NDArray[np.float64]: ...
-
-
-@validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
+@_score()
 def earth_movers_distance(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -320,34 +280,12 @@ def earth_movers_distance(
     >>> earth_movers_distance([[0, 0, 4]], [[0.25, 0.25, 0.5]])
     0.75
     """
-    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
+    counts, proba, _ = check_distributions(y_true, y_proba, levels)
     scores = np.abs(cdf(proba) - cdf(counts))[:, :-1].sum(axis=1)
     return _summarise(scores, sample_weight, average)
 
 
-@overload
-def log_score(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[True] = ...,
-    levels: ArrayLike | None = ...,
-) -> float: ...
-
-
-@overload
-def log_score(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[False],
-    levels: ArrayLike | None = ...,
-) -> NDArray[np.float64]: ...
-
-
-@validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
+@_score()
 def log_score(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -404,16 +342,13 @@ def log_score(
     >>> round(log_score([[1, 1, 0]], [[0.5, 0.5, 0]]), 4)
     0.6931
     """
-    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
+    counts, proba, _ = check_distributions(y_true, y_proba, levels)
     scores = -xlogy(shares(counts), proba).sum(axis=1)
     return _summarise(scores + 0.0, sample_weight, average)  # -0.0 becomes 0.0
 
 
 @validate_params(
-    {
-        **{name: c for name, c in _SCORE_CONSTRAINTS.items() if name != "average"},
-        "n_bins": [Interval(Integral, 1, None, closed="left")],
-    },
+    {**_CONSTRAINTS, "n_bins": [Interval(Integral, 1, None, closed="left")]},
     prefer_skip_nested_validation=True,
 )
 def pit_histogram(
@@ -476,7 +411,7 @@ def pit_histogram(
     >>> pit_histogram([[2, 0, 2]], [[0.25, 0.5, 0.25]], n_bins=4)
     array([2., 0., 0., 2.])
     """
-    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
+    counts, proba, _ = check_distributions(y_true, y_proba, levels)
     proportions = shares(counts)
     edges = np.pad(cdf(proba), ((0, 0), (1, 0)))
     lower, width = edges[:, :-1], np.diff(edges, axis=1)
@@ -490,10 +425,7 @@ def pit_histogram(
     return n_bins * np.diff(_mean(below, sample_weight))
 
 
-@validate_params(
-    {name: c for name, c in _SCORE_CONSTRAINTS.items() if name != "average"},
-    prefer_skip_nested_validation=True,
-)
+@validate_params(_CONSTRAINTS, prefer_skip_nested_validation=True)
 def dispersion(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -549,7 +481,7 @@ def dispersion(
     >>> dispersion([[2, 0, 2]], [[0.25, 0.5, 0.25]])
     0.5
     """
-    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
+    counts, proba, _ = check_distributions(y_true, y_proba, levels)
     steps = np.arange(proba.shape[1])
     squares = (steps - (proba @ steps)[:, None]) ** 2
     spread = _mean((proba * squares).sum(axis=1), sample_weight)
@@ -655,35 +587,6 @@ def _score_estimator(score, estimator, X, y, sample_weight):
             sample_weight = np.repeat(sample_weight, proba.shape[1])
         y, proba = (each.reshape(-1, proba.shape[2]) for each in (np.asarray(y), proba))
     return score(y, proba, sample_weight=sample_weight, levels=estimator.classes_)
-
-
-def _check_distributions(y_true, y_proba, levels):
-    """Validate ratings and predictions; return counts, what sums to 1, and levels."""
-    if levels is None and not names_levels(y_true):  # the predictions may name them
-        levels, _ = levels_of_columns(y_proba, None, "y_proba")
-    counts, levels = check_ratings(y_true, levels, name="y_true")
-    _, columns = levels_of_columns(y_proba, levels, "y_proba")
-    check_numbers(y_proba, "y_proba")
-    proba = check_array(y_proba, dtype=np.float64, input_name="y_proba")
-    proba = in_order_of_levels(proba, columns)
-    bad = (proba < 0).any(axis=1) | (np.abs(proba.sum(axis=1) - 1) > 1e-6)
-    if bad.any():
-        trial = np.argmax(bad)
-        raise ValueError(
-            f"y_proba is no distribution in trial {trial} ({proba[trial].tolist()}): "
-            "give probabilities of 0 or more that sum to 1."
-        )
-    if counts.shape[1] != proba.shape[1]:
-        raise ValueError(
-            f"y_proba has {proba.shape[1]} columns, but y_true has {counts.shape[1]} "
-            "levels; give one column a level, and levels if nobody chose some of them."
-        )
-    if len(counts) != len(proba):
-        raise ValueError(
-            f"y_true has {len(counts)} trials, but y_proba has {len(proba)}; give one "
-            "row a trial in both."
-        )
-    return counts, shares(proba), levels
 
 
 def _summarise(scores, sample_weight, average):

@@ -15,12 +15,10 @@ from sklearn.utils import Bunch
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_array, check_consistent_length, column_or_1d
 
-from ._check_ratings import check_levels, check_levels_occur, check_ratings
-from ._check_trials import check_numbers
+from ._check_ratings import check_counts, check_two_ratings, match_levels
 from ._distributions import cdf, level_at, shares
-from ._levels import levels_of_ratings, names_levels
 from ._sklearn import validate_params
-from ._validation import check_objects, drop_missing, missing_to_none
+from ._validation import check_numbers, check_objects, drop_missing, missing_to_none
 
 __all__ = [
     "RatingTable",
@@ -163,21 +161,11 @@ def rating_counts(
     check_consistent_length(ratings, objects)
     values, given = drop_missing(ratings, "ratings")
     objects = check_objects(objects)
-    if levels is not None:
-        levels = check_levels(levels)
-    elif not names_levels(ratings):
-        check_levels_occur(values, "ratings", "row")
-    levels = levels_of_ratings(values, ratings, levels, "ratings")
-    values, column = np.unique(values, return_inverse=True)
-    matches = values[:, None] == levels
-    if not matches.any(axis=1).all():
-        unknown = values[np.argmin(matches.any(axis=1))].item()
-        raise ValueError(
-            f"ratings has the rating {unknown!r}, which is not among "
-            f"levels={levels.tolist()}; add it to levels or mend the rating."
-        )
+    matches, levels = match_levels(
+        values, ratings, levels, "ratings", row="row", rows=np.flatnonzero(given)
+    )
     objects, row = np.unique(objects, return_inverse=True)
-    cell = row[given] * len(levels) + matches.argmax(axis=1)[column]
+    cell = row[given] * len(levels) + matches.argmax(axis=1)
     counts = np.bincount(cell, minlength=len(objects) * len(levels))
     counts = counts.reshape(len(objects), len(levels))
     if not counts.any(axis=1).all():
@@ -213,7 +201,7 @@ def rating_distribution(counts: ArrayLike) -> NDArray[np.float64]:
     >>> rating_distribution([[0, 3, 6, 3, 0]])
     array([[0.  , 0.25, 0.5 , 0.25, 0.  ]])
     """
-    counts, _ = _check_counts(counts, None)
+    counts, _ = check_counts(counts)
     return shares(counts)
 
 
@@ -246,7 +234,7 @@ def rating_cdf(counts: ArrayLike) -> NDArray[np.float64]:
     >>> rating_cdf([[0, 3, 6, 3, 0]])
     array([[0.  , 0.25, 0.75, 1.  , 1.  ]])
     """
-    counts, _ = _check_counts(counts, None)
+    counts, _ = check_counts(counts)
     return cdf(counts)
 
 
@@ -301,7 +289,7 @@ def inverse_cdf(
     >>> inverse_cdf([[0, 3, 6, 3, 0]], [0, 0.25, 0.26, 0.75, 1])
     array([[2, 2, 3, 3, 4]])
     """
-    counts, levels = _check_counts(counts, levels)
+    counts, levels = check_counts(counts, levels)
     check_numbers(p, "p")
     positions = column_or_1d(np.atleast_1d(p), dtype=np.float64, input_name="p")
     if not ((positions >= 0) & (positions <= 1)).all():
@@ -356,19 +344,10 @@ def interrater_agreement(counts: ArrayLike) -> NDArray[np.float64]:
     >>> interrater_agreement([[0, 0, 12, 0, 0], [6, 0, 0, 0, 6]]).round(3)
     array([ 1.   , -1.182])
     """
-    counts, _ = _check_counts(counts, None)
-    return _agreement(counts, "counts")
-
-
-def _agreement(counts, name):
-    """Return r_wg of each row of validated counts; errors call them by a name."""
+    counts, _ = check_counts(counts)
+    check_two_ratings(counts, "counts")
     levels = np.arange(1, counts.shape[1] + 1)
     n_ratings = counts.sum(axis=1)
-    if (n_ratings < 2).any():
-        raise ValueError(
-            f"{name} has fewer than two ratings in row {np.argmax(n_ratings < 2)}; "
-            "agreement needs two people or more, so remove that object."
-        )
     deviation = levels - (counts @ levels / n_ratings)[:, None]
     variance = (counts * deviation**2).sum(axis=1) / (n_ratings - 1)
     return 1 - variance / ((len(levels) ** 2 - 1) / 12)
@@ -544,10 +523,3 @@ def _holm(pvalue):
         pvalue[order] * np.arange(len(pvalue), 0, -1)
     )
     return np.minimum(corrected, 1)
-
-
-def _check_counts(counts, levels, name="counts"):
-    """Validate a table of counts, which unlike ratings is always two-dimensional."""
-    check_numbers(counts, name)
-    check_array(counts, dtype=np.float64, ensure_min_features=2, input_name=name)
-    return check_ratings(counts, levels, name=name)

@@ -16,10 +16,10 @@ from sklearn.utils.validation import (
     check_memory,
 )
 
-from .._check_trials import channel_names, check_numbers, check_table
+from .._check_trials import channel_names
 from .._sequences import Sequences
 from .._sklearn import DocumentedEstimator, FloatArray, Names, Trials, one_blas_thread
-from .._validation import check_sparsity
+from .._validation import check_numbers, check_sparsity, check_table
 from ._ksvd import initial_atoms, ksvd
 from ._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows
 

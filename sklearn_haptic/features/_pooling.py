@@ -16,13 +16,7 @@ from sklearn.utils.validation import (
     check_memory,
 )
 
-from .._check_trials import (
-    channel_names,
-    check_sequences,
-    check_table,
-    check_trials,
-    is_table,
-)
+from .._check_trials import channel_names, check_sequences, check_trials, is_table
 from .._sequences import Sequences, row_index
 from .._sklearn import (
     DocumentedEstimator,
@@ -33,6 +27,7 @@ from .._sklearn import (
     _fit_context,
     one_blas_thread,
 )
+from .._validation import check_table
 
 
 def cell_bounds(n_items, n_cells, split="balanced"):

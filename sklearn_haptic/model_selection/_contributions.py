@@ -23,10 +23,9 @@ from sklearn.utils._param_validation import Interval
 from sklearn.utils.parallel import Parallel, delayed
 
 from .._check_ratings import check_ratings
-from .._check_trials import check_numbers
 from .._folds import make_splitter
 from .._sklearn import CrossValidator, RandomState, Trials, validate_params
-from .._validation import check_groups
+from .._validation import check_groups, check_numbers
 from ..metrics import (
     earth_movers_distance,
     log_score,

@@ -25,10 +25,9 @@ from sklearn.utils.validation import (
 )
 
 from .._check_ratings import check_attributes, validate_rated_trials, weighted
-from .._check_trials import check_numbers, check_table
 from .._distributions import level_at, quantile_grid
 from .._sklearn import DocumentedEstimator, RandomState, _fit_context
-from .._validation import check_groups, check_weights
+from .._validation import check_groups, check_numbers, check_table, check_weights
 from ._early_stopping import hold_out_trials, validates_on_rows
 from ._frozen import check_frozen, unfrozen
 from ._nnpom import NNPOM, relative_weights

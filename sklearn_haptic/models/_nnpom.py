@@ -14,7 +14,6 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from .._check_ratings import validate_rated_trials, weighted
-from .._check_trials import check_table
 from .._distributions import macro_error
 from .._sklearn import (
     DocumentedEstimator,
@@ -25,7 +24,7 @@ from .._sklearn import (
     one_blas_thread,
     with_callbacks,
 )
-from .._validation import check_groups, check_weights
+from .._validation import check_groups, check_table, check_weights
 from ._conditioning import EvenedFeatures, change_weights, feature_means, total_spread
 from ._early_stopping import hold_out_trials
 from ._network import (

@@ -12,10 +12,11 @@ from scipy.special import betaincinv
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
 
+from .._check_ratings import check_distributions
 from .._distributions import cdf, shares
 from .._sklearn import Trials
 from .._validation import check_groups
-from ..metrics import _check_distributions, pit_histogram
+from ..metrics import pit_histogram
 from ._style import BLUE, axes_of, colours_of
 
 if TYPE_CHECKING:
@@ -191,7 +192,7 @@ class PITHistogramDisplay:
         ImportError
             If matplotlib is not installed.
         """
-        counts, proba, _ = _check_distributions(y_true, y_proba, levels)
+        counts, proba, _ = check_distributions(y_true, y_proba, levels)
         heights = pit_histogram(counts, proba, n_bins)
         if groups is None:
             return cls(heights).plot(ax)
@@ -452,7 +453,7 @@ class ReliabilityDisplay:
             If matplotlib is not installed.
         """
         check_scalar(n_bins, "n_bins", Integral, min_val=1)
-        counts, proba, levels = _check_distributions(y_true, y_proba, levels)
+        counts, proba, levels = check_distributions(y_true, y_proba, levels)
         objects = None if groups is None else _check_groups(groups, counts)
         curves = [
             _reliability(predicted, observed, n_bins, objects)

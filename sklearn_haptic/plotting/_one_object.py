@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils import _safe_indexing
 
-from .._check_ratings import check_ratings
-from .._check_trials import check_regular
+from .._check_ratings import check_distributions, check_ratings
 from .._distributions import cdf, shares
 from .._sklearn import Trials
-from ..metrics import _check_distributions, macro_mae
+from .._validation import check_regular
+from ..metrics import macro_mae
 from ._style import BLUE, axes_of
 
 if TYPE_CHECKING:
@@ -470,7 +470,7 @@ def _check_trials_of_one(y_true, y_proba, levels):
     if len(y_true) == 1:
         n_trials = len(np.atleast_1d(check_regular(y_proba, "y_proba")))
         y_true = _safe_indexing(y_true, np.zeros(n_trials, dtype=np.intp))
-    counts, y_proba, levels = _check_distributions(y_true, y_proba, levels)
+    counts, y_proba, levels = check_distributions(y_true, y_proba, levels)
     _check_equal_rows(counts, "y_true")
     return counts, y_proba, levels
 

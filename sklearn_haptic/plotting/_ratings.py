@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 from sklearn.utils.validation import check_consistent_length
 
+from .._check_ratings import check_counts, check_two_ratings
 from .._validation import check_objects
-from ..ratings import _agreement, _check_counts, adjective_correlation
+from ..ratings import adjective_correlation, interrater_agreement
 from ._style import BLUE, axes_of
 
 if TYPE_CHECKING:
@@ -266,9 +267,9 @@ class InterraterAgreementDisplay:
             If matplotlib is not installed.
         """
         tables, _, _ = _counts_of_objects(counts, objects, None)
-        agreement = {
-            name: _agreement(table, _called(name)) for name, table in tables.items()
-        }
+        for name, table in tables.items():
+            check_two_ratings(table, _called(name))
+        agreement = {name: interrater_agreement(t) for name, t in tables.items()}
         by_median = sorted(agreement, key=lambda name: -np.median(agreement[name]))
         return cls({name: agreement[name] for name in by_median}).plot(ax)
 
@@ -510,7 +511,7 @@ def _counts_of_objects(
     if not given:
         raise ValueError("counts is of no adjective; give the counts of one or more.")
     checked = {
-        name: _check_counts(table, levels, called[name])
+        name: check_counts(table, levels, name=called[name])
         for name, table in given.items()
     }
     tables = {name: table for name, (table, _) in checked.items()}
