@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn import base, callback
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.utils import _param_validation, parallel
+from sklearn.utils._optional_dependencies import (
+    check_matplotlib_support as check_matplotlib_support,
+)
 
 FloatArray: TypeAlias = NDArray[np.floating]
 """float64, or float32 where the input is."""

@@ -17,7 +17,8 @@ from .._distributions import cdf, shares
 from .._sklearn import Trials
 from .._validation import check_groups
 from ..metrics import pit_histogram
-from ._style import BLUE, axes_of, colours_of
+from ._display import Display
+from ._style import BLUE, colours_of, legend_beside
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +28,7 @@ _MARKERS = "os^DvPX<>*"
 _MARKER_AREA = 60  # of the fullest bin, in square points
 
 
-class PITHistogramDisplay:
+class PITHistogramDisplay(Display):
     r"""PIT histogram: whether people rate as often as predicted, at every position.
 
     Use :meth:`from_predictions` or :meth:`from_estimator` to create a display. The
@@ -205,27 +206,8 @@ class PITHistogramDisplay:
         half_widths = _chance(deviation) / len(objects)
         return cls(heights, half_widths=half_widths).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the histogram.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : PITHistogramDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__)
+    def _draw(self, ax):
         edges = np.linspace(0, 1, len(self.heights) + 1)
-        self.ax_, self.figure_ = ax, ax.figure
         self.band_ = None
         if self.half_widths is not None:
             self.band_ = ax.stairs(
@@ -254,11 +236,10 @@ class PITHistogramDisplay:
             ylabel="density",
             xlim=(0, 1),
         )
-        ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False)
-        return self
+        legend_beside(ax)
 
 
-class ReliabilityDisplay:
+class ReliabilityDisplay(Display):
     r"""Predicted against observed proportion of people who rate above each threshold.
 
     Use :meth:`from_predictions` or :meth:`from_estimator` to create a display. Trials
@@ -465,27 +446,8 @@ class ReliabilityDisplay:
         half_widths = None if groups is None else half_widths
         return cls(*binned, levels=levels, half_widths=half_widths).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the curves.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : ReliabilityDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__)
+    def _draw(self, ax):
         fullest = np.concatenate(self.n_trials).max()
-        self.ax_, self.figure_ = ax, ax.figure
         (self.diagonal_,) = ax.plot(
             [0, 1], [0, 1], color="0.5", linestyle="--", linewidth=1, label="reliable"
         )
@@ -516,8 +478,7 @@ class ReliabilityDisplay:
             ylim=(-0.03, 1.03),
             aspect="equal",
         )
-        ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False)
-        return self
+        legend_beside(ax)
 
 
 def _check_groups(groups, counts):

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from ..model_selection import contribution_summary
-from ._style import BLUE, axes_of
+from ._display import Display
+from ._style import BLUE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,7 +24,7 @@ _SCORE_LABELS = {
 }
 
 
-class SensorContributionsDisplay:
+class SensorContributionsDisplay(Display):
     """Scores of a model and of the same without each sensor, as bars.
 
     Use :meth:`from_scores` to create a display. Bars are means over random starts, with
@@ -134,25 +135,7 @@ class SensorContributionsDisplay:
         summary = contribution_summary(scores, metric=metric, by=by)
         return cls(summary, metric=metric, by=by).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the bars.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : SensorContributionsDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__)
+    def _draw(self, ax):
         summary, sensors = self.summary, self.summary["held_out"].unique()
         groups = summary[:: len(sensors)]  # one of its rows stands for each group
 
@@ -164,7 +147,6 @@ class SensorContributionsDisplay:
         sd = side_by_side("full_sd", "holdout_sd")
         n_models = height.shape[1]
         x = np.add.outer((n_models + 1) * np.arange(len(groups)), np.arange(n_models))
-        self.ax_, self.figure_ = ax, ax.figure
         self.bars_ = ax.bar(
             x.ravel(),
             height.ravel(),
@@ -203,7 +185,6 @@ class SensorContributionsDisplay:
             names = ax.secondary_xaxis("top")
             names.set_xticks(x.mean(axis=1), labels=_group_names(groups[[*self.by]]))
             names.tick_params(length=0)
-        return self
 
 
 def _marks(summary):

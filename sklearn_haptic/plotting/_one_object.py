@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,8 @@ from .._distributions import cdf, shares
 from .._sklearn import Trials
 from .._validation import check_regular
 from ..metrics import macro_mae
-from ._style import BLUE, axes_of
+from ._display import Display
+from ._style import BLUE, legend_beside
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +26,94 @@ _OFFSET, _MAX_OFFSET = 0.035, 0.4
 _BAR_WIDTH = 0.38  # levels are 1 apart
 
 
-class InverseCDFDisplay:
+class _OneObjectDisplay(Display):
+    """Base of the displays of what is predicted from the trials of one object."""
+
+    @classmethod
+    def _of(cls, counts, y_proba, levels):
+        """Return a display of validated counts, one row per trial, and predictions."""
+        return cls(counts[0], y_proba, levels=levels)
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: BaseEstimator,
+        X: Trials,
+        y: ArrayLike,
+        *,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Predict the distribution of each trial of one object and plot it.
+
+        Parameters
+        ----------
+        estimator : object
+            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
+        X : array-like of length n_trials
+            The object's trials.
+        y : array-like of shape (n_levels,) or (n_trials, n_levels)
+            How many people gave the object each rating; one row a trial must be
+            the same row each time.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : object
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If the rows of ``y`` differ, or do not fit the estimator's levels.
+        ImportError
+            If matplotlib is not installed.
+        """
+        return cls.from_predictions(
+            y, estimator.predict_proba(X), levels=estimator.classes_, ax=ax
+        )
+
+    @classmethod
+    def from_predictions(
+        cls,
+        y_true: ArrayLike,
+        y_proba: ArrayLike,
+        *,
+        levels: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Plot the distributions predicted from the trials of one object.
+
+        Parameters
+        ----------
+        y_true : array-like of shape (n_levels,) or (n_trials, n_levels)
+            How many people gave the object each rating; one row a trial must be
+            the same row each time.
+        y_proba : array-like of shape (n_trials, n_levels)
+            Probability of each rating, predicted from each trial.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels; by default the labels of the columns, else 1, 2, ….
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : object
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If a row of ``y_proba`` is no distribution, the rows of ``y_true``
+            differ, or the shapes do not fit.
+        ImportError
+            If matplotlib is not installed.
+        """
+        counts, y_proba, levels = _check_trials_of_one(y_true, y_proba, levels)
+        return cls._of(counts, y_proba, levels).plot(ax)
+
+
+class InverseCDFDisplay(_OneObjectDisplay):
     """Inverse CDF of people's ratings of one object, and those predicted from touches.
 
     Use :meth:`from_counts`, :meth:`from_predictions` or :meth:`from_estimator` to
@@ -83,6 +171,11 @@ class InverseCDFDisplay:
         self.scores = scores
 
     @classmethod
+    def _of(cls, counts, y_proba, levels):
+        scores = macro_mae(counts, y_proba, average=False)
+        return cls(counts[0], y_proba, levels=levels, scores=scores)
+
+    @classmethod
     def from_counts(
         cls,
         counts: ArrayLike,
@@ -121,111 +214,13 @@ class InverseCDFDisplay:
             counts, none.reshape(0, len(counts)), levels=levels, scores=none
         ).plot(ax)
 
-    @classmethod
-    def from_estimator(
-        cls,
-        estimator: BaseEstimator,
-        X: Trials,
-        y: ArrayLike,
-        *,
-        ax: Axes | None = None,
-    ) -> Self:
-        """Predict the distribution of each trial of one object and plot it.
-
-        Parameters
-        ----------
-        estimator : object
-            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
-        X : array-like of length n_trials
-            The object's trials.
-        y : array-like of shape (n_levels,) or (n_trials, n_levels)
-            How many people gave the object each rating; one row a trial must be
-            the same row each time.
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : InverseCDFDisplay
-            The display, plotted.
-
-        Raises
-        ------
-        ValueError
-            If the rows of ``y`` differ, or do not fit the estimator's levels.
-        ImportError
-            If matplotlib is not installed.
-        """
-        return cls.from_predictions(
-            y, estimator.predict_proba(X), levels=estimator.classes_, ax=ax
-        )
-
-    @classmethod
-    def from_predictions(
-        cls,
-        y_true: ArrayLike,
-        y_proba: ArrayLike,
-        *,
-        levels: ArrayLike | None = None,
-        ax: Axes | None = None,
-    ) -> Self:
-        """Plot the distributions predicted from the trials of one object.
-
-        Parameters
-        ----------
-        y_true : array-like of shape (n_levels,) or (n_trials, n_levels)
-            How many people gave the object each rating; one row a trial must be
-            the same row each time.
-        y_proba : array-like of shape (n_trials, n_levels)
-            Probability of each rating, predicted from each trial.
-        levels : array-like of shape (n_levels,), default=None
-            The ordered levels; by default the labels of the columns, else 1, 2, ….
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : InverseCDFDisplay
-            The display, plotted.
-
-        Raises
-        ------
-        ValueError
-            If a row of ``y_proba`` is no distribution, the rows of ``y_true``
-            differ, or the shapes do not fit.
-        ImportError
-            If matplotlib is not installed.
-        """
-        counts, y_proba, levels = _check_trials_of_one(y_true, y_proba, levels)
-        scores = macro_mae(counts, y_proba, average=False)
-        return cls(counts[0], y_proba, levels=levels, scores=scores).plot(ax)
-
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the inverse CDFs, each trial a little above the one before.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : InverseCDFDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__)
+    def _draw(self, ax):
         from matplotlib import colormaps
 
         n_trials = len(self.y_proba)
         offset = min(_OFFSET, _MAX_OFFSET / max(n_trials, 1))
         offsets = offset * (np.arange(n_trials) - (n_trials - 1) / 2)
         colours = colormaps["viridis"](np.linspace(0, 0.85, n_trials))
-        self.ax_, self.figure_ = ax, ax.figure
         self.true_line_ = _draw(
             ax,
             self.counts,
@@ -254,18 +249,17 @@ class InverseCDFDisplay:
         )
         ax.set_yticks(range(len(self.levels)), labels=map(str, self.levels))
         if n_trials:
-            ax.legend(
+            legend_beside(
+                ax,
                 title=f"mean MAE$^M$ {self.scores.mean():.2f}",
                 alignment="left",
                 ncols=1 + n_trials // 16,
                 loc="center left",
                 bbox_to_anchor=(1.01, 0.5),
-                frameon=False,
             )
-        return self
 
 
-class DistributionDisplay:
+class DistributionDisplay(_OneObjectDisplay):
     """Distribution of ratings predicted from touches of one object, beside the true.
 
     Use :meth:`from_predictions` or :meth:`from_estimator` to create a display. Bars are
@@ -318,106 +312,9 @@ class DistributionDisplay:
         self.y_proba = y_proba
         self.levels = levels
 
-    @classmethod
-    def from_estimator(
-        cls,
-        estimator: BaseEstimator,
-        X: Trials,
-        y: ArrayLike,
-        *,
-        ax: Axes | None = None,
-    ) -> Self:
-        """Predict the distribution of each trial of one object and plot it.
-
-        Parameters
-        ----------
-        estimator : object
-            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
-        X : array-like of length n_trials
-            The object's trials.
-        y : array-like of shape (n_levels,) or (n_trials, n_levels)
-            How many people gave the object each rating; one row a trial must be
-            the same row each time.
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : DistributionDisplay
-            The display, plotted.
-
-        Raises
-        ------
-        ValueError
-            If the rows of ``y`` differ, or do not fit the estimator's levels.
-        ImportError
-            If matplotlib is not installed.
-        """
-        return cls.from_predictions(
-            y, estimator.predict_proba(X), levels=estimator.classes_, ax=ax
-        )
-
-    @classmethod
-    def from_predictions(
-        cls,
-        y_true: ArrayLike,
-        y_proba: ArrayLike,
-        *,
-        levels: ArrayLike | None = None,
-        ax: Axes | None = None,
-    ) -> Self:
-        """Plot the distributions predicted from the trials of one object.
-
-        Parameters
-        ----------
-        y_true : array-like of shape (n_levels,) or (n_trials, n_levels)
-            How many people gave the object each rating; one row a trial must be
-            the same row each time.
-        y_proba : array-like of shape (n_trials, n_levels)
-            Probability of each rating, predicted from each trial.
-        levels : array-like of shape (n_levels,), default=None
-            The ordered levels; by default the labels of the columns, else 1, 2, ….
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : DistributionDisplay
-            The display, plotted.
-
-        Raises
-        ------
-        ValueError
-            If a row of ``y_proba`` is no distribution, the rows of ``y_true``
-            differ, or the shapes do not fit.
-        ImportError
-            If matplotlib is not installed.
-        """
-        counts, y_proba, levels = _check_trials_of_one(y_true, y_proba, levels)
-        return cls(counts[0], y_proba, levels=levels).plot(ax)
-
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the bars.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : DistributionDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__)
+    def _draw(self, ax):
         n_trials, n_levels = self.y_proba.shape
         x = np.arange(n_levels)
-        self.ax_, self.figure_ = ax, ax.figure
         self.true_bars_ = ax.bar(
             x - _BAR_WIDTH / 2,
             shares(self.counts),
@@ -436,7 +333,7 @@ class DistributionDisplay:
             linewidth=0.8,
             label="predicted",
         )
-        handles: list[Any] = [self.true_bars_, self.predicted_bars_]
+        handles = [self.true_bars_, self.predicted_bars_]
         self.trial_points_ = None
         if n_trials > 1:
             self.predicted_bars_.set_label(f"predicted, mean of {n_trials} trials")
@@ -455,10 +352,7 @@ class DistributionDisplay:
             handles.append(self.trial_points_)
         ax.set(xlabel="rating", ylabel="proportion of people", ylim=(0, None))
         ax.set_xticks(x, labels=map(str, self.levels))
-        ax.legend(
-            handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False
-        )
-        return self
+        legend_beside(ax, handles=handles)
 
 
 def _check_trials_of_one(y_true, y_proba, levels):

@@ -13,7 +13,8 @@ from sklearn.utils.validation import check_consistent_length
 from .._check_ratings import check_counts, check_two_ratings
 from .._validation import check_objects
 from ..ratings import adjective_correlation, interrater_agreement
-from ._style import BLUE, axes_of
+from ._display import Display
+from ._style import BLUE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +24,7 @@ Counts: TypeAlias = Mapping[str, ArrayLike] | ArrayLike
 _BAR_LENGTH, _BAR_HEIGHT = 0.9, 0.85  # adjectives and objects are 1 apart
 
 
-class RatingsDisplay:
+class RatingsDisplay(Display):
     """Ratings of every object on every adjective, as stacked bars.
 
     Use :meth:`from_counts` to create a display. A row is an object, a column an
@@ -118,49 +119,14 @@ class RatingsDisplay:
         tables, labels, levels = _counts_of_objects(counts, objects, levels)
         return cls(tables, objects=labels, levels=levels).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the bars.
+    def _figsize(self):
+        return 6.4, 1.5 + 0.13 * len(self.objects)
 
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : RatingsDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
+    def _draw(self, ax):
         names, n_objects = [*self.counts], len(self.objects)
-        ax = axes_of(ax, type(self).__name__, (6.4, 1.5 + 0.13 * n_objects))
-        from matplotlib import colormaps
-
         tables = np.stack([*self.counts.values()])
         most = tables.sum(axis=2).max()
-        lengths = _BAR_LENGTH * tables / most
-        ends = np.cumsum(lengths, axis=2)
-        middles = np.arange(len(names))
-        starts = middles[:, None, None] - _BAR_LENGTH / 2 + ends - lengths
-        colours = colormaps["YlGnBu"](np.linspace(0.12, 1, len(self.levels)))
-        self.ax_, self.figure_ = ax, ax.figure
-        self.bars_ = [
-            ax.barh(
-                np.tile(np.arange(n_objects), len(names)),
-                lengths[..., level].ravel(),
-                left=starts[..., level].ravel(),
-                height=_BAR_HEIGHT,
-                color=colour,
-                label=str(name),
-            )
-            for level, (name, colour) in enumerate(
-                zip(self.levels, colours, strict=True)
-            )
-        ]
+        self.bars_ = self._draw_bars(ax, _BAR_LENGTH * tables / most)
         ax.set(
             xlabel=f"number of responses (a full bar is {most:g})",
             ylabel="object",
@@ -168,7 +134,7 @@ class RatingsDisplay:
             ylim=(n_objects - 0.4, -0.6),
         )
         ax.set_yticks(range(n_objects), labels=self.objects)
-        ax.set_xticks(middles, labels=names)
+        ax.set_xticks(range(len(names)), labels=names)
         ax.tick_params(
             length=0, labelsize="x-small", labelbottom=False, labeltop=True, pad=2
         )
@@ -182,10 +148,31 @@ class RatingsDisplay:
             frameon=False,
             fontsize="small",
         )
-        return self
+
+    def _draw_bars(self, ax, lengths):
+        """Draw the parts of all bars: lengths are (adjectives, objects, levels)."""
+        from matplotlib import colormaps
+
+        n_adjectives, n_objects, n_levels = lengths.shape
+        left = np.arange(n_adjectives)[:, None, None] - _BAR_LENGTH / 2
+        starts = left + np.cumsum(lengths, axis=2) - lengths
+        colours = colormaps["YlGnBu"](np.linspace(0.12, 1, n_levels))
+        return [
+            ax.barh(
+                np.tile(np.arange(n_objects), n_adjectives),
+                lengths[..., level].ravel(),
+                left=starts[..., level].ravel(),
+                height=_BAR_HEIGHT,
+                color=colour,
+                label=str(name),
+            )
+            for level, (name, colour) in enumerate(
+                zip(self.levels, colours, strict=True)
+            )
+        ]
 
 
-class InterraterAgreementDisplay:
+class InterraterAgreementDisplay(Display):
     """How far people agree on each adjective, as box plots over objects.
 
     Use :meth:`from_counts` to create a display. A box plot is of r_wg over objects: the
@@ -273,26 +260,7 @@ class InterraterAgreementDisplay:
         by_median = sorted(agreement, key=lambda name: -np.median(agreement[name]))
         return cls({name: agreement[name] for name in by_median}).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the box plots.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : InterraterAgreementDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__)
-        self.ax_, self.figure_ = ax, ax.figure
+    def _draw(self, ax):
         self.boxes_ = ax.boxplot(
             [*self.agreement.values()],
             tick_labels=[*self.agreement],
@@ -319,10 +287,9 @@ class InterraterAgreementDisplay:
         if len(self.agreement) > 6:
             ax.tick_params(axis="x", labelrotation=45)
         ax.legend(loc="lower right", bbox_to_anchor=(1, 1), frameon=False)
-        return self
 
 
-class AdjectiveCorrelationDisplay:
+class AdjectiveCorrelationDisplay(Display):
     """Rank correlation of the ratings of every pair of adjectives, as a matrix.
 
     Use :meth:`from_ratings` to create a display. Synonyms and antonyms have a frame
@@ -418,35 +385,19 @@ class AdjectiveCorrelationDisplay:
         correlation = adjective_correlation(ratings, alpha=alpha, threshold=threshold)
         return cls(correlation, alpha=alpha, threshold=threshold).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the matrix.
+    def _figsize(self):
+        return 6.4, 5.2
 
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : AdjectiveCorrelationDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__, (6.4, 5.2))
+    def _draw(self, ax):
         from matplotlib.patches import Rectangle
 
-        result, names = self.correlation, [*map(str, self.correlation.names)]
+        names = [*map(str, self.correlation.names)]
         n = (
             len(names) - 1
         )  # rows from the second adjective, columns to the last but one
         below = np.tri(n, dtype=bool)
-        self.ax_, self.figure_ = ax, ax.figure
         self.image_ = ax.imshow(
-            np.ma.array(result.rho[1:, :-1], mask=~below),
+            np.ma.array(self.correlation.rho[1:, :-1], mask=~below),
             cmap="RdBu_r",
             vmin=-1,
             vmax=1,
@@ -457,37 +408,16 @@ class AdjectiveCorrelationDisplay:
         )
         self.texts_, self.frames_ = [], []
         for row, column in np.argwhere(below):
-            pair = row + 1, column
-            related = result.relation[pair] != 0
-            if related:
-                frame = Rectangle(
-                    (column - 0.47, row - 0.47), 0.94, 0.94, fill=False, linewidth=1.6
-                )
-                self.frames_.append(ax.add_patch(frame))
-            significant = result.pvalue_holm[pair] <= self.alpha
-            text = ax.text(
-                column,
-                row,
-                _correlation(result.rho[pair]),
-                color=_ink(self.image_.to_rgba(result.rho[pair]))
-                if significant
-                else "0.5",
-                weight="bold" if related else "normal",
-                fontsize="small",
-                ha="center",
-                va="center",
-            )
-            self.texts_.append(text)
+            self._write(ax, row, column)
         ax.set_xticks(range(n), labels=names[:-1], rotation=45, ha="right")
         ax.set_yticks(range(n), labels=names[1:])
         ax.tick_params(length=0)
         ax.spines[:].set_visible(False)
-        legend = [
-            Rectangle((0, 0), 1, 1, fill=False, linewidth=1.6),
-            Rectangle((0, 0), 1, 1, color="0.5"),
-        ]
         ax.legend(
-            legend,
+            [
+                Rectangle((0, 0), 1, 1, fill=False, linewidth=1.6),
+                Rectangle((0, 0), 1, 1, color="0.5"),
+            ],
             [
                 "synonyms, antonyms:\n"
                 f"|ρ| ≥ {self.threshold:g}, p ≤ {self.alpha:g} (Holm)",
@@ -497,7 +427,31 @@ class AdjectiveCorrelationDisplay:
             frameon=False,
             fontsize="small",
         )
-        return self
+
+    def _write(self, ax, row, column):
+        """Write the correlation of one cell, and frame it if its pair is related."""
+        from matplotlib.patches import Rectangle
+
+        pair = row + 1, column
+        rho = self.correlation.rho[pair]
+        related = self.correlation.relation[pair] != 0
+        if related:
+            frame = Rectangle(
+                (column - 0.47, row - 0.47), 0.94, 0.94, fill=False, linewidth=1.6
+            )
+            self.frames_.append(ax.add_patch(frame))
+        significant = self.correlation.pvalue_holm[pair] <= self.alpha
+        text = ax.text(
+            column,
+            row,
+            _correlation(rho),
+            color=_ink(self.image_.to_rgba(rho)) if significant else "0.5",
+            weight="bold" if related else "normal",
+            fontsize="small",
+            ha="center",
+            va="center",
+        )
+        self.texts_.append(text)
 
 
 def _counts_of_objects(

@@ -11,7 +11,8 @@ import numpy as np
 from .._check_trials import check_trials
 from .._sklearn import FloatArray
 from ..datasets._phac2 import FRAME_RATE, SENSORS
-from ._style import colours_of, label_blocks, panels_of
+from ._display import Display
+from ._style import colours_of, label_blocks, legend_beside
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 _MAX_LINES = 8
 
 
-class SignalsDisplay:
+class SignalsDisplay(Display):
     """Signals of one trial or several: a row of panels a sensor, a column a trial.
 
     Use :meth:`from_trials` to create a display. Up to eight channels are lines; those
@@ -144,35 +145,13 @@ class SignalsDisplay:
             },
         ).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the signals.
+    def _figsize(self):
+        n_rows, n_columns = len(self.signals), len(self.titles)
+        return max(6.4, 1.9 * n_columns), max(2.6, 1.0 + 1.3 * n_rows)
 
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes, made by ``subplots``, in which to lay out the panels; by default
-            those of a new figure.
-
-        Returns
-        -------
-        display : SignalsDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
+    def _draw(self, ax):
         shape = len(self.signals), len(self.titles)
-        self.ax_, self.axes_ = panels_of(
-            ax,
-            type(self).__name__,
-            *shape,
-            figsize=(max(6.4, 1.9 * shape[1]), max(2.6, 1.0 + 1.3 * shape[0])),
-            sharex="col",
-            sharey="row",
-        )
-        self.figure_ = self.ax_.figure
+        self.axes_ = self._divide(shape, sharex="col", sharey="row")
         self.lines_, self.images_, legend = {}, {}, None
         for row, (sensor, signals) in zip(self.axes_, self.signals.items()):
             n_channels = signals[0].shape[1]
@@ -189,18 +168,14 @@ class SignalsDisplay:
             ]
             row[0].set_ylabel("\n".join(filter(None, (sensor, self.units[sensor]))))
             if n_channels > 1 and channels != legend:
-                row[-1].legend(
-                    loc="center left",
-                    bbox_to_anchor=(1, 0.5),
-                    frameon=False,
-                    handlelength=1,
+                legend_beside(
+                    row[-1], loc="center left", bbox_to_anchor=(1, 0.5), handlelength=1
                 )
                 legend = channels
         self.figure_.align_ylabels(self.axes_[:, 0])
         for title, top, bottom in zip(self.titles, self.axes_[0], self.axes_[-1]):
             top.set_title(title.replace("_", " "), fontsize="medium")
             bottom.set_xlabel("time, s")
-        return self
 
     def _plot_lines(self, panel, sensor, values, channels):
         """Plot the channels over time."""

@@ -13,14 +13,15 @@ from ..model_selection._frontier import (
     is_non_dominated,
     read_candidates,
 )
-from ._style import BLUE, ORANGE, axes_of
+from ._display import Display
+from ._style import BLUE, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from sklearn.model_selection._search import BaseSearchCV
 
 
-class SpeedAccuracyDisplay:
+class SpeedAccuracyDisplay(Display):
     """Time and score of every candidate of a search, and the frontier of the two.
 
     Use :meth:`from_search` to create a display. The time is that to predict one trial,
@@ -155,29 +156,10 @@ class SpeedAccuracyDisplay:
             cost=candidates.cost,
         ).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the candidates, the frontier and the two choices.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : SpeedAccuracyDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__)
+    def _draw(self, ax):
         from matplotlib.ticker import LogLocator
 
         seconds, score = self.seconds, self.score
-        self.ax_, self.figure_ = ax, ax.figure
         self.errorbar_ = ax.errorbar(
             seconds,
             score,
@@ -188,42 +170,8 @@ class SpeedAccuracyDisplay:
             elinewidth=0.8,
             label="candidates ± 1 SE",
         )
-        frontier = np.flatnonzero(self.on_frontier)
-        frontier = frontier[np.argsort(seconds[frontier], kind="stable")]
-        (self.frontier_,) = ax.step(
-            np.append(seconds[frontier], seconds.max()),
-            np.append(score[frontier], score[frontier[-1]]),
-            where="post",
-            marker="o",
-            markersize=5,
-            markevery=list(range(len(frontier))),
-            color=BLUE,
-            linewidth=1.8,
-            zorder=3,
-            label="frontier",
-        )
-        (self.best_,) = ax.plot(
-            seconds[self.best],
-            score[self.best],
-            "*",
-            color=ORANGE,
-            markersize=13,
-            markeredgecolor="black",
-            markeredgewidth=0.6,
-            zorder=4,
-            label="best",
-        )
-        (self.cheapest_,) = ax.plot(
-            seconds[self.cheapest],
-            score[self.cheapest],
-            "o",
-            color="black",
-            fillstyle="none",
-            markersize=15,
-            markeredgewidth=1.6,
-            zorder=4,
-            label="cheapest within 1 SE",
-        )
+        self._draw_frontier(ax)
+        self._mark_choices(ax)
         ax.axhline(
             score[self.best] - self.score_se[self.best],
             color="black",
@@ -244,4 +192,44 @@ class SpeedAccuracyDisplay:
         ax.legend(
             loc="lower center", bbox_to_anchor=(0.5, 1.01), ncols=3, frameon=False
         )
-        return self
+
+    def _draw_frontier(self, ax):
+        frontier = np.flatnonzero(self.on_frontier)
+        frontier = frontier[np.argsort(self.seconds[frontier], kind="stable")]
+        seconds, score = self.seconds[frontier], self.score[frontier]
+        (self.frontier_,) = ax.step(
+            np.append(seconds, self.seconds.max()),
+            np.append(score, score[-1]),
+            where="post",
+            marker="o",
+            markersize=5,
+            markevery=list(range(len(frontier))),
+            color=BLUE,
+            linewidth=1.8,
+            zorder=3,
+            label="frontier",
+        )
+
+    def _mark_choices(self, ax):
+        (self.best_,) = ax.plot(
+            self.seconds[self.best],
+            self.score[self.best],
+            "*",
+            color=ORANGE,
+            markersize=13,
+            markeredgecolor="black",
+            markeredgewidth=0.6,
+            zorder=4,
+            label="best",
+        )
+        (self.cheapest_,) = ax.plot(
+            self.seconds[self.cheapest],
+            self.score[self.cheapest],
+            "o",
+            color="black",
+            fillstyle="none",
+            markersize=15,
+            markeredgewidth=1.6,
+            zorder=4,
+            label="cheapest within 1 SE",
+        )
