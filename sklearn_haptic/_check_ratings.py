@@ -27,7 +27,7 @@ def check_ratings(y, levels=None, *, name="y"):
         One rating per trial, or how many people chose each level. Counts may be
         any non-negative weights.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels; by default as `_levels` says.
+        The ordered levels; by default as the module `_levels` describes.
     name : str, default="y"
         What error messages call ``y``.
 
@@ -58,7 +58,7 @@ def check_ratings(y, levels=None, *, name="y"):
 
 
 def check_counts(counts, levels=None, *, name="counts"):
-    """Validate a table of counts, as `check_ratings` does; two levels at least."""
+    """Validate counts as `check_ratings` does; there must be at least two levels."""
     if levels is not None:
         levels = check_levels(levels)
     levels, columns = levels_of_columns(counts, levels, name)
@@ -97,7 +97,7 @@ def check_counts(counts, levels=None, *, name="counts"):
 
 
 def check_two_ratings(counts, name):
-    """Refuse rows of counts of fewer than two ratings, which cannot agree."""
+    """Refuse rows with fewer than two ratings, whose agreement is undefined."""
     too_few = counts.sum(axis=1) < 2
     if too_few.any():
         raise ValueError(
@@ -235,7 +235,7 @@ def check_attributes(y, levels=None, *, name="y"):
 
 
 def check_levels(levels):
-    """Validate levels that are given: an array of distinct values, lowest first."""
+    """Validate given levels, which must be distinct; return them as an array."""
     levels = check_regular(levels, "levels")
     if levels.ndim != 1:
         raise ValueError(

@@ -25,12 +25,12 @@ _NO_NUMBERS = (str, bytes, date, timedelta, np.datetime64, np.timedelta64)
 
 
 def check_numbers(values, name):
-    """Refuse what is no real number, though NumPy might quietly make it one.
+    """Refuse values that NumPy might quietly convert, but that are not real numbers.
 
     Parameters
     ----------
     values : array-like
-        Numbers in any container; what scikit-learn refuses is left to it.
+        Numbers in any container. Other faults are left to scikit-learn.
     name : str
         What error messages call ``values``.
 
@@ -60,7 +60,7 @@ def check_numbers(values, name):
 
 
 def check_regular(values, name):
-    """Refuse masked and complex values, rows of unequal length and what is no array."""
+    """Refuse masked and complex values, uneven rows, and what is not an array."""
     if isinstance(values, (Mapping, Set, Iterator)) and not sparse.issparse(values):
         raise ValueError(
             f"{name} is a {type(values).__name__}, which is no array; give a list, an "
@@ -87,7 +87,7 @@ def check_regular(values, name):
 def check_table(estimator, X, **options):
     """Validate a table of features: `validate_data` after `check_numbers`.
 
-    Its rows are contiguous, so that the same table gives the same sums in any layout.
+    The result is C-contiguous, so that sums do not depend on the layout of the input.
     """
     check_numbers(X, "X")
     with np.errstate(over="ignore", invalid="ignore"):  # of the sum it looks at first
@@ -95,13 +95,13 @@ def check_table(estimator, X, **options):
 
 
 def check_weights(sample_weight, X):
-    """Validate the weights of trials; return them as float64, 1 each by default.
+    """Validate the weights of trials; return them as float64, by default all 1.
 
     Raises
     ------
     ValueError
-        If they are not one finite number of 0 or more a trial, their sum overflows,
-        or all are 0.
+        If they are not one finite, non-negative number per trial, their sum
+        overflows, or all are 0.
     """
     if sample_weight is not None:
         check_numbers(sample_weight, "sample_weight")
@@ -118,7 +118,7 @@ def check_weights(sample_weight, X):
 
 
 def check_objects(objects, *, name="objects", row="row"):
-    """Validate the object of each row; return an array in which none is missing.
+    """Validate the object of each row; none may be missing.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def check_objects(objects, *, name="objects", row="row"):
 
 
 def check_groups(groups, X):
-    """Validate the object of each trial, None if there are none."""
+    """Validate the object of each trial; None stays None."""
     if groups is None:
         return None
     shape = np.shape(groups)
@@ -149,7 +149,7 @@ def check_groups(groups, X):
 
 
 def drop_missing(values, name):
-    """Return the values of a column that are there, and where they are."""
+    """Return the values of a column that are not missing, and a mask of them."""
     if isinstance(values, np.ndarray) and values.dtype.kind in "biuU" and values.size:
         check_regular(values, name)
         return column_or_1d(values), np.ones(values.size, dtype=bool)
@@ -164,7 +164,7 @@ def drop_missing(values, name):
 
 
 def missing_to_none(values, name):
-    """Return an array of objects in which None stands for each missing value."""
+    """Convert to an array of objects, in which None stands for missing values."""
     if hasattr(values, "isna"):  # of pandas, whose own arrays look masked to NumPy
         values = values.to_numpy(dtype=object, na_value=None)
     check_regular(values, name)
@@ -184,7 +184,7 @@ def is_missing(value):
 
 
 def check_sparsity(n_nonzero_coefs, n_atoms):
-    """Clip the number of atoms a code may use to the number there are."""
+    """Limit the number of atoms per code to the size of the dictionary."""
     if n_nonzero_coefs > n_atoms:
         warnings.warn(
             f"n_nonzero_coefs={n_nonzero_coefs} exceeds n_atoms={n_atoms}; codes use "

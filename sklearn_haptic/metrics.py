@@ -42,7 +42,7 @@ _CONSTRAINTS = {
 
 
 class _Score(Protocol):
-    """The type of a score: a float, or with ``average=False`` an array."""
+    """Type of a score: a float, or an array with ``average=False``."""
 
     @overload
     def __call__(
@@ -70,7 +70,7 @@ class _Score(Protocol):
 
 
 def _score(**constraints: list[Any]) -> Callable[[Callable[..., Any]], _Score]:
-    """Decorate a score, so that its parameters are validated and its type is known."""
+    """Decorate a score: validate its parameters, and state its type once for all."""
     decorate: Any = validate_params(
         {**_CONSTRAINTS, "average": ["boolean"], **constraints},
         prefer_skip_nested_validation=True,
@@ -93,20 +93,19 @@ def macro_mae(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial.
+        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
         Predicted probability of each level.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
     average : bool, default=True
-        Whether to return the weighted mean rather than one score a trial.
+        Whether to return the weighted mean rather than one score per trial.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels, to which ratings and labelled columns are matched. By
-        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
-        categories or columns. Without labels they are the columns of counts, and the
-        sorted ratings that occur.
+        default the ordered categories or column labels of ``y_true``, or else of
+        ``y_proba``; without labels, the columns of counts or the sorted ratings.
     n_quantiles : int, default=99
-        Number of positions p in the population at which ratings are compared.
+        Number of quantile positions p at which ratings are compared.
 
     Returns
     -------
@@ -116,7 +115,7 @@ def macro_mae(
     Raises
     ------
     ValueError
-        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        If a row of ``y_proba`` is not a distribution, a trial has no ratings or
         unknown ones, or the shapes differ.
 
     Notes
@@ -129,8 +128,8 @@ def macro_mae(
         \frac{1}{|\{i : y_i = x\}|} \sum_{i : y_i = x} |\hat F^{-1}(p_i) - y_i|.
 
     A level that one person in twelve chose weighs as much as one that eleven
-    chose. So the score is not proper: a prediction with more weight away from the
-    commonest level can score better than the truth. Report it beside a proper
+    chose. The score is therefore not proper: a prediction with more weight away from
+    the commonest level can score better than the truth. Report it beside a proper
     score.
 
     References
@@ -168,29 +167,27 @@ def ranked_probability_score(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial.
+        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
         Predicted probability of each level.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
     average : bool, default=True
-        Whether to return the weighted mean rather than one score a trial.
+        Whether to return the weighted mean rather than one score per trial.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels, to which ratings and labelled columns are matched. By
-        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
-        categories or columns. Without labels they are the columns of counts, and the
-        sorted ratings that occur.
+        default the ordered categories or column labels of ``y_true``, or else of
+        ``y_proba``; without labels, the columns of counts or the sorted ratings.
 
     Returns
     -------
     score : float or ndarray of shape (n_trials,)
-        Score in levels, lower is better, at most n_levels - 1. It is not divided
-        by n_levels - 1.
+        Score in levels, at most n_levels - 1 and not divided by it; lower is better.
 
     Raises
     ------
     ValueError
-        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        If a row of ``y_proba`` is not a distribution, a trial has no ratings or
         unknown ones, or the shapes differ.
 
     Notes
@@ -238,18 +235,17 @@ def earth_movers_distance(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial.
+        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
         Predicted probability of each level.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
     average : bool, default=True
-        Whether to return the weighted mean rather than one score a trial.
+        Whether to return the weighted mean rather than one score per trial.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels, to which ratings and labelled columns are matched. By
-        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
-        categories or columns. Without labels they are the columns of counts, and the
-        sorted ratings that occur.
+        default the ordered categories or column labels of ``y_true``, or else of
+        ``y_proba``; without labels, the columns of counts or the sorted ratings.
 
     Returns
     -------
@@ -259,14 +255,15 @@ def earth_movers_distance(
     Raises
     ------
     ValueError
-        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        If a row of ``y_proba`` is not a distribution, a trial has no ratings or
         unknown ones, or the shapes differ.
 
     Notes
     -----
-    The probability to be moved times the levels to move it over, which on a line
-    is the area between the CDFs, :math:`\sum_{k=1}^{K-1} |\hat F_k - F_k|`, and
-    also that between the inverse CDFs (the Wasserstein-1 distance).
+    The distance is the probability to be moved, times the levels by which it moves.
+    On a line this is the area between the CDFs,
+    :math:`\sum_{k=1}^{K-1} |\hat F_k - F_k|`, and that between the inverse CDFs (the
+    Wasserstein-1 distance).
 
     References
     ----------
@@ -299,37 +296,35 @@ def log_score(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial.
+        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
         Predicted probability of each level.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
     average : bool, default=True
-        Whether to return the weighted mean rather than one score a trial.
+        Whether to return the weighted mean rather than one score per trial.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels, to which ratings and labelled columns are matched. By
-        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
-        categories or columns. Without labels they are the columns of counts, and the
-        sorted ratings that occur.
+        default the ordered categories or column labels of ``y_true``, or else of
+        ``y_proba``; without labels, the columns of counts or the sorted ratings.
 
     Returns
     -------
     score : float or ndarray of shape (n_trials,)
-        Score in nats, 0 or more, lower is better. It is infinite where somebody
-        chose a level that was given probability 0, and so is an average over such
-        a trial.
+        Score in nats, at least 0; lower is better. The score of a trial is infinite
+        if somebody chose a level of probability 0, and so is an average over it.
 
     Raises
     ------
     ValueError
-        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        If a row of ``y_proba`` is not a distribution, a trial has no ratings or
         unknown ones, or the shapes differ.
 
     Notes
     -----
     With :math:`n_k` of N people at level k, the score is
     :math:`-\sum_k (n_k / N) \log \hat p_k`, where :math:`0 \log 0 = 0`. It is
-    strictly proper, and knows no order of the levels.
+    strictly proper, and ignores the order of the levels.
 
     References
     ----------
@@ -364,7 +359,7 @@ def pit_histogram(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial.
+        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
         Predicted probability of each level.
     n_bins : int, default=10
@@ -373,29 +368,28 @@ def pit_histogram(
         Weight of each trial.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels, to which ratings and labelled columns are matched. By
-        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
-        categories or columns. Without labels they are the columns of counts, and the
-        sorted ratings that occur.
+        default the ordered categories or column labels of ``y_true``, or else of
+        ``y_proba``; without labels, the columns of counts or the sorted ratings.
 
     Returns
     -------
     heights : ndarray of shape (n_bins,)
-        Density in each bin, with mean 1. All are 1 for calibrated predictions;
-        high outer bins show predictions that are too narrow, high middle bins ones
-        that are too wide.
+        Density in each bin, with mean 1. All are 1 for calibrated predictions; high
+        outer bins mean that predictions are too narrow, high middle bins that they
+        are too wide.
 
     Raises
     ------
     ValueError
-        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        If a row of ``y_proba`` is not a distribution, a trial has no ratings or
         unknown ones, or the shapes differ.
 
     Notes
     -----
-    The histogram for discrete data, without randomisation: a rating at level k is
-    spread evenly over the interval from :math:`\hat F_{k-1}` to :math:`\hat F_k`,
-    or put at that point if level k had probability 0 (a point between two bins
-    belongs to the upper one). Each trial's people count 1 / N each.
+    This is the histogram for discrete data, without randomisation. A rating at level k
+    is spread evenly over the interval from :math:`\hat F_{k-1}` to :math:`\hat F_k`.
+    If level k had probability 0 the interval is a point, which belongs to the upper of
+    two bins. Each of the N people of a trial counts 1 / N.
 
     References
     ----------
@@ -438,28 +432,27 @@ def dispersion(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial.
+        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
         Predicted probability of each level.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels, to which ratings and labelled columns are matched. By
-        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
-        categories or columns. Without labels they are the columns of counts, and the
-        sorted ratings that occur.
+        default the ordered categories or column labels of ``y_true``, or else of
+        ``y_proba``; without labels, the columns of counts or the sorted ratings.
 
     Returns
     -------
     ratio : float
-        1 if the predicted spread is as wide as it should be, below 1 if the
-        predictions are overconfident, above 1 if they are too wide. Infinite if
-        every rating equals a mean predicted with some spread, and 1 if without.
+        1 if the predicted spread is right, below 1 if the predictions are
+        overconfident, above 1 if they are too wide. If every rating equals its
+        predicted mean, infinite, or 1 if no spread was predicted.
 
     Raises
     ------
     ValueError
-        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        If a row of ``y_proba`` is not a distribution, a trial has no ratings or
         unknown ones, or the shapes differ.
 
     Notes
@@ -506,7 +499,7 @@ def neg_rps_scorer(
     X : array-like
         The trials that ``estimator`` takes.
     y : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial; of shape (n_trials,
+        How many people chose each level, or one rating per trial; of shape (n_trials,
         n_attributes, n_levels) where ``estimator`` predicts several attributes.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
@@ -547,7 +540,7 @@ def neg_macro_mae_scorer(
     X : array-like
         The trials that ``estimator`` takes.
     y : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial; of shape (n_trials,
+        How many people chose each level, or one rating per trial; of shape (n_trials,
         n_attributes, n_levels) where ``estimator`` predicts several attributes.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
@@ -590,7 +583,7 @@ def _score_estimator(score, estimator, X, y, sample_weight):
 
 
 def _summarise(scores, sample_weight, average):
-    """Return one score a trial, or their weighted mean."""
+    """Return one score per trial, or their weighted mean."""
     return float(_mean(scores, sample_weight)) if average else scores
 
 

@@ -1,8 +1,8 @@
 """Ratings given by people: counts per level, CDFs, agreement, correlation.
 
-People rate an object on an ordered scale, so an object's ratings are a table of
-*counts*: how many people chose each level. Everything else follows from it. The
-columns of a labelled table of counts are put in the order of the levels.
+People rate an object on an ordered scale, so the ratings of objects are a table of
+*counts*: how many people chose each level. Everything else follows from counts. The
+columns of a labelled table are put in the order of the levels.
 """
 
 from dataclasses import dataclass
@@ -111,15 +111,15 @@ def rating_counts(
     Parameters
     ----------
     ratings : array-like of shape (n_ratings,)
-        One person's rating of one object each; None, NaN and NA are ratings that
-        were not given and are left out. A column of a pandas or polars table will
+        Each entry is one person's rating of one object. None, NaN and NA mean that no
+        rating was given; they are left out. A column of a pandas or polars table will
         do.
     objects : array-like of shape (n_ratings,)
         The object that each rating is of.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels; by default the categories of an ordered categorical
         column of pandas or of an Enum of polars, else the sorted ratings that occur.
-        Give them if a level may have been chosen by nobody.
+        Give them if nobody may have chosen some level.
 
     Returns
     -------
@@ -129,7 +129,7 @@ def rating_counts(
     Warns
     -----
     UserWarning
-        If the ratings are words that nothing orders.
+        If the ratings are words, and nothing tells their order.
 
     Raises
     ------
@@ -226,7 +226,7 @@ def rating_cdf(counts: ArrayLike) -> NDArray[np.float64]:
 
     See Also
     --------
-    inverse_cdf : The level at each position of the population.
+    inverse_cdf : The level at each quantile position.
 
     Examples
     --------
@@ -241,7 +241,7 @@ def rating_cdf(counts: ArrayLike) -> NDArray[np.float64]:
 def inverse_cdf(
     counts: ArrayLike, p: ArrayLike, *, levels: ArrayLike | None = None
 ) -> np.ndarray:
-    r"""Rating given by the person at position ``p`` of the population.
+    r"""Rating at quantile position ``p`` of the population of raters.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def inverse_cdf(
         How many people chose each level; any non-negative weights or
         probabilities will do.
     p : float or array-like of shape (n_p,)
-        Positions in the population, from 0 (lowest rating) to 1 (highest).
+        Quantile positions, from 0 (lowest rating) to 1 (highest).
     levels : array-like of shape (n_levels,), default=None
         The ordered levels; by default the labels of the columns, else 1, 2, ….
 
@@ -270,12 +270,11 @@ def inverse_cdf(
 
     .. math:: F^{-1}(p) = \min\{k : n_k > 0,\; n_1 + \dots + n_k \ge p N\}.
 
-    Cumulative counts are compared with :math:`pN`, never cumulative proportions
-    with :math:`p`, and :math:`pN` is lowered by :math:`4 A` rounding errors
-    (2.2e-16, for A levels), so that a double ``p = i / 100`` gives what the exact
-    fraction would for up to 1e13 / A people. A level that nobody
-    chose is never returned: ``p = 0`` gives the lowest level used, ``p = 1`` the
-    highest.
+    Cumulative counts are compared with :math:`pN`, not cumulative proportions with
+    :math:`p`, and :math:`pN` is lowered by :math:`4 A` rounding errors (2.2e-16 each,
+    for A levels). A double ``p = i / 100`` therefore gives what the exact fraction
+    would, for up to 1e13 / A people. A level that nobody chose is never returned:
+    ``p = 0`` gives the lowest level used, ``p = 1`` the highest.
 
     References
     ----------
@@ -304,7 +303,7 @@ def interrater_agreement(counts: ArrayLike) -> NDArray[np.float64]:
     Parameters
     ----------
     counts : array-like of shape (n_objects, n_levels)
-        How many people chose each level, two or more people an object. Levels
+        How many people chose each level, two or more people per object. Levels
         count as equally far apart.
 
     Returns
@@ -371,9 +370,9 @@ def adjective_correlation(
     Parameters
     ----------
     ratings : array-like of shape (n_ratings, n_adjectives)
-        One person's ratings of one object a row, an adjective a column; the columns
-        of a pandas or polars table name the adjectives. Ratings that were not given
-        are None, NaN or NA; a pair is correlated over the rows that have both.
+        One row per person and object, one column per adjective; the columns of a
+        pandas or polars table name the adjectives. Missing ratings are None, NaN or
+        NA; a pair is correlated over the rows that have both.
     alpha : float, default=0.05
         Probability of calling any pair of uncorrelated adjectives significant.
     threshold : float, default=0.5
@@ -413,11 +412,11 @@ def adjective_correlation(
     Notes
     -----
     The p-values hold for independent rows. Ratings by one person, or of one object,
-    are not independent: what is the same in all of them counts many times, so the
-    p-values are too small, and the strength says more than the significance. They are
-    also approximate: of few rows that agree in order each p-value is 0. A
-    correlation also depends on which objects were rated: two adjectives are
-    synonyms for them, not in the language.
+    are not independent: what they share counts many times. The p-values are then too
+    small, and the strength says more than the significance. They are also approximate:
+    a few rows in perfect order have a p-value of 0. A correlation depends on which
+    objects were rated: two adjectives are synonyms for these objects, not in the
+    language.
 
     In the paper [4]_ hard–soft (−.71) and rough–smooth (−.64) are antonyms and
     moldable–springy (.70) are synonyms, as by the default threshold; cold–warm

@@ -2352,7 +2352,7 @@ PLOT_CASES = [
         (
             "a negative sampling rate",
             ValueError,
-            "^sampling_rate=-100 must be a positive number of samples a second",
+            "^sampling_rate=-100 must be a positive number of samples per second",
             lambda _: call(
                 SignalsDisplay.from_trials, {"pac": TRIALS[0]}, sampling_rate=-100
             ),
@@ -2390,7 +2390,7 @@ PLOT_CASES = [
             (
                 "a sampling rate of 0",
                 ValueError,
-                "^sampling_rate=0 must be a positive number of samples a second",
+                "^sampling_rate=0 must be a positive number of samples per second",
                 lambda _, d=display: call(
                     d.from_estimator,
                     fitted_to_trials("KSVDTransformer(window)"),
@@ -2560,7 +2560,7 @@ HDF5_CASES = cases(
         for given, message, value in [
             (
                 "a sensor of other rows",
-                r"has shape \(8,\); it must be \(9,\), a row for each state",
+                r"has shape \(8,\); it must be \(9,\), one row per state",
                 np.ones(8),
             ),
             ("a sensor of two columns", r"has shape \(9, 2\)", np.ones((9, 2))),

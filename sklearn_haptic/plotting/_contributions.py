@@ -29,8 +29,8 @@ class SensorContributionsDisplay(Display):
 
     Use :meth:`from_scores` to create a display. Bars are means over random starts, with
     error bars of one standard deviation; the dotted line is the full model. An asterisk
-    marks p < .05 over starts, a dagger p < .05 over objects: only the latter tells of
-    objects not seen yet.
+    marks p < .05 over starts, a dagger p < .05 over objects; only the dagger holds for
+    objects that were not yet touched.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class SensorContributionsDisplay(Display):
     metric : str, default="macro_mae"
         Name of the score.
     by : sequence of str, default=()
-        Columns of ``summary`` whose values have a group of bars each.
+        Columns of ``summary`` that have one group of bars per value.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class SensorContributionsDisplay(Display):
     bars_ : matplotlib BarContainer
         The bars, group by group, the full model first.
     full_lines_ : matplotlib LineCollection
-        The score of the full model, a line a group.
+        The score of the full model, one line per group.
     marks_ : list of matplotlib Annotation
         The asterisks and daggers of each row of ``summary``.
 
@@ -111,9 +111,9 @@ class SensorContributionsDisplay(Display):
         metric : str, default="macro_mae"
             Name of the score.
         by : str or list of str, default=None
-            Columns whose values have a group of bars each, such as ``"procedure"``, or
-            ``"threshold"`` for the terms of the ranked probability score, which then
-            take the place of ``metric``.
+            Columns that have one group of bars per value, such as ``"procedure"``.
+            ``"threshold"`` gives the terms of the ranked probability score, in place of
+            ``metric``.
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure.
 

@@ -1,4 +1,4 @@
-"""What transformers learn of recordings, their atoms, and what they make of a trial."""
+"""The atoms that transformers learn from recordings, and their codes of a trial."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ class AtomsDisplay(Display):
     usage : ndarray of shape (n_atoms,), default=None
         Share of the codes in which each atom appears.
     sampling_rate : float, default=None
-        Samples a second of windows.
+        Samples per second of windows.
 
     Attributes
     ----------
     ax_ : matplotlib Axes
         Axes that hold the panels.
     axes_ : ndarray of matplotlib Axes of shape (n_atoms,)
-        A panel an atom.
+        One panel per atom.
     figure_ : matplotlib Figure
         Figure that holds the axes.
     lines_ : list of matplotlib Line2D
@@ -93,11 +93,11 @@ class AtomsDisplay(Display):
             Fitted, or a fitted pipeline that begins with such a transformer.
         X : array-like of shape (n_samples, n_features) or collection of trials, \
                 default=None
-            What to code, of the kind given to `fit`. The atoms are then sorted by the
-            share of codes in which they appear, most used first: codes of windows, or
-            of spatial cells of frames. By default they come as learned.
+            Data to code, of the kind given to `fit`. The atoms are then sorted by the
+            share of codes (of windows, or of spatial cells of frames) in which they
+            appear, most used first. By default they stay in the order learned.
         sampling_rate : float, default=None
-            Samples a second; without it, or for patches, positions are numbers.
+            Samples per second. By default, and for patches, axes count samples.
         ax : matplotlib Axes, default=None
             Axes, made by ``subplots``, in which to lay out the panels; by default
             those of a new figure.
@@ -208,10 +208,10 @@ class FeatureMapDisplay(Display):
     """Codes of a trial over time and, where these are pooled, their maxima.
 
     Use :meth:`from_estimator` to create a display. Rows are features: the atoms of one
-    channel or spatial cell after the other; with split signs the positive parts of all
-    its atoms, then the negative parts. Below the codes is a panel for each level of
-    temporal pooling, its cells where they lie in time. Colours follow the square root
-    of codes, for most are small beside the largest.
+    channel or spatial cell after the other; with split signs, the positive parts of all
+    its atoms and then the negative parts. Below the codes is one panel per level of
+    temporal pooling, whose cells lie at their times. Colours follow the square root of
+    codes, since most codes are small beside the largest.
 
     Parameters
     ----------
@@ -297,7 +297,7 @@ class FeatureMapDisplay(Display):
         trial : array-like of shape (n_times, n_channels) or (n_times, height, width)
             One recording.
         sampling_rate : float, default=None
-            Samples a second; without it time is counted in samples.
+            Samples per second; by default time is counted in samples.
         ax : matplotlib Axes, default=None
             Axes, made by ``subplots``, in which to lay out the panels; by default
             those of a new figure.

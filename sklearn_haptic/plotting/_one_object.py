@@ -20,8 +20,8 @@ from ._style import BLUE, legend_beside
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Levels by which neighbouring trials, and all together, are set apart, so that
-# equal predictions both show.
+# Trials are drawn apart, so that equal predictions show: by this many levels between
+# neighbours, and at most so many in all.
 _OFFSET, _MAX_OFFSET = 0.035, 0.4
 _BAR_WIDTH = 0.38  # levels are 1 apart
 
@@ -52,8 +52,8 @@ class _OneObjectDisplay(Display):
         X : array-like of length n_trials
             The object's trials.
         y : array-like of shape (n_levels,) or (n_trials, n_levels)
-            How many people gave the object each rating; one row a trial must be
-            the same row each time.
+            How many people gave the object each rating; if there is one row per
+            trial, all rows must be equal.
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure.
 
@@ -87,8 +87,8 @@ class _OneObjectDisplay(Display):
         Parameters
         ----------
         y_true : array-like of shape (n_levels,) or (n_trials, n_levels)
-            How many people gave the object each rating; one row a trial must be
-            the same row each time.
+            How many people gave the object each rating; if there is one row per
+            trial, all rows must be equal.
         y_proba : array-like of shape (n_trials, n_levels)
             Probability of each rating, predicted from each trial.
         levels : array-like of shape (n_levels,), default=None
@@ -104,7 +104,7 @@ class _OneObjectDisplay(Display):
         Raises
         ------
         ValueError
-            If a row of ``y_proba`` is no distribution, the rows of ``y_true``
+            If a row of ``y_proba`` is not a distribution, the rows of ``y_true``
             differ, or the shapes do not fit.
         ImportError
             If matplotlib is not installed.
@@ -114,7 +114,7 @@ class _OneObjectDisplay(Display):
 
 
 class InverseCDFDisplay(_OneObjectDisplay):
-    """Inverse CDF of people's ratings of one object, and those predicted from touches.
+    """Inverse CDF of the ratings of one object, and those predicted from touches.
 
     Use :meth:`from_counts`, :meth:`from_predictions` or :meth:`from_estimator` to
     create a display.
@@ -124,7 +124,7 @@ class InverseCDFDisplay(_OneObjectDisplay):
     counts : ndarray of shape (n_levels,)
         How many people gave the object each rating.
     y_proba : ndarray of shape (n_trials, n_levels)
-        Probability of each rating, predicted from each trial, if any.
+        Probability of each rating, predicted from each trial; there may be no trial.
     levels : ndarray of shape (n_levels,)
         The ordered levels.
     scores : ndarray of shape (n_trials,)
@@ -137,7 +137,7 @@ class InverseCDFDisplay(_OneObjectDisplay):
     figure_ : matplotlib Figure
         Figure that holds the axes.
     true_line_ : matplotlib StepPatch
-        The inverse CDF of the people's ratings.
+        The inverse CDF of the ratings.
     trial_lines_ : list of matplotlib StepPatch
         The inverse CDF predicted from each trial.
 
@@ -188,8 +188,8 @@ class InverseCDFDisplay(_OneObjectDisplay):
         Parameters
         ----------
         counts : array-like of shape (n_levels,) or (n_trials, n_levels)
-            How many people gave the object each rating; one row a trial must be
-            the same row each time.
+            How many people gave the object each rating; if there is one row per
+            trial, all rows must be equal.
         levels : array-like of shape (n_levels,), default=None
             The ordered levels; by default the labels of the columns, else 1, 2, ….
         ax : matplotlib Axes, default=None
@@ -289,7 +289,7 @@ class DistributionDisplay(_OneObjectDisplay):
 
     See Also
     --------
-    InverseCDFDisplay : The same as inverse CDFs, a line a trial.
+    InverseCDFDisplay : The same as inverse CDFs, with one line per trial.
 
     Examples
     --------
@@ -358,7 +358,7 @@ class DistributionDisplay(_OneObjectDisplay):
 def _check_trials_of_one(y_true, y_proba, levels):
     """Validate the counts of one object and what is predicted from its trials.
 
-    Returns the counts a row a trial, the distributions and the levels.
+    Returns the counts, one row per trial, the distributions and the levels.
     """
     y_true = _rows_of_counts(y_true, "y_true")
     if len(y_true) == 1:
@@ -370,7 +370,7 @@ def _check_trials_of_one(y_true, y_proba, levels):
 
 
 def _counts_of_one(y, levels, name):
-    """Validate the counts of one object, given once or a row a trial."""
+    """Validate the counts of one object, given once or as one row per trial."""
     counts, levels = check_ratings(_rows_of_counts(y, name), levels, name=name)
     _check_equal_rows(counts, name)
     return counts[0], levels

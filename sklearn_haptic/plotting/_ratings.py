@@ -1,4 +1,4 @@
-"""People's ratings: all of them, how far they agree, and how adjectives go together."""
+"""Ratings of all objects, agreement of people, and correlation of adjectives."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _BAR_LENGTH, _BAR_HEIGHT = 0.9, 0.85  # adjectives and objects are 1 apart
 class RatingsDisplay(Display):
     """Ratings of every object on every adjective, as stacked bars.
 
-    Use :meth:`from_counts` to create a display. A row is an object, a column an
-    adjective; the length of each part of a bar is proportional to how many people chose
-    the level, and the higher the level, the darker the part.
+    Use :meth:`from_counts` to create a display. There is one row per object and
+    one column per adjective. The length of each part of a bar is proportional to the
+    number of people who chose the level; higher levels are darker.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class RatingsDisplay(Display):
     figure_ : matplotlib Figure
         Figure that holds the axes.
     bars_ : list of matplotlib BarContainer
-        The parts of all bars, a container a level, adjective by adjective.
+        The parts of all bars, one container per level, adjective by adjective.
 
     References
     ----------
@@ -91,17 +91,17 @@ class RatingsDisplay(Display):
         Parameters
         ----------
         counts : dict of str to array-like of shape (n_rows, n_levels), or array-like
-            For each adjective, how many people chose each level, such as the
-            ``ratings`` of a corpus; or the counts of one adjective.
+            For each adjective, how many people chose each level, like
+            ``corpus.ratings``; or the counts of one adjective.
         objects : array-like of shape (n_rows,), default=None
-            The object of each row, in words or numbers that label it. Rows of one
-            object, such as its trials, must be equal and are drawn once, in the order
-            in which objects first occur. By default each row is an object.
+            The object of each row, in words or numbers. Rows of one object, such as
+            its trials, must be equal; they are drawn once, at the object's first
+            place. By default each row is an object.
         levels : array-like of shape (n_levels,), default=None
             The ordered levels; by default the labels of the columns, else 1, 2, ….
         ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure, as high as the number of
-            objects asks for.
+            Axes to plot on; by default those of a new figure, whose height depends on
+            the number of objects.
 
         Returns
         -------
@@ -175,10 +175,10 @@ class RatingsDisplay(Display):
 class InterraterAgreementDisplay(Display):
     """How far people agree on each adjective, as box plots over objects.
 
-    Use :meth:`from_counts` to create a display. A box plot is of r_wg over objects: the
-    quartiles, whiskers up to 1.5 times their distance, and the objects beyond. The
-    adjective with the highest median comes first. At the dotted line ratings scatter as
-    if drawn uniformly from the levels.
+    Use :meth:`from_counts` to create a display. Each box plot shows r_wg over
+    objects: the quartiles, whiskers up to 1.5 times their distance, and the objects
+    beyond. The adjective with the highest median comes first. At the dotted line,
+    ratings scatter as if drawn uniformly from the levels.
 
     Parameters
     ----------
@@ -232,8 +232,8 @@ class InterraterAgreementDisplay(Display):
         Parameters
         ----------
         counts : dict of str to array-like of shape (n_rows, n_levels), or array-like
-            For each adjective, how many people chose each level, such as the
-            ``ratings`` of a corpus; or the counts of one adjective.
+            For each adjective, how many people chose each level, like
+            ``corpus.ratings``; or the counts of one adjective.
         objects : array-like of shape (n_rows,), default=None
             The object of each row. Rows of one object, such as its trials, must be
             equal and count once. By default each row is an object.
@@ -292,17 +292,17 @@ class InterraterAgreementDisplay(Display):
 class AdjectiveCorrelationDisplay(Display):
     """Rank correlation of the ratings of every pair of adjectives, as a matrix.
 
-    Use :meth:`from_ratings` to create a display. Synonyms and antonyms have a frame
-    and bold figures, correlations that are not significant grey ones.
+    Use :meth:`from_ratings` to create a display. Synonyms and antonyms are framed
+    and bold; correlations that are not significant are grey.
 
     Parameters
     ----------
     correlation : Bunch
         What :func:`~sklearn_haptic.ratings.adjective_correlation` returned.
     alpha : float, default=0.05
-        Its level of significance.
+        The level of significance used for it.
     threshold : float, default=0.5
-        Its least strength of synonyms and antonyms.
+        The least strength of synonyms and antonyms used for it.
 
     Attributes
     ----------
@@ -360,8 +360,8 @@ class AdjectiveCorrelationDisplay(Display):
         Parameters
         ----------
         ratings : array-like of shape (n_ratings, n_adjectives)
-            One person's ratings of one object a row, an adjective a column, such as the
-            ``rater_ratings`` of a corpus; missing ones are None, NaN or NA.
+            One row per person and object, one column per adjective, like
+            ``corpus.rater_ratings``; missing ratings are None, NaN or NA.
         alpha : float, default=0.05
             Level of significance.
         threshold : float, default=0.5

@@ -1,4 +1,4 @@
-"""Recordings: the signals of each sensor, trial beside trial."""
+"""Recordings: the signals of each sensor in each trial."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-# Sensors with more channels are shown as an image, for lines would hide each other.
+# Sensors with more channels are shown as an image, since lines would hide each other.
 _MAX_LINES = 8
 
 
 class SignalsDisplay(Display):
-    """Signals of one trial or several: a row of panels a sensor, a column a trial.
+    """Signals of trials: one row of panels per sensor, one column per trial.
 
-    Use :meth:`from_trials` to create a display. Up to eight channels are lines; those
-    of a sensor with more, such as electrodes, are rows of an image. The panels of a
-    sensor share the axis of its values, those of a trial the time axis.
+    Use :meth:`from_trials` to create a display. Up to eight channels are drawn as
+    lines, more (such as electrodes) as rows of an image. The panels of a sensor share
+    the axis of values, those of a trial the time axis.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class SignalsDisplay(Display):
     titles : sequence of str
         The name of each trial.
     sampling_rates : dict of str to float
-        Samples a second of each sensor.
+        Samples per second of each sensor.
     units : dict of str to str
         Unit of each sensor's values.
 
@@ -100,16 +100,17 @@ class SignalsDisplay(Display):
         Parameters
         ----------
         X : DataFrame, Series, dict or array-like
-            Several trials: a DataFrame with a row a trial and a column a sensor, or a
-            dict from the name of each, such as its exploratory procedure, to the trial.
+            Several trials: a DataFrame with one row per trial and one column per
+            sensor, or a dict from the name of each, such as its exploratory procedure,
+            to the trial.
             One trial: a row of such a DataFrame, or a dict from the name of each sensor
             to its signals, of shape (n_times, n_channels). One sensor: such an array.
         sampling_rate : float or dict of str to float, default=None
-            Samples a second, of all sensors or each. By default those of a BioTac:
+            Samples per second, of all sensors or of each. By default those of a BioTac:
             2200 of pac, 100 of pdc, tac, tdc and electrodes.
         unit : str or dict of str to str, default="counts"
-            Unit of the values, of all sensors or each; "counts" of those that a dict
-            lacks.
+            Unit of the values, of all sensors or of each; sensors that a dict lacks
+            have "counts".
         ax : matplotlib Axes, default=None
             Axes, made by ``subplots``, in which to lay out the panels; by default
             those of a new figure.
@@ -250,8 +251,8 @@ def _rate_of(sensor, sampling_rate):
         rate = (known | dict(rate or {})).get(sensor)
         if rate is None:
             raise ValueError(
-                f"sampling_rate of the sensor {sensor!r} is unknown; give it, in "
-                "samples a second."
+                f"sampling_rate of the sensor {sensor!r} is unknown; give it in "
+                "samples per second."
             )
     return check_rate(rate)
 
@@ -260,7 +261,7 @@ def check_rate(rate):
     """Return a sampling rate; refuse what is no positive finite number."""
     if not isinstance(rate, Real) or not 0 < rate < np.inf:
         raise ValueError(
-            f"sampling_rate={rate!r} must be a positive number of samples a second."
+            f"sampling_rate={rate!r} must be a positive number of samples per second."
         )
     return float(rate)
 

@@ -1,4 +1,4 @@
-"""What accuracy costs: time and score of the candidates of a search."""
+"""Time and score of the candidates of a search."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 class SpeedAccuracyDisplay(Display):
     """Time and score of every candidate of a search, and the frontier of the two.
 
-    Use :meth:`from_search` to create a display. The time is that to predict one trial,
-    as :func:`~sklearn_haptic.model_selection.neg_seconds_scorer` measures it. The
-    frontier is the best score to be had in at most so much time. The dotted line is one
-    standard error below the best score.
+    Use :meth:`from_search` to create a display. The time is that of predicting one
+    trial, as :func:`~sklearn_haptic.model_selection.neg_seconds_scorer` measures it.
+    The frontier is the best score within each time. The dotted line is one standard
+    error below the best score.
 
     Parameters
     ----------
@@ -42,11 +42,11 @@ class SpeedAccuracyDisplay(Display):
     best : int
         Which candidate has the best score.
     cheapest : int
-        Which is the fastest within one standard error of the best.
+        Which candidate is the fastest within one standard error of the best.
     metric : str, default="score"
         Name of the score.
     cost : str, default="time to predict, seconds a trial"
-        What the seconds are.
+        Label of the seconds.
 
     Attributes
     ----------
@@ -140,8 +140,8 @@ class SpeedAccuracyDisplay(Display):
         Warns
         -----
         UserWarning
-            If the search has no score "neg_seconds"; the mean time to fit and score on
-            one fold then stands for it, which caches falsify.
+            If the search has no score "neg_seconds". The mean time to fit and score one
+            fold is then plotted instead, which caches falsify.
         """
         candidates = read_candidates(search, metric)
         best, cheapest = best_and_cheapest(candidates)
