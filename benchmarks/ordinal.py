@@ -33,12 +33,10 @@ from skordinal.classifiers import NNPOM as Peer
 from skordinal.datasets import load_era, load_esl, load_lev, load_swd
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
+from sklearn_haptic._distributions import quantile_grid
 from sklearn_haptic.models._conditioning import EvenedFeatures, change_weights
 from sklearn_haptic.models._network import NetworkLoss
-from sklearn_haptic.models._quantile_positions import (
-    quantile_grid,
-    training_observations,
-)
+from sklearn_haptic.models._quantile_positions import training_observations
 from sklearn_haptic.models._solvers import lbfgs
 
 

@@ -1,4 +1,4 @@
-"""Checks of ratings: labels or counts per level."""
+"""Checks of ratings, counts per level and predicted distributions."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numbers import Real
 import numpy as np
 from sklearn.utils.validation import check_array, check_consistent_length, column_or_1d
 
-from ._check_trials import check_numbers, check_regular, check_table
+from ._distributions import shares
 from ._levels import (
     in_order_of_levels,
     levels_of_columns,
@@ -15,24 +15,7 @@ from ._levels import (
     lossless_array,
     names_levels,
 )
-from ._sklearn import is_pandas_na
-
-
-def weighted(counts, sample_weight):
-    """Multiply each trial's counts by its weight; refuse totals out of range."""
-    with np.errstate(over="ignore", under="ignore"):
-        weight = (counts.T * sample_weight).T
-        total = weight.sum()
-    if not np.isfinite(total):
-        raise ValueError(
-            "The total of y, times sample_weight, overflows; divide both by a constant."
-        )
-    if total < np.finfo(np.float64).tiny:
-        raise ValueError(
-            "The total of y, times sample_weight, underflows; multiply both by a "
-            "constant."
-        )
-    return weight
+from ._validation import check_numbers, check_regular, check_table, is_missing
 
 
 def check_ratings(y, levels=None, *, name="y"):
@@ -41,10 +24,10 @@ def check_ratings(y, levels=None, *, name="y"):
     Parameters
     ----------
     y : array-like of shape (n_trials,) or (n_trials, n_levels)
-        One rating a trial, or how many people chose each level. Counts may be
+        One rating per trial, or how many people chose each level. Counts may be
         any non-negative weights.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels; by default as `_levels` says.
+        The ordered levels; by default as the module `_levels` describes.
     name : str, default="y"
         What error messages call ``y``.
 
@@ -68,22 +51,28 @@ def check_ratings(y, levels=None, *, name="y"):
             f"{name} is no array but of the type {type(y).__name__}; give one rating "
             "or one row of counts per trial."
         )
+    if array.ndim > 1 and array.shape[1:] != (1,):
+        return check_counts(y, levels, name=name)
+    matches, levels = match_levels(_one_per_trial(y, array, name), y, levels, name)
+    return matches.astype(np.float64), levels
+
+
+def check_counts(counts, levels=None, *, name="counts"):
+    """Validate counts as `check_ratings` does; there must be at least two levels."""
     if levels is not None:
         levels = check_levels(levels)
-    if array.ndim == 1 or array.shape[1:] == (1,):
-        known = levels is not None or names_levels(y)
-        values = _check_values(y, array, known, name)
-        return _count_values(values, levels_of_ratings(values, y, levels, name), name)
-    levels, columns = levels_of_columns(y, levels, name)
-    check_numbers(y, name)
-    counts = check_array(y, dtype=np.float64, input_name=name)
+    levels, columns = levels_of_columns(counts, levels, name)
+    check_numbers(counts, name)
+    counts = check_array(
+        counts, dtype=np.float64, ensure_min_features=2, input_name=name
+    )
     counts = in_order_of_levels(counts, columns)
     if levels is None:
         levels = np.arange(1, counts.shape[1] + 1)
     if counts.shape[1] != len(levels):
         raise ValueError(
             f"{name} has {counts.shape[1]} columns of counts, but there are "
-            f"{len(levels)} levels: give one column a level."
+            f"{len(levels)} levels: give one column per level."
         )
     if (counts < 0).any():
         trial = int(np.argmax((counts < 0).any(axis=1)))
@@ -105,6 +94,88 @@ def check_ratings(y, levels=None, *, name="y"):
             f"divide {name} by a constant."
         )
     return counts, levels
+
+
+def check_two_ratings(counts, name):
+    """Refuse rows with fewer than two ratings, whose agreement is undefined."""
+    too_few = counts.sum(axis=1) < 2
+    if too_few.any():
+        raise ValueError(
+            f"{name} has fewer than two ratings in row {np.argmax(too_few)}; agreement "
+            "needs two people or more, so remove that object."
+        )
+
+
+def check_distributions(y_true, y_proba, levels):
+    """Validate ratings and the distributions predicted for them.
+
+    Parameters
+    ----------
+    y_true : array-like of shape (n_trials,) or (n_trials, n_levels)
+        As `check_ratings` takes it.
+    y_proba : array-like of shape (n_trials, n_levels)
+        Predicted probability of each level.
+    levels : array-like of shape (n_levels,) or None
+        The ordered levels; by default those of ``y_true``, or else of ``y_proba``.
+
+    Returns
+    -------
+    counts : ndarray of shape (n_trials, n_levels)
+        Counts as float64.
+    proba : ndarray of shape (n_trials, n_levels)
+        Probabilities that sum to 1.
+    levels : ndarray of shape (n_levels,)
+        The ordered levels.
+
+    Raises
+    ------
+    ValueError
+        As `check_ratings` does, if a row of ``y_proba`` is no distribution, or if the
+        shapes differ.
+    """
+    if levels is None and not names_levels(y_true):  # the predictions may name them
+        levels, _ = levels_of_columns(y_proba, None, "y_proba")
+    counts, levels = check_ratings(y_true, levels, name="y_true")
+    _, columns = levels_of_columns(y_proba, levels, "y_proba")
+    check_numbers(y_proba, "y_proba")
+    proba = check_array(y_proba, dtype=np.float64, input_name="y_proba")
+    proba = in_order_of_levels(proba, columns)
+    bad = (proba < 0).any(axis=1) | (np.abs(proba.sum(axis=1) - 1) > 1e-6)
+    if bad.any():
+        trial = np.argmax(bad)
+        raise ValueError(
+            f"y_proba is no distribution in trial {trial} ({proba[trial].tolist()}): "
+            "give probabilities of 0 or more that sum to 1."
+        )
+    if counts.shape[1] != proba.shape[1]:
+        raise ValueError(
+            f"y_proba has {proba.shape[1]} columns, but y_true has {counts.shape[1]} "
+            "levels; give one column per level, and levels if nobody chose some of "
+            "them."
+        )
+    if len(counts) != len(proba):
+        raise ValueError(
+            f"y_true has {len(counts)} trials, but y_proba has {len(proba)}; give one "
+            "row per trial in both."
+        )
+    return counts, shares(proba), levels
+
+
+def weighted(counts, sample_weight):
+    """Multiply the counts of each trial by its weight; refuse totals out of range."""
+    with np.errstate(over="ignore", under="ignore"):
+        weight = (counts.T * sample_weight).T
+        total = weight.sum()
+    if not np.isfinite(total):
+        raise ValueError(
+            "The total of y, times sample_weight, overflows; divide both by a constant."
+        )
+    if total < np.finfo(np.float64).tiny:
+        raise ValueError(
+            "The total of y, times sample_weight, underflows; multiply both by a "
+            "constant."
+        )
+    return weight
 
 
 def validate_rated_trials(estimator, X, y, levels=None):
@@ -164,7 +235,7 @@ def check_adjectives(y, levels=None, *, name="y"):
 
 
 def check_levels(levels):
-    """Validate levels that are given: an array of distinct values, lowest first."""
+    """Validate given levels, which must be distinct; return them as an array."""
     levels = check_regular(levels, "levels")
     if levels.ndim != 1:
         raise ValueError(
@@ -178,41 +249,78 @@ def check_levels(levels):
     return levels
 
 
-def _check_values(y, array, known, name):
-    """Validate ratings, one a trial; return an array of numbers or of words.
+def match_levels(ratings, container, levels, name, *, row="trial", rows=None):
+    """Find the level of each rating.
 
-    Unless their levels are known, they must be text or whole numbers.
+    Parameters
+    ----------
+    ratings : ndarray of shape (n_ratings,)
+        Numbers or words, none of them missing.
+    container : array-like
+        What the ratings were taken from, which may say what the levels are.
+    levels : array-like of shape (n_levels,) or None
+        The levels if they are given.
+    name, row : str
+        What messages call the ratings, and the place of each.
+    rows : ndarray of shape (n_ratings,), default=None
+        The number of each rating's place; by default 0, 1, ….
+
+    Returns
+    -------
+    matches : ndarray of bool of shape (n_ratings, n_levels)
+        Which level each rating is.
+    levels : ndarray of shape (n_levels,)
+        The ordered levels.
+
+    Raises
+    ------
+    ValueError
+        If a rating is not among the levels, or the ratings are continuous and nothing
+        says what their levels are.
     """
+    if levels is not None:
+        levels = check_levels(levels)
+    elif not names_levels(container) and ratings.dtype.kind == "f":
+        fraction = ratings % 1 != 0
+        if fraction.any():
+            first = int(np.argmax(fraction))
+            raise ValueError(
+                f"Unknown label type: {name} has continuous ratings, such as "
+                f"{ratings[first].item()} in {row} "
+                f"{first if rows is None else rows[first]}, but levels are needed: "
+                "bin the ratings, for instance by numpy.digitize, give counts of "
+                "people per level, or, if these values are the levels, list all of "
+                "them in levels=."
+            )
+    levels = levels_of_ratings(ratings, container, levels, name)
+    matches = ratings[:, None] == levels
+    known = matches.any(axis=1)
+    if not known.all():
+        first = int(np.argmin(known))
+        raise ValueError(
+            f"{name} has the rating {ratings.tolist()[first]!r} in {row} "
+            f"{first if rows is None else rows[first]}, which is not among "
+            f"levels={levels.tolist()}; add it to levels or mend the rating."
+        )
+    return matches, levels
+
+
+def _one_per_trial(y, array, name):
+    """Validate ratings, one per trial; return an array of numbers or of words."""
     if isinstance(y, (list, tuple)):  # of numbers beside text NumPy makes text
         array = np.array(y, dtype=object)
     if array.ndim == 2:
         array = column_or_1d(array, warn=True)
     if array.dtype.kind not in "biufSU":
         array = _plain_values(array.astype(object), name)
-    array = check_array(array, ensure_2d=False, dtype=None, input_name=name)
-    if not known:
-        check_levels_occur(array, name, "trial")
-    return array
-
-
-def check_levels_occur(ratings, name, row):
-    """Refuse ratings that are continuous, where their levels are not known."""
-    if ratings.dtype.kind != "f" or not (ratings % 1 != 0).any():
-        return
-    first = int(np.argmax(ratings % 1 != 0))
-    raise ValueError(
-        f"Unknown label type: {name} has continuous ratings, such as "
-        f"{ratings[first].item()} in {row} {first}, but levels are needed: bin the "
-        "ratings, for instance by numpy.digitize, give counts of people per level, "
-        "or, if these values are the levels, list all of them in levels=."
-    )
+    return check_array(array, ensure_2d=False, dtype=None, input_name=name)
 
 
 def _plain_values(array, name):
     """Return ratings that are objects as an array of numbers or of text."""
     values = array.tolist()
     for trial, value in enumerate(values):
-        if _is_missing(value):
+        if is_missing(value):
             raise ValueError(
                 f"{name} contains NaN or None: trial {trial} has no rating; remove it."
             )
@@ -221,27 +329,7 @@ def _plain_values(array, name):
         ):
             raise ValueError(
                 f"{name} has {value!r} in trial {trial}: give numbers only or words "
-                "only, one rating a trial, or an array of counts with one row a trial."
+                "only, one rating per trial, or an array of counts with one row per "
+                "trial."
             )
     return lossless_array(values)
-
-
-def _is_missing(value):
-    return (
-        value is None
-        or is_pandas_na(value)
-        or (isinstance(value, Real) and value != value)
-    )
-
-
-def _count_values(values, levels, name):
-    matches = values[:, None] == levels
-    known = matches.any(axis=1)
-    if not known.all():
-        trial = int(np.argmin(known))
-        raise ValueError(
-            f"{name} has the rating {values.tolist()[trial]!r} in trial {trial}, which "
-            f"is not among levels={levels.tolist()}; add it to levels or mend the "
-            "rating."
-        )
-    return matches.astype(np.float64), levels

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Set
-from datetime import date, timedelta
+from collections.abc import Mapping, Set
 
 import numpy as np
 from scipy import sparse
-from sklearn.utils.validation import validate_data
 
 from ._sequences import Sequences
-
-_NO_NUMBERS = (str, bytes, date, timedelta, np.datetime64, np.timedelta64)
+from ._validation import check_numbers, column_of, is_numeric
 
 
 def is_table(X):
@@ -129,90 +126,11 @@ def check_sequences(sequences, *, n_columns=None):
         _check_samples(0, (len(sequences.feature_names),), (n_columns,), "fit")
 
 
-def check_numbers(values, name):
-    """Refuse what is no real number, though NumPy might quietly make it one.
-
-    Parameters
-    ----------
-    values : array-like
-        Numbers in any container; what scikit-learn refuses is left to it.
-    name : str
-        What error messages call ``values``.
-
-    Raises
-    ------
-    ValueError
-        If a value is text, a date, complex or masked, or rows differ in length.
-    """
-    array = check_regular(values, name)
-    if not (hasattr(values, "columns") and hasattr(values, "dtypes")):
-        if _holds_no_numbers(array):
-            raise ValueError(
-                f"{name} is not an array of numbers (it holds text or dates); convert "
-                "it."
-            )
-        return
-    # Column by column: an array of them all may make numbers of dates.
-    for i, dtype in enumerate(values.dtypes):
-        if _is_numeric(dtype):
-            continue
-        if _holds_no_numbers(np.asarray(_column(values, i))):
-            column = values.columns[i]
-            raise ValueError(
-                f"{name} is not an array of numbers (column {column!r} holds text or "
-                "dates); convert it or leave it out."
-            )
-
-
-def check_regular(values, name):
-    """Refuse masked and complex values, rows of unequal length and what is no array."""
-    if isinstance(values, (Mapping, Set, Iterator)) and not sparse.issparse(values):
-        raise ValueError(
-            f"{name} is a {type(values).__name__}, which is no array; give a list, an "
-            "array or a DataFrame."
-        )
-    if np.ma.is_masked(values):
-        raise ValueError(
-            f"{name} has masked values, which are no data; fill or remove them."
-        )
-    try:
-        array = np.asarray(values)
-    except ValueError as error:
-        raise ValueError(
-            f"{name} is no array of one shape; give rows of equal length ({error})."
-        ) from error
-    if array.dtype.kind == "c":
-        raise ValueError(
-            f"Complex data not supported: {name} is not an array of numbers (complex "
-            "values have no order); give real ones."
-        )
-    return array
-
-
-def check_table(estimator, X, **options):
-    """Validate a table of features: `validate_data` after `check_numbers`.
-
-    Its rows are contiguous, so that the same table gives the same sums in any layout.
-    """
-    check_numbers(X, "X")
-    with np.errstate(over="ignore", invalid="ignore"):  # of the sum it looks at first
-        return validate_data(estimator, X, order="C", **options)
-
-
 def _has_columns(X):
     """Whether X is a DataFrame, a Series or an object array of two dimensions."""
     if hasattr(X, "to_numpy") and hasattr(X, "shape"):
         return True
     return isinstance(X, np.ndarray) and X.dtype == object and X.ndim == 2
-
-
-def _column(X, i):
-    """Return column i of a DataFrame or an array; a Series is its only column."""
-    if len(X.shape) == 1:
-        return X
-    if hasattr(X, "to_series"):  # polars
-        return X.to_series(i)
-    return X.iloc[:, i] if hasattr(X, "iloc") else X[:, i]
 
 
 def _columns_of_trials(X):
@@ -222,21 +140,8 @@ def _columns_of_trials(X):
     return [
         i
         for i, dtype in enumerate(dtypes)
-        if not _is_numeric(dtype) and any(_ndim(cell) >= 1 for cell in _column(X, i))
+        if not is_numeric(dtype) and any(_ndim(cell) >= 1 for cell in column_of(X, i))
     ]
-
-
-def _is_numeric(dtype):
-    """Whether a data type of NumPy, pandas or polars is one of real numbers."""
-    if hasattr(dtype, "is_numeric"):
-        return dtype.is_numeric()
-    return dtype.kind in "biuf"
-
-
-def _holds_no_numbers(array):
-    if array.dtype.kind != "O":
-        return array.dtype.kind in "SUTMm"
-    return any(isinstance(value, _NO_NUMBERS) for value in array.flat)
 
 
 def _cells(X):
@@ -250,7 +155,7 @@ def _cells(X):
             f"X has {X.shape[1]} columns, of which {of_trials} hold trials; choose one "
             "with ColumnTransformer, a transformer for each sensor."
         )
-    return list(_column(X, 0))
+    return list(column_of(X, 0))
 
 
 def _names(trial):

@@ -1,16 +1,16 @@
 """Which levels ratings have, in which order, by what their container says.
 
-One rule for all that takes ratings. `levels`, where it is given, lists them. Else the
-container names them:
+One rule holds wherever ratings are taken. `levels` lists the levels if it is given;
+else the container names them:
 
-- of ratings, the categories of an ordered categorical (of pandas) or an Enum (of
-  polars), in their order, also those that nobody gave;
-- of counts, the labels of the columns. Numbers, also as text and behind a common prefix
-  (``n1``, ``n2``), are sorted; an ordered categorical index has its own order; words
-  are in the order of the columns.
+- ratings have the categories of an ordered pandas categorical or a polars Enum, in
+  their order, including those that nobody gave;
+- counts have the labels of their columns. Numbers are sorted, also those in text or
+  behind a common prefix (``n1``, ``n2``); an ordered categorical index keeps its order;
+  words are in the order of the columns.
 
-Else counts are of the levels 1, 2, …, and ratings of the values that occur, sorted.
-Words have no order of their own, so that a warning says which one was taken.
+Without any names, counts have the levels 1, 2, …, and ratings the sorted values that
+occur. Words have no order of their own, so a warning says which order was assumed.
 """
 
 import re
@@ -34,7 +34,7 @@ def names_levels(y):
 
 
 def levels_of_ratings(values, container, levels, name):
-    """Find the levels of ratings, one a trial.
+    """Find the levels of ratings.
 
     Parameters
     ----------
@@ -50,12 +50,12 @@ def levels_of_ratings(values, container, levels, name):
     Returns
     -------
     levels : ndarray of shape (n_levels,)
-        Whether each rating is among them remains to be checked.
+        The ordered levels; a rating may still not be among them.
 
     Warns
     -----
     UserWarning
-        If the ratings are words and nothing says their order.
+        If the ratings are words, and nothing tells their order.
     """
     if levels is not None:
         return levels
@@ -87,10 +87,10 @@ def levels_of_columns(table, levels, name):
     Returns
     -------
     levels : ndarray of shape (n_levels,) or None
-        The levels, None if neither given nor named.
+        The levels; None if they are neither given nor named.
     columns : list of int or None
-        The column of each level, -1 of a category that has none; None if columns have
-        no labels, so that they are in the order of the levels.
+        The column of each level, or -1 for a category without one. None if the columns
+        have no labels and are therefore in the order of the levels.
 
     Raises
     ------
@@ -104,7 +104,9 @@ def levels_of_columns(table, levels, name):
     read = _read_numbers(labels)
     if len({*read}) < len(read):
         twice = next(label for label in read if read.count(label) > 1)
-        raise ValueError(f"{name} has two columns {twice!r}; give one column a level.")
+        raise ValueError(
+            f"{name} has two columns {twice!r}; give one column per level."
+        )
     categories = _ordered_categories(table.columns)
     named = labels if categories is None else categories.tolist()
     if levels is None:
@@ -121,14 +123,14 @@ def levels_of_columns(table, levels, name):
 
 
 def in_order_of_levels(values, columns):
-    """Return values whose columns are put as `levels_of_columns` says, 0 for none."""
+    """Put columns in the order found by `levels_of_columns`; missing ones are 0."""
     if columns is None:
         return values
     return np.take(np.pad(values, ((0, 0), (0, 1))), columns, axis=1)
 
 
 def _in_order(labels, name):
-    """Return labels of columns as levels: numbers sorted, words in their order."""
+    """Return column labels as levels: numbers sorted, words as they come."""
     read = _read_numbers(labels)
     if all(isinstance(label, Real) and label == label for label in read):
         return np.sort(lossless_array(read))
@@ -154,10 +156,10 @@ def is_text(values):
 
 
 def lossless_array(values):
-    """Return a list as an array in which no two values have become one.
+    """Convert a list to an array in which all values stay distinct.
 
-    NumPy makes floats of integers of which some exceed 2**63, and cuts null characters
-    off the end of text. Where it does, the array is one of objects.
+    NumPy turns integers into floats if some exceed 2**63, and cuts trailing null
+    characters off text. In these cases the array holds objects instead.
     """
     array = np.array(values)
     if array.tolist() == values:
@@ -173,18 +175,18 @@ def _warn(what, levels, mend):
         f"{what}; they are taken as {order}. Give {mend} or levels=[...], lowest "
         "level first.",
         UserWarning,
-        stacklevel=4,
+        stacklevel=5,
     )
 
 
 def _only_column(y):
-    """Return the column of a table that has one, anything else as it is."""
+    """Return the column of a table of one column; return anything else unchanged."""
     columns = getattr(y, "columns", None)
     return y if columns is None or len(columns) != 1 else y[columns[0]]
 
 
 def _ordered_categories(column):
-    """Return the categories of a column that has them in an order, else None."""
+    """Return the ordered categories of a column, or None if it has none."""
     dtype = getattr(column, "dtype", None)
     ordered = getattr(dtype, "ordered", type(dtype).__name__ == "Enum")
     if not ordered:
@@ -196,14 +198,14 @@ def _ordered_categories(column):
 
 
 def _column_labels(table):
-    """Return the labels of two or more columns, empty if they are mere positions."""
+    """Return the labels of two or more columns; none if they are mere positions."""
     labels = np.asarray(getattr(table, "columns", ()), dtype=object).tolist()
     default = labels == [f"column_{i}" for i in range(len(labels))]  # of polars
     return [] if default or len(labels) == 1 else labels
 
 
 def _are_positions(columns):
-    """Whether labels are those that pandas gives to columns without: 0, 1, ..."""
+    """Whether labels are the default ones of pandas, from 0."""
     return (
         getattr(columns, "name", "") is None
         and getattr(columns, "start", None) == 0
@@ -212,7 +214,7 @@ def _are_positions(columns):
 
 
 def _read_numbers(labels):
-    """Return labels, as numbers those that read so, maybe behind a common prefix."""
+    """Return labels, read as numbers where possible, also behind a common prefix."""
     texts = [label for label in labels if isinstance(label, str)]
     numbers = {x: x for x in texts if _NUMBER.fullmatch(x)}
     numbered = {x: match for x in texts if (match := _NUMBERED.fullmatch(x))}

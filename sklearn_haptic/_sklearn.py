@@ -19,6 +19,7 @@ from sklearn.model_selection import BaseCrossValidator
 from sklearn.model_selection._search import BaseSearchCV
 from sklearn.utils import _param_validation, _safe_indexing, parallel
 from sklearn.utils._missing import is_pandas_na
+from sklearn.utils._optional_dependencies import check_matplotlib_support
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils._set_output import _get_adapter_from_container, _get_output_config
 from sklearn.utils.validation import (
@@ -51,6 +52,7 @@ __all__ = [
     "_get_output_config",
     "_num_samples",
     "_safe_indexing",
+    "check_matplotlib_support",
     "fit_task",
     "is_pandas_na",
     "one_blas_thread",

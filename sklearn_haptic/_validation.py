@@ -1,32 +1,107 @@
-"""Input checks that more than one module needs: trials, ratings, sparsity.
+"""Checks of input of any kind: numbers, tables, weights, objects, missing values.
 
-A *trial* is one touch of one object: an array of shape ``(n_times,
-n_channels)``, or ``(n_times, height, width)`` for tactile images. Trials
-differ in length, so a collection of them is a sequence of arrays. A *table* is
-scikit-learn's ordinary two-dimensional input; every transformer takes both.
+`_check_trials` has the checks of recordings, `_check_ratings` those of ratings.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator, Mapping, Set
+from datetime import date, timedelta
 from difflib import get_close_matches
 
 import numpy as np
-from sklearn.utils.validation import check_consistent_length, column_or_1d
+from scipy import sparse
+from sklearn.utils.validation import (
+    check_consistent_length,
+    column_or_1d,
+    validate_data,
+)
 
-from ._check_trials import check_numbers, check_regular
 from ._levels import lossless_array
 from ._sklearn import _check_sample_weight, is_pandas_na
 
+_NO_NUMBERS = (str, bytes, date, timedelta, np.datetime64, np.timedelta64)
 
-def check_weights(sample_weight, X):
-    """Validate the weights of trials; return them as float64, 1 each by default.
+
+def check_numbers(values, name):
+    """Refuse values that NumPy might quietly convert, but that are not real numbers.
+
+    Parameters
+    ----------
+    values : array-like
+        Numbers in any container. Other faults are left to scikit-learn.
+    name : str
+        What error messages call ``values``.
 
     Raises
     ------
     ValueError
-        If they are not one finite number of 0 or more a trial, their sum overflows,
-        or all are 0.
+        If a value is text, a date, complex or masked, or rows differ in length.
+    """
+    array = check_regular(values, name)
+    if not (hasattr(values, "columns") and hasattr(values, "dtypes")):
+        if _holds_no_numbers(array):
+            raise ValueError(
+                f"{name} is not an array of numbers (it holds text or dates); convert "
+                "it."
+            )
+        return
+    # Column by column: an array of them all may make numbers of dates.
+    for i, dtype in enumerate(values.dtypes):
+        if is_numeric(dtype):
+            continue
+        if _holds_no_numbers(np.asarray(column_of(values, i))):
+            column = values.columns[i]
+            raise ValueError(
+                f"{name} is not an array of numbers (column {column!r} holds text or "
+                "dates); convert it or leave it out."
+            )
+
+
+def check_regular(values, name):
+    """Refuse masked and complex values, uneven rows, and what is not an array."""
+    if isinstance(values, (Mapping, Set, Iterator)) and not sparse.issparse(values):
+        raise ValueError(
+            f"{name} is a {type(values).__name__}, which is no array; give a list, an "
+            "array or a DataFrame."
+        )
+    if np.ma.is_masked(values):
+        raise ValueError(
+            f"{name} has masked values, which are no data; fill or remove them."
+        )
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise ValueError(
+            f"{name} is no array of one shape; give rows of equal length ({error})."
+        ) from error
+    if array.dtype.kind == "c":
+        raise ValueError(
+            f"Complex data not supported: {name} is not an array of numbers (complex "
+            "values have no order); give real ones."
+        )
+    return array
+
+
+def check_table(estimator, X, **options):
+    """Validate a table of features: `validate_data` after `check_numbers`.
+
+    The result is C-contiguous, so that sums do not depend on the layout of the input.
+    """
+    check_numbers(X, "X")
+    with np.errstate(over="ignore", invalid="ignore"):  # of the sum it looks at first
+        return validate_data(estimator, X, order="C", **options)
+
+
+def check_weights(sample_weight, X):
+    """Validate the weights of trials; return them as float64, by default all 1.
+
+    Raises
+    ------
+    ValueError
+        If they are not one finite, non-negative number per trial, their sum
+        overflows, or all are 0.
     """
     if sample_weight is not None:
         check_numbers(sample_weight, "sample_weight")
@@ -43,7 +118,7 @@ def check_weights(sample_weight, X):
 
 
 def check_objects(objects, *, name="objects", row="row"):
-    """Validate the object of each row; return an array in which none is missing.
+    """Validate the object of each row; none may be missing.
 
     Raises
     ------
@@ -61,7 +136,7 @@ def check_objects(objects, *, name="objects", row="row"):
 
 
 def check_groups(groups, X):
-    """Validate the object of each trial, None if there are none."""
+    """Validate the object of each trial; None stays None."""
     if groups is None:
         return None
     shape = np.shape(groups)
@@ -74,7 +149,7 @@ def check_groups(groups, X):
 
 
 def drop_missing(values, name):
-    """Return the values of a column that are there, and where they are."""
+    """Return the values of a column that are not missing, and a mask of them."""
     if isinstance(values, np.ndarray) and values.dtype.kind in "biuU" and values.size:
         check_regular(values, name)
         return column_or_1d(values), np.ones(values.size, dtype=bool)
@@ -89,19 +164,27 @@ def drop_missing(values, name):
 
 
 def missing_to_none(values, name):
-    """Return an array of objects in which None stands for each missing value."""
+    """Convert to an array of objects, in which None stands for missing values."""
     if hasattr(values, "isna"):  # of pandas, whose own arrays look masked to NumPy
         values = values.to_numpy(dtype=object, na_value=None)
     check_regular(values, name)
     values = np.array(values, dtype=object)
     for i, value in enumerate(values.flat):
-        if is_pandas_na(value) or value != value:
+        if is_missing(value):
             values.flat[i] = None
     return values
 
 
+def is_missing(value):
+    """Whether a value is None, NaN or NA, which differ from themselves."""
+    if value is None or is_pandas_na(value):
+        return True
+    differs = value != value
+    return isinstance(differs, (bool, np.bool_)) and bool(differs)
+
+
 def check_sparsity(n_nonzero_coefs, n_atoms):
-    """Clip the number of atoms a code may use to the number there are."""
+    """Limit the number of atoms per code to the size of the dictionary."""
     if n_nonzero_coefs > n_atoms:
         warnings.warn(
             f"n_nonzero_coefs={n_nonzero_coefs} exceeds n_atoms={n_atoms}; codes use "
@@ -145,3 +228,25 @@ def check_names(asked, known, what, where):
                 f"closest are {closest}."
             )
     return asked
+
+
+def column_of(X, i):
+    """Return column i of a DataFrame or an array; a Series is its only column."""
+    if len(X.shape) == 1:
+        return X
+    if hasattr(X, "to_series"):  # polars
+        return X.to_series(i)
+    return X.iloc[:, i] if hasattr(X, "iloc") else X[:, i]
+
+
+def is_numeric(dtype):
+    """Whether a data type of NumPy, pandas or polars is one of real numbers."""
+    if hasattr(dtype, "is_numeric"):
+        return dtype.is_numeric()
+    return dtype.kind in "biuf"
+
+
+def _holds_no_numbers(array):
+    if array.dtype.kind != "O":
+        return array.dtype.kind in "SUTMm"
+    return any(isinstance(value, _NO_NUMBERS) for value in array.flat)

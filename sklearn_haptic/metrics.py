@@ -6,19 +6,17 @@ people who rated its object at level k or below, and the *predicted* one
 levels: neighbours are 1 apart whatever their labels.
 """
 
+from collections.abc import Callable
 from numbers import Integral
-from typing import Literal, overload
+from typing import Any, Literal, Protocol, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import xlogy
 from sklearn.base import BaseEstimator
-from sklearn.utils.validation import check_array
 
-from ._check_ratings import check_ratings
-from ._check_trials import check_numbers
-from ._distributions import _cdf, _level_index, _macro_mae, _proportions
-from ._levels import in_order_of_levels, levels_of_columns, names_levels
+from ._check_ratings import check_distributions
+from ._distributions import cdf, level_at, macro_error, quantile_grid, shares
 from ._sklearn import Interval, Trials, validate_params
 from ._validation import check_weights
 
@@ -34,46 +32,52 @@ __all__ = [
 ]
 
 
-_SCORE_CONSTRAINTS = {
+_CONSTRAINTS = {
     "y_true": ["array-like"],
     "y_proba": ["array-like"],
     "sample_weight": ["array-like", None],
-    "average": ["boolean"],
     "levels": ["array-like", None],
 }
 
 
-@overload
-def macro_mae(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[True] = ...,
-    levels: ArrayLike | None = ...,
-    n_quantiles: int = ...,
-) -> float: ...
+class _Score(Protocol):
+    """Type of a score: a float, or an array with ``average=False``."""
+
+    @overload
+    def __call__(
+        self,
+        y_true: ArrayLike,
+        y_proba: ArrayLike,
+        *,
+        sample_weight: ArrayLike | None = ...,
+        average: Literal[True] = ...,
+        levels: ArrayLike | None = ...,
+        **options: int,
+    ) -> float: ...
+
+    @overload
+    def __call__(
+        self,
+        y_true: ArrayLike,
+        y_proba: ArrayLike,
+        *,
+        sample_weight: ArrayLike | None = ...,
+        average: Literal[False],
+        levels: ArrayLike | None = ...,
+        **options: int,
+    ) -> NDArray[np.float64]: ...
 
 
-@overload
-def macro_mae(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[False],
-    levels: ArrayLike | None = ...,
-    n_quantiles: int = ...,
-) -> NDArray[np.float64]: ...
+def _score(**constraints: list[Any]) -> Callable[[Callable[..., Any]], _Score]:
+    """Decorate a score: validate its parameters, and state its type once for all."""
+    decorate: Any = validate_params(
+        {**_CONSTRAINTS, "average": ["boolean"], **constraints},
+        prefer_skip_nested_validation=True,
+    )
+    return decorate
 
 
-@validate_params(
-    {
-        **_SCORE_CONSTRAINTS,
-        "n_quantiles": [Interval(Integral, 1, None, closed="left")],
-    },
-    prefer_skip_nested_validation=True,
-)
+@_score(n_quantiles=[Interval(Integral, 1, None, closed="left")])
 def macro_mae(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -88,20 +92,19 @@ def macro_mae(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial.
+        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
         Predicted probability of each level.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
     average : bool, default=True
-        Whether to return the weighted mean rather than one score a trial.
+        Whether to return the weighted mean rather than one score per trial.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels, to which ratings and labelled columns are matched. By
-        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
-        categories or columns. Without labels they are the columns of counts, and the
-        sorted ratings that occur.
+        default the ordered categories or column labels of ``y_true``, or else of
+        ``y_proba``; without labels, the columns of counts or the sorted ratings.
     n_quantiles : int, default=99
-        Number of positions p in the population at which ratings are compared.
+        Number of quantile positions p at which ratings are compared.
 
     Returns
     -------
@@ -111,7 +114,7 @@ def macro_mae(
     Raises
     ------
     ValueError
-        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        If a row of ``y_proba`` is not a distribution, a trial has no ratings or
         unknown ones, or the shapes differ.
 
     Notes
@@ -124,8 +127,8 @@ def macro_mae(
         \frac{1}{|\{i : y_i = x\}|} \sum_{i : y_i = x} |\hat F^{-1}(p_i) - y_i|.
 
     A level that one person in twelve chose weighs as much as one that eleven
-    chose. So the score is not proper: a prediction with more weight away from the
-    commonest level can score better than the truth. Report it beside a proper
+    chose. The score is therefore not proper: a prediction with more weight away from
+    the commonest level can score better than the truth. Report it beside a proper
     score.
 
     References
@@ -143,35 +146,13 @@ def macro_mae(
     >>> macro_mae([[3, 0, 1]], [[0.75, 0.25, 0]])
     0.5
     """
-    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
-    p = np.arange(1, n_quantiles + 1) / (n_quantiles + 1)
-    errors = _macro_mae(_level_index(proba, p), _level_index(counts, p))
+    counts, proba, _ = check_distributions(y_true, y_proba, levels)
+    p = quantile_grid(n_quantiles)
+    errors = macro_error(level_at(proba, p), level_at(counts, p))
     return _summarise(errors, sample_weight, average)
 
 
-@overload
-def ranked_probability_score(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[True] = ...,
-    levels: ArrayLike | None = ...,
-) -> float: ...
-
-
-@overload
-def ranked_probability_score(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[False],
-    levels: ArrayLike | None = ...,
-) -> NDArray[np.float64]: ...
-
-
-@validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
+@_score()
 def ranked_probability_score(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -185,29 +166,27 @@ def ranked_probability_score(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial.
+        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
         Predicted probability of each level.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
     average : bool, default=True
-        Whether to return the weighted mean rather than one score a trial.
+        Whether to return the weighted mean rather than one score per trial.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels, to which ratings and labelled columns are matched. By
-        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
-        categories or columns. Without labels they are the columns of counts, and the
-        sorted ratings that occur.
+        default the ordered categories or column labels of ``y_true``, or else of
+        ``y_proba``; without labels, the columns of counts or the sorted ratings.
 
     Returns
     -------
     score : float or ndarray of shape (n_trials,)
-        Score in levels, lower is better, at most n_levels - 1. It is not divided
-        by n_levels - 1.
+        Score in levels, at most n_levels - 1 and not divided by it; lower is better.
 
     Raises
     ------
     ValueError
-        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        If a row of ``y_proba`` is not a distribution, a trial has no ratings or
         unknown ones, or the shapes differ.
 
     Notes
@@ -235,35 +214,13 @@ def ranked_probability_score(
     >>> ranked_probability_score([[1, 1, 2]], [[0.25, 0.25, 0.5]])
     0.4375
     """
-    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
-    true, predicted = _cdf(counts), _cdf(proba)
+    counts, proba, _ = check_distributions(y_true, y_proba, levels)
+    true, predicted = cdf(counts)[:, :-1], cdf(proba)[:, :-1]
     scores = ((predicted - true) ** 2 + true * (1 - true)).sum(axis=1)
     return _summarise(scores, sample_weight, average)
 
 
-@overload
-def earth_movers_distance(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[True] = ...,
-    levels: ArrayLike | None = ...,
-) -> float: ...
-
-
-@overload
-def earth_movers_distance(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[False],
-    levels: ArrayLike | None = ...,
-) -> NDArray[np.float64]: ...
-
-
-@validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
+@_score()
 def earth_movers_distance(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -277,18 +234,17 @@ def earth_movers_distance(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial.
+        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
         Predicted probability of each level.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
     average : bool, default=True
-        Whether to return the weighted mean rather than one score a trial.
+        Whether to return the weighted mean rather than one score per trial.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels, to which ratings and labelled columns are matched. By
-        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
-        categories or columns. Without labels they are the columns of counts, and the
-        sorted ratings that occur.
+        default the ordered categories or column labels of ``y_true``, or else of
+        ``y_proba``; without labels, the columns of counts or the sorted ratings.
 
     Returns
     -------
@@ -298,14 +254,15 @@ def earth_movers_distance(
     Raises
     ------
     ValueError
-        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        If a row of ``y_proba`` is not a distribution, a trial has no ratings or
         unknown ones, or the shapes differ.
 
     Notes
     -----
-    The probability to be moved times the levels to move it over, which on a line
-    is the area between the CDFs, :math:`\sum_{k=1}^{K-1} |\hat F_k - F_k|`, and
-    also that between the inverse CDFs (the Wasserstein-1 distance).
+    The distance is the probability to be moved, times the levels by which it moves.
+    On a line this is the area between the CDFs,
+    :math:`\sum_{k=1}^{K-1} |\hat F_k - F_k|`, and that between the inverse CDFs (the
+    Wasserstein-1 distance).
 
     References
     ----------
@@ -319,34 +276,12 @@ def earth_movers_distance(
     >>> earth_movers_distance([[0, 0, 4]], [[0.25, 0.25, 0.5]])
     0.75
     """
-    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
-    scores = np.abs(_cdf(proba) - _cdf(counts)).sum(axis=1)
+    counts, proba, _ = check_distributions(y_true, y_proba, levels)
+    scores = np.abs(cdf(proba) - cdf(counts))[:, :-1].sum(axis=1)
     return _summarise(scores, sample_weight, average)
 
 
-@overload
-def log_score(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[True] = ...,
-    levels: ArrayLike | None = ...,
-) -> float: ...
-
-
-@overload
-def log_score(
-    y_true: ArrayLike,
-    y_proba: ArrayLike,
-    *,
-    sample_weight: ArrayLike | None = ...,
-    average: Literal[False],
-    levels: ArrayLike | None = ...,
-) -> NDArray[np.float64]: ...
-
-
-@validate_params(_SCORE_CONSTRAINTS, prefer_skip_nested_validation=True)
+@_score()
 def log_score(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -360,37 +295,35 @@ def log_score(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial.
+        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
         Predicted probability of each level.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
     average : bool, default=True
-        Whether to return the weighted mean rather than one score a trial.
+        Whether to return the weighted mean rather than one score per trial.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels, to which ratings and labelled columns are matched. By
-        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
-        categories or columns. Without labels they are the columns of counts, and the
-        sorted ratings that occur.
+        default the ordered categories or column labels of ``y_true``, or else of
+        ``y_proba``; without labels, the columns of counts or the sorted ratings.
 
     Returns
     -------
     score : float or ndarray of shape (n_trials,)
-        Score in nats, 0 or more, lower is better. It is infinite where somebody
-        chose a level that was given probability 0, and so is an average over such
-        a trial.
+        Score in nats, at least 0; lower is better. The score of a trial is infinite
+        if somebody chose a level of probability 0, and so is an average over it.
 
     Raises
     ------
     ValueError
-        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        If a row of ``y_proba`` is not a distribution, a trial has no ratings or
         unknown ones, or the shapes differ.
 
     Notes
     -----
     With :math:`n_k` of N people at level k, the score is
     :math:`-\sum_k (n_k / N) \log \hat p_k`, where :math:`0 \log 0 = 0`. It is
-    strictly proper, and knows no order of the levels.
+    strictly proper, and ignores the order of the levels.
 
     References
     ----------
@@ -403,16 +336,13 @@ def log_score(
     >>> round(log_score([[1, 1, 0]], [[0.5, 0.5, 0]]), 4)
     0.6931
     """
-    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
-    scores = -xlogy(_proportions(counts), proba).sum(axis=1)
+    counts, proba, _ = check_distributions(y_true, y_proba, levels)
+    scores = -xlogy(shares(counts), proba).sum(axis=1)
     return _summarise(scores + 0.0, sample_weight, average)  # -0.0 becomes 0.0
 
 
 @validate_params(
-    {
-        **{name: c for name, c in _SCORE_CONSTRAINTS.items() if name != "average"},
-        "n_bins": [Interval(Integral, 1, None, closed="left")],
-    },
+    {**_CONSTRAINTS, "n_bins": [Interval(Integral, 1, None, closed="left")]},
     prefer_skip_nested_validation=True,
 )
 def pit_histogram(
@@ -428,7 +358,7 @@ def pit_histogram(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial.
+        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
         Predicted probability of each level.
     n_bins : int, default=10
@@ -437,29 +367,28 @@ def pit_histogram(
         Weight of each trial.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels, to which ratings and labelled columns are matched. By
-        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
-        categories or columns. Without labels they are the columns of counts, and the
-        sorted ratings that occur.
+        default the ordered categories or column labels of ``y_true``, or else of
+        ``y_proba``; without labels, the columns of counts or the sorted ratings.
 
     Returns
     -------
     heights : ndarray of shape (n_bins,)
-        Density in each bin, with mean 1. All are 1 for calibrated predictions;
-        high outer bins show predictions that are too narrow, high middle bins ones
-        that are too wide.
+        Density in each bin, with mean 1. All are 1 for calibrated predictions; high
+        outer bins mean that predictions are too narrow, high middle bins that they
+        are too wide.
 
     Raises
     ------
     ValueError
-        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        If a row of ``y_proba`` is not a distribution, a trial has no ratings or
         unknown ones, or the shapes differ.
 
     Notes
     -----
-    The histogram for discrete data, without randomisation: a rating at level k is
-    spread evenly over the interval from :math:`\hat F_{k-1}` to :math:`\hat F_k`,
-    or put at that point if level k had probability 0 (a point between two bins
-    belongs to the upper one). Each trial's people count 1 / N each.
+    This is the histogram for discrete data, without randomisation. A rating at level k
+    is spread evenly over the interval from :math:`\hat F_{k-1}` to :math:`\hat F_k`.
+    If level k had probability 0 the interval is a point, which belongs to the upper of
+    two bins. Each of the N people of a trial counts 1 / N.
 
     References
     ----------
@@ -475,9 +404,9 @@ def pit_histogram(
     >>> pit_histogram([[2, 0, 2]], [[0.25, 0.5, 0.25]], n_bins=4)
     array([2., 0., 0., 2.])
     """
-    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
-    proportions = _proportions(counts)
-    edges = np.pad(_cdf(proba), ((0, 0), (1, 1)), constant_values=((0, 0), (0, 1)))
+    counts, proba, _ = check_distributions(y_true, y_proba, levels)
+    proportions = shares(counts)
+    edges = np.pad(cdf(proba), ((0, 0), (1, 0)))
     lower, width = edges[:, :-1], np.diff(edges, axis=1)
     point = width == 0
     below = np.empty((len(counts), n_bins + 1))  # CDF of the PIT at the bins' edges
@@ -489,10 +418,7 @@ def pit_histogram(
     return n_bins * np.diff(_mean(below, sample_weight))
 
 
-@validate_params(
-    {name: c for name, c in _SCORE_CONSTRAINTS.items() if name != "average"},
-    prefer_skip_nested_validation=True,
-)
+@validate_params(_CONSTRAINTS, prefer_skip_nested_validation=True)
 def dispersion(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -505,28 +431,27 @@ def dispersion(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial.
+        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
         Predicted probability of each level.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels, to which ratings and labelled columns are matched. By
-        default they are what ``y_true``, or else ``y_proba``, is labelled with: ordered
-        categories or columns. Without labels they are the columns of counts, and the
-        sorted ratings that occur.
+        default the ordered categories or column labels of ``y_true``, or else of
+        ``y_proba``; without labels, the columns of counts or the sorted ratings.
 
     Returns
     -------
     ratio : float
-        1 if the predicted spread is as wide as it should be, below 1 if the
-        predictions are overconfident, above 1 if they are too wide. Infinite if
-        every rating equals a mean predicted with some spread, and 1 if without.
+        1 if the predicted spread is right, below 1 if the predictions are
+        overconfident, above 1 if they are too wide. If every rating equals its
+        predicted mean, infinite, or 1 if no spread was predicted.
 
     Raises
     ------
     ValueError
-        If a row of ``y_proba`` is no distribution, a trial has no ratings or
+        If a row of ``y_proba`` is not a distribution, a trial has no ratings or
         unknown ones, or the shapes differ.
 
     Notes
@@ -548,11 +473,11 @@ def dispersion(
     >>> dispersion([[2, 0, 2]], [[0.25, 0.5, 0.25]])
     0.5
     """
-    counts, proba, _ = _check_distributions(y_true, y_proba, levels)
+    counts, proba, _ = check_distributions(y_true, y_proba, levels)
     steps = np.arange(proba.shape[1])
     squares = (steps - (proba @ steps)[:, None]) ** 2
     spread = _mean((proba * squares).sum(axis=1), sample_weight)
-    scatter = _mean((_proportions(counts) * squares).sum(axis=1), sample_weight)
+    scatter = _mean((shares(counts) * squares).sum(axis=1), sample_weight)
     if scatter == 0:
         return 1.0 if spread == 0 else np.inf
     return float(spread / scatter)
@@ -573,7 +498,7 @@ def neg_rps_scorer(
     X : array-like
         The trials that ``estimator`` takes.
     y : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial; of shape (n_trials,
+        How many people chose each level, or one rating per trial; of shape (n_trials,
         n_adjectives, n_levels) where ``estimator`` predicts several adjectives.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
@@ -614,7 +539,7 @@ def neg_macro_mae_scorer(
     X : array-like
         The trials that ``estimator`` takes.
     y : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating a trial; of shape (n_trials,
+        How many people chose each level, or one rating per trial; of shape (n_trials,
         n_adjectives, n_levels) where ``estimator`` predicts several adjectives.
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial in the average.
@@ -656,37 +581,8 @@ def _score_estimator(score, estimator, X, y, sample_weight):
     return score(y, proba, sample_weight=sample_weight, levels=estimator.classes_)
 
 
-def _check_distributions(y_true, y_proba, levels):
-    """Validate ratings and predictions; return counts, what sums to 1, and levels."""
-    if levels is None and not names_levels(y_true):  # the predictions may name them
-        levels, _ = levels_of_columns(y_proba, None, "y_proba")
-    counts, levels = check_ratings(y_true, levels, name="y_true")
-    _, columns = levels_of_columns(y_proba, levels, "y_proba")
-    check_numbers(y_proba, "y_proba")
-    proba = check_array(y_proba, dtype=np.float64, input_name="y_proba")
-    proba = in_order_of_levels(proba, columns)
-    bad = (proba < 0).any(axis=1) | (np.abs(proba.sum(axis=1) - 1) > 1e-6)
-    if bad.any():
-        trial = np.argmax(bad)
-        raise ValueError(
-            f"y_proba is no distribution in trial {trial} ({proba[trial].tolist()}): "
-            "give probabilities of 0 or more that sum to 1."
-        )
-    if counts.shape[1] != proba.shape[1]:
-        raise ValueError(
-            f"y_proba has {proba.shape[1]} columns, but y_true has {counts.shape[1]} "
-            "levels; give one column a level, and levels if nobody chose some of them."
-        )
-    if len(counts) != len(proba):
-        raise ValueError(
-            f"y_true has {len(counts)} trials, but y_proba has {len(proba)}; give one "
-            "row a trial in both."
-        )
-    return counts, _proportions(proba), levels
-
-
 def _summarise(scores, sample_weight, average):
-    """Return one score a trial, or their weighted mean."""
+    """Return one score per trial, or their weighted mean."""
     return float(_mean(scores, sample_weight)) if average else scores
 
 

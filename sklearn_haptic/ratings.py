@@ -1,8 +1,8 @@
 """Ratings given by people: counts per level, CDFs, agreement, correlation.
 
-People rate an object on an ordered scale, so an object's ratings are a table of
-*counts*: how many people chose each level. Everything else follows from it. The
-columns of a labelled table of counts are put in the order of the levels.
+People rate an object on an ordered scale, so the ratings of objects are a table of
+*counts*: how many people chose each level. Everything else follows from counts. The
+columns of a labelled table are put in the order of the levels.
 """
 
 from dataclasses import dataclass
@@ -14,12 +14,10 @@ from scipy.stats import spearmanr
 from sklearn.utils import Bunch
 from sklearn.utils.validation import check_array, check_consistent_length, column_or_1d
 
-from ._check_ratings import check_levels, check_levels_occur, check_ratings
-from ._check_trials import check_numbers
-from ._distributions import _level_index
-from ._levels import levels_of_ratings, names_levels
+from ._check_ratings import check_counts, check_two_ratings, match_levels
+from ._distributions import cdf, level_at, shares
 from ._sklearn import Interval, validate_params
-from ._validation import check_objects, drop_missing, missing_to_none
+from ._validation import check_numbers, check_objects, drop_missing, missing_to_none
 
 __all__ = [
     "RatingTable",
@@ -112,15 +110,15 @@ def rating_counts(
     Parameters
     ----------
     ratings : array-like of shape (n_ratings,)
-        One person's rating of one object each; None, NaN and NA are ratings that
-        were not given and are left out. A column of a pandas or polars table will
+        Each entry is one person's rating of one object. None, NaN and NA mean that no
+        rating was given; they are left out. A column of a pandas or polars table will
         do.
     objects : array-like of shape (n_ratings,)
         The object that each rating is of.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels; by default the categories of an ordered categorical
         column of pandas or of an Enum of polars, else the sorted ratings that occur.
-        Give them if a level may have been chosen by nobody.
+        Give them if nobody may have chosen some level.
 
     Returns
     -------
@@ -130,7 +128,7 @@ def rating_counts(
     Warns
     -----
     UserWarning
-        If the ratings are words that nothing orders.
+        If the ratings are words, and nothing tells their order.
 
     Raises
     ------
@@ -162,21 +160,11 @@ def rating_counts(
     check_consistent_length(ratings, objects)
     values, given = drop_missing(ratings, "ratings")
     objects = check_objects(objects)
-    if levels is not None:
-        levels = check_levels(levels)
-    elif not names_levels(ratings):
-        check_levels_occur(values, "ratings", "row")
-    levels = levels_of_ratings(values, ratings, levels, "ratings")
-    values, column = np.unique(values, return_inverse=True)
-    matches = values[:, None] == levels
-    if not matches.any(axis=1).all():
-        unknown = values[np.argmin(matches.any(axis=1))].item()
-        raise ValueError(
-            f"ratings has the rating {unknown!r}, which is not among "
-            f"levels={levels.tolist()}; add it to levels or mend the rating."
-        )
+    matches, levels = match_levels(
+        values, ratings, levels, "ratings", row="row", rows=np.flatnonzero(given)
+    )
     objects, row = np.unique(objects, return_inverse=True)
-    cell = row[given] * len(levels) + matches.argmax(axis=1)[column]
+    cell = row[given] * len(levels) + matches.argmax(axis=1)
     counts = np.bincount(cell, minlength=len(objects) * len(levels))
     counts = counts.reshape(len(objects), len(levels))
     if not counts.any(axis=1).all():
@@ -212,8 +200,8 @@ def rating_distribution(counts: ArrayLike) -> NDArray[np.float64]:
     >>> rating_distribution([[0, 3, 6, 3, 0]])
     array([[0.  , 0.25, 0.5 , 0.25, 0.  ]])
     """
-    counts, _ = _check_counts(counts, None)
-    return counts / counts.sum(axis=1, keepdims=True)
+    counts, _ = check_counts(counts)
+    return shares(counts)
 
 
 def rating_cdf(counts: ArrayLike) -> NDArray[np.float64]:
@@ -237,7 +225,7 @@ def rating_cdf(counts: ArrayLike) -> NDArray[np.float64]:
 
     See Also
     --------
-    inverse_cdf : The level at each position of the population.
+    inverse_cdf : The level at each quantile position.
 
     Examples
     --------
@@ -245,15 +233,14 @@ def rating_cdf(counts: ArrayLike) -> NDArray[np.float64]:
     >>> rating_cdf([[0, 3, 6, 3, 0]])
     array([[0.  , 0.25, 0.75, 1.  , 1.  ]])
     """
-    counts, _ = _check_counts(counts, None)
-    below = np.cumsum(counts, axis=1)
-    return below / below[:, -1:]
+    counts, _ = check_counts(counts)
+    return cdf(counts)
 
 
 def inverse_cdf(
     counts: ArrayLike, p: ArrayLike, *, levels: ArrayLike | None = None
 ) -> np.ndarray:
-    r"""Rating given by the person at position ``p`` of the population.
+    r"""Rating at quantile position ``p`` of the population of raters.
 
     Parameters
     ----------
@@ -261,7 +248,7 @@ def inverse_cdf(
         How many people chose each level; any non-negative weights or
         probabilities will do.
     p : float or array-like of shape (n_p,)
-        Positions in the population, from 0 (lowest rating) to 1 (highest).
+        Quantile positions, from 0 (lowest rating) to 1 (highest).
     levels : array-like of shape (n_levels,), default=None
         The ordered levels; by default the labels of the columns, else 1, 2, ….
 
@@ -282,12 +269,11 @@ def inverse_cdf(
 
     .. math:: F^{-1}(p) = \min\{k : n_k > 0,\; n_1 + \dots + n_k \ge p N\}.
 
-    Cumulative counts are compared with :math:`pN`, never cumulative proportions
-    with :math:`p`, and :math:`pN` is lowered by :math:`4 A` rounding errors
-    (2.2e-16, for A levels), so that a double ``p = i / 100`` gives what the exact
-    fraction would for up to 1e13 / A people. A level that nobody
-    chose is never returned: ``p = 0`` gives the lowest level used, ``p = 1`` the
-    highest.
+    Cumulative counts are compared with :math:`pN`, not cumulative proportions with
+    :math:`p`, and :math:`pN` is lowered by :math:`4 A` rounding errors (2.2e-16 each,
+    for A levels). A double ``p = i / 100`` therefore gives what the exact fraction
+    would, for up to 1e13 / A people. A level that nobody chose is never returned:
+    ``p = 0`` gives the lowest level used, ``p = 1`` the highest.
 
     References
     ----------
@@ -301,12 +287,12 @@ def inverse_cdf(
     >>> inverse_cdf([[0, 3, 6, 3, 0]], [0, 0.25, 0.26, 0.75, 1])
     array([[2, 2, 3, 3, 4]])
     """
-    counts, levels = _check_counts(counts, levels)
+    counts, levels = check_counts(counts, levels)
     check_numbers(p, "p")
     positions = column_or_1d(np.atleast_1d(p), dtype=np.float64, input_name="p")
     if not ((positions >= 0) & (positions <= 1)).all():
         raise ValueError("p must lie within [0, 1]; give positions in the population.")
-    index = _level_index(counts, positions)
+    index = level_at(counts, positions)
     return levels[index[:, 0] if np.ndim(p) == 0 else index]
 
 
@@ -316,7 +302,7 @@ def interrater_agreement(counts: ArrayLike) -> NDArray[np.float64]:
     Parameters
     ----------
     counts : array-like of shape (n_objects, n_levels)
-        How many people chose each level, two or more people an object. Levels
+        How many people chose each level, two or more people per object. Levels
         count as equally far apart.
 
     Returns
@@ -356,19 +342,10 @@ def interrater_agreement(counts: ArrayLike) -> NDArray[np.float64]:
     >>> interrater_agreement([[0, 0, 12, 0, 0], [6, 0, 0, 0, 6]]).round(3)
     array([ 1.   , -1.182])
     """
-    counts, _ = _check_counts(counts, None)
-    return _agreement(counts, "counts")
-
-
-def _agreement(counts, name):
-    """Return r_wg of each row of validated counts; errors call them by a name."""
+    counts, _ = check_counts(counts)
+    check_two_ratings(counts, "counts")
     levels = np.arange(1, counts.shape[1] + 1)
     n_ratings = counts.sum(axis=1)
-    if (n_ratings < 2).any():
-        raise ValueError(
-            f"{name} has fewer than two ratings in row {np.argmax(n_ratings < 2)}; "
-            "agreement needs two people or more, so remove that object."
-        )
     deviation = levels - (counts @ levels / n_ratings)[:, None]
     variance = (counts * deviation**2).sum(axis=1) / (n_ratings - 1)
     return 1 - variance / ((len(levels) ** 2 - 1) / 12)
@@ -392,9 +369,9 @@ def adjective_correlation(
     Parameters
     ----------
     ratings : array-like of shape (n_ratings, n_adjectives)
-        One person's ratings of one object a row, an adjective a column; the columns
-        of a pandas or polars table name the adjectives. Ratings that were not given
-        are None, NaN or NA; a pair is correlated over the rows that have both.
+        One row per person and object, one column per adjective; the columns of a
+        pandas or polars table name the adjectives. Missing ratings are None, NaN or
+        NA; a pair is correlated over the rows that have both.
     alpha : float, default=0.05
         Probability of calling any pair of uncorrelated adjectives significant.
     threshold : float, default=0.5
@@ -434,11 +411,11 @@ def adjective_correlation(
     Notes
     -----
     The p-values hold for independent rows. Ratings by one person, or of one object,
-    are not independent: what is the same in all of them counts many times, so the
-    p-values are too small, and the strength says more than the significance. They are
-    also approximate: of few rows that agree in order each p-value is 0. A
-    correlation also depends on which objects were rated: two adjectives are
-    synonyms for them, not in the language.
+    are not independent: what they share counts many times. The p-values are then too
+    small, and the strength says more than the significance. They are also approximate:
+    a few rows in perfect order have a p-value of 0. A correlation depends on which
+    objects were rated: two adjectives are synonyms for these objects, not in the
+    language.
 
     In the paper [4]_ hard–soft (−.71) and rough–smooth (−.64) are antonyms and
     moldable–springy (.70) are synonyms, as by the default threshold; cold–warm
@@ -544,10 +521,3 @@ def _holm(pvalue):
         pvalue[order] * np.arange(len(pvalue), 0, -1)
     )
     return np.minimum(corrected, 1)
-
-
-def _check_counts(counts, levels, name="counts"):
-    """Validate a table of counts, which unlike ratings is always two-dimensional."""
-    check_numbers(counts, name)
-    check_array(counts, dtype=np.float64, ensure_min_features=2, input_name=name)
-    return check_ratings(counts, levels, name=name)

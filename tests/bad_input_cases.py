@@ -480,7 +480,7 @@ NOT_RATINGS = {
         lambda: X[:, 0],
     ),
     "ratings as words and numbers": (
-        "has 1 in trial 1: give numbers only or words only, one rating a trial",
+        "has 1 in trial 1: give numbers only or words only, one rating per trial",
         lambda: ["soft", *LABELS.tolist()[:-2], 1],
     ),
     "ratings of which one is None": (
@@ -488,7 +488,7 @@ NOT_RATINGS = {
         lambda: replaced(LABELS, None, 1, dtype=object),
     ),
     "a list in each trial": (
-        r"has \[1, 2\] in trial 0: give .* or an array of counts with one row a trial",
+        r"has \[1, 2\] in trial 0: give .* or an array of counts with one row per",
         lambda: pd.Series([[1, 2]] * N),
     ),
     "dates as ratings": (
@@ -518,7 +518,7 @@ NOT_RATINGS = {
         ),
     ),
     "two columns of one level": (
-        "has two columns 2; give one column a level",
+        "has two columns 2; give one column per level",
         lambda: pd.DataFrame(COUNTS, columns=[1, 2, "2"]),
     ),
     "columns with labels in two rows": (
@@ -528,7 +528,7 @@ NOT_RATINGS = {
         ),
     ),
     "a trial less": (
-        r"inconsistent numbers of samples: \[12, 11\]|give one row a trial in both",
+        r"inconsistent numbers of samples: \[12, 11\]|give one row per trial in both",
         lambda: COUNTS[:-1],
     ),
     "no trial": ("0 sample|inconsistent numbers of samples", lambda: COUNTS[:0]),
@@ -650,7 +650,7 @@ LEVEL_ROWS = {
     ),
     "counts of more levels than there are": (
         ValueError,
-        "^y has 3 columns of counts, but there are 2 levels: give one column a level",
+        "^y has 3 columns of counts, but there are 2 levels: give one column per level",
         fitting(levels=[1, 2]),
     ),
     "counts with columns of other levels": (
@@ -1546,7 +1546,7 @@ FUNCTION_CASES = [
             ),
             (
                 "a trial less",
-                "^y_true has 12 trials, but y_proba has 11; give one row a trial",
+                "^y_true has 12 trials, but y_proba has 11; give one row per trial",
                 PROBA[1:],
             ),
             ("one dimension", "Expected 2D array, got 1D .*Reshape", PROBA[0]),
@@ -1686,7 +1686,7 @@ FUNCTION_CASES = [
         (
             "a rating outside levels",
             ValueError,
-            r"^ratings has the rating 3, .* levels=\[1, 2\]; add it to levels or mend",
+            r"^ratings has the rating 3 in row 1, .* levels=\[1, 2\]; add it to",
             lambda _: call(rating_counts, [1, 3], ["a", "b"], levels=[1, 2]),
         ),
     ),
@@ -2357,7 +2357,7 @@ PLOT_CASES = [
         (
             "a negative sampling rate",
             ValueError,
-            "^sampling_rate=-100 must be a positive number of samples a second",
+            "^sampling_rate=-100 must be a positive number of samples per second",
             lambda _: call(
                 SignalsDisplay.from_trials, {"pac": TRIALS[0]}, sampling_rate=-100
             ),
@@ -2395,7 +2395,7 @@ PLOT_CASES = [
             (
                 "a sampling rate of 0",
                 ValueError,
-                "^sampling_rate=0 must be a positive number of samples a second",
+                "^sampling_rate=0 must be a positive number of samples per second",
                 lambda _, d=display: call(
                     d.from_estimator,
                     fitted_to_trials("KSVDTransformer(window)"),
@@ -2565,7 +2565,7 @@ HDF5_CASES = cases(
         for given, message, value in [
             (
                 "a sensor of other rows",
-                r"has shape \(8,\); it must be \(9,\), a row for each state",
+                r"has shape \(8,\); it must be \(9,\), one row per state",
                 np.ones(8),
             ),
             ("a sensor of two columns", r"has shape \(9, 2\)", np.ones((9, 2))),

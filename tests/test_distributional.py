@@ -23,12 +23,12 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     DummyDistribution,
 )
+from sklearn_haptic._distributions import quantile_grid
 from sklearn_haptic._folds import validation_split
 from sklearn_haptic.model_selection import cross_val_predict_proba
 from sklearn_haptic.models._decoding import decide
 from sklearn_haptic.models._quantile_positions import (
     population_quadrature,
-    quantile_grid,
     share_below,
     training_observations,
     unit_gauss_legendre,

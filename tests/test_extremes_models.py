@@ -22,7 +22,7 @@ from sklearn.utils._testing import ignore_warnings
 
 import sklearn_haptic.models._nnpom
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, DummyDistribution
-from sklearn_haptic._distributions import _level_index
+from sklearn_haptic._distributions import level_at
 from sklearn_haptic.metrics import (
     dispersion,
     earth_movers_distance,
@@ -760,7 +760,7 @@ def test_inverse_cdf_of_a_million_million_raters(counts, i):
     below = [*accumulate(counts)]
     rank = Fraction(i, 100) * below[-1]
     exact = next(k for k, b in enumerate(below) if b >= rank and counts[k])
-    assert _level_index(np.array([counts]), np.array([i / 100]))[0, 0] == exact
+    assert level_at(np.array([counts]), np.array([i / 100]))[0, 0] == exact
 
 
 @pytest.mark.parametrize("unit", [TINY, 1e-300, 1e300])

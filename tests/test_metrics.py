@@ -13,7 +13,7 @@ from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic._distributions import _macro_mae
+from sklearn_haptic._distributions import macro_error
 from sklearn_haptic.metrics import (
     dispersion,
     earth_movers_distance,
@@ -408,9 +408,9 @@ def test_macro_mae_of_level_indices_by_hand():
     level = np.array([[0, 0, 1, 1], [3, 0, 0, 0]])
     # trial 0: level 0 errs (0 + 1) / 2, level 1 errs (0 + 1) / 2: mean 0.5
     # trial 1: level 3 errs 3, level 0 errs 0: mean 1.5
-    assert _macro_mae(predicted, level).tolist() == [0.5, 1.5]
+    assert macro_error(predicted, level).tolist() == [0.5, 1.5]
     counted = np.array([[True] * 4, [False, True, True, True]])
-    assert _macro_mae(predicted, level, counted).tolist() == [0.5, 0]
+    assert macro_error(predicted, level, counted).tolist() == [0.5, 0]
 
 
 def test_sorting_never_increases_the_mean_error_but_can_increase_the_macro_mae():
@@ -427,7 +427,7 @@ def test_sorting_never_increases_the_mean_error_but_can_increase_the_macro_mae()
                 ]
                 errors.append(sum(error))
                 macro.append(np.mean(by_level))
-                assert _macro_mae(np.array([each]), np.array([true]))[0] == (
+                assert macro_error(np.array([each]), np.array([true]))[0] == (
                     pytest.approx(macro[-1])
                 )
             assert errors[1] <= errors[0]
@@ -435,5 +435,5 @@ def test_sorting_never_increases_the_mean_error_but_can_increase_the_macro_mae()
     assert worse > 0
     true = np.array([[2] * 8 + [4] * 91])  # of the counts 0, 0, 1, 0, 11
     predicted = np.array([[2] * 8 + [0] * 91])
-    assert _macro_mae(predicted, true)[0] == 2
-    assert _macro_mae(np.sort(predicted), true)[0] == pytest.approx(2.912, abs=1e-3)
+    assert macro_error(predicted, true)[0] == 2
+    assert macro_error(np.sort(predicted), true)[0] == pytest.approx(2.912, abs=1e-3)

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 from scipy.stats import rankdata, spearmanr
 
-from sklearn_haptic._distributions import _level_index
+from sklearn_haptic._distributions import level_at
 from sklearn_haptic.ratings import (
     _holm,
     adjective_correlation,
@@ -235,7 +235,7 @@ def test_inverse_cdf_equals_exact_fractions():
         counts = rng.multinomial(n_raters, rng.dirichlet(np.full(5, 0.4), size=20))
         expected = [[exact_level(row, p) for p in positions] for row in counts]
         p = [float(position) for position in positions]
-        assert _level_index(counts, np.array(p)).tolist() == expected
+        assert level_at(counts, np.array(p)).tolist() == expected
         assert (inverse_cdf(counts, p) - 1).tolist() == expected
 
 
@@ -250,13 +250,13 @@ def test_every_split_of_the_raters_is_exact_on_the_99_grid(n_raters, as_proporti
     counts = np.hstack([low, n_raters - low])
     if as_proportions:
         counts = counts / n_raters
-    np.testing.assert_array_equal(_level_index(counts, i / 100), expected)
+    np.testing.assert_array_equal(level_at(counts, i / 100), expected)
 
 
-def test_level_index_takes_positions_for_each_row():
+def test_level_at_takes_positions_for_each_row():
     counts = np.array([[1, 1, 2], [0, 5, 5]])
     p = np.array([[0.25, 0.26], [0.5, 0.51]])
-    assert _level_index(counts, p).tolist() == [[0, 1], [1, 2]]
+    assert level_at(counts, p).tolist() == [[0, 1], [1, 2]]
 
 
 @pytest.mark.parametrize("scale", [1e-300, 1e-12, 1.0, 1e12, 1e300])

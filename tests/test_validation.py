@@ -10,14 +10,9 @@ import pytest
 from scipy import sparse
 
 from sklearn_haptic._check_ratings import check_ratings
-from sklearn_haptic._check_trials import (
-    channel_names,
-    check_numbers,
-    check_trials,
-    is_table,
-)
+from sklearn_haptic._check_trials import channel_names, check_trials, is_table
 from sklearn_haptic._sequences import Sequences, row_index
-from sklearn_haptic._validation import check_sparsity
+from sklearn_haptic._validation import check_numbers, check_sparsity
 
 TRIAL = np.arange(6.0).reshape(3, 2)
 RAGGED = [TRIAL, TRIAL[:2]]

@@ -1,9 +1,9 @@
-"""How a crowd of people rates what an object feels like.
+"""Simulated people who rate how objects feel.
 
-Each person perceives six qualities of an object, imperfectly, and turns them into
-ten ratings from 1 to 5 with habits of their own. With normal errors throughout,
-the distribution of ratings in the whole population is a cumulative probit model
-and is known exactly.
+Each person perceives six qualities of an object, imperfectly, and turns them into ten
+ratings from 1 to 5 with habits of their own. All errors are normal, so the
+distribution of ratings in the whole population is known exactly: it is a cumulative
+probit model.
 """
 
 import numpy as np
@@ -13,8 +13,8 @@ PERCEPTS = ("firm", "rough", "slick", "cold", "lively", "tacky")
 LEVELS = np.arange(1, 6)
 _CUTS = LEVELS[:-1] + 0.5
 
-# Per adjective: mean rating of an average object; rating points for one standard
-# deviation of each percept, in the order of PERCEPTS; sd of a person's own error.
+# Per adjective: mean rating of an average object; rating points per standard deviation
+# (sd) of each percept, in the order of PERCEPTS; sd of a person's error.
 _ADJECTIVES = {
     "hard": (3.0, (2.2, 0, 0, 0, 0, 0), 0.35),
     "soft": (2.5, (-1.7, -0.7, 0, 0, 0, 0), 0.45),
@@ -31,14 +31,14 @@ ADJECTIVES = tuple(_ADJECTIVES)
 _MEANS = np.array([mean for mean, _, _ in _ADJECTIVES.values()])
 _LOADINGS = np.array([loading for _, loading, _ in _ADJECTIVES.values()], float).T
 _ERRORS = np.array([error for _, _, error in _ADJECTIVES.values()])
-# Sd of one person's perception of each percept, in units of its own sd.
+# Sd of one person's perception of each percept, in units of the percept's sd.
 _PERCEPTION = np.array([0.25, 0.4, 0.4, 0.35, 0.7, 0.4])
 _BIAS = 0.3  # sd of a person's shift of an adjective's ratings
 _STRETCH = 0.15  # sd of a person's relative use of the scale about its middle
 
 
 def population(percepts):
-    """Return the distribution of ratings over all people who might be asked.
+    """Return the distribution of ratings in the whole population.
 
     Parameters
     ----------

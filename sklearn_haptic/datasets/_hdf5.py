@@ -1,9 +1,9 @@
-"""Reading HDF5 files with care: nothing outside the file, nothing but plain data.
+"""Safe reading of HDF5 files: plain data only, and nothing outside the file.
 
 An HDF5 file can point at other files (external links, external storage, virtual
 datasets), hold types that stand for objects, and declare far more values than it has
-bytes. None of this has a place in a corpus of recordings, so all is refused before
-anything is read, and every failure says where it happened.
+bytes. None of this belongs in a corpus of recordings, so it is refused before anything
+is read. Every error says where it happened.
 """
 
 import math
@@ -12,17 +12,17 @@ import zlib
 from contextlib import contextmanager
 from pathlib import Path
 
-# A byte of a file may stand for so many bytes of values: recordings stored as int64 and
-# compressed by gzip take a thirteenth, temperature alone a seventieth. What compresses
-# better is read too, as long as it is small.
+# Most bytes of values per byte of a file. Recordings stored as int64 and compressed by
+# gzip reach 13, temperature alone 70. Values that compress better are read only up to
+# SMALL bytes.
 _LARGEST_RATIO = 100
 SMALL = 2**28
-# No stream of deflate stands for more.
+# The most that the deflate algorithm can reach.
 _LARGEST_DEFLATE_RATIO = 1032
 
 
 def read_start(path, n_bytes):
-    """Return the first bytes of a file, all of them for -1; errors name the file."""
+    """Return the first bytes of a file, or all for -1; errors name the file."""
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"There is no file {path}; give the path of one.")
@@ -30,13 +30,13 @@ def read_start(path, n_bytes):
         with open(path, "rb") as file:
             return file.read(n_bytes)
     except OSError as error:
-        error.filename = str(path)  # which a disk that fails does not tell
+        error.filename = str(path)  # missing if the disk fails
         raise
 
 
 @contextmanager
 def open_hdf5(path):
-    """Open an HDF5 file for reading; it is closed whatever happens.
+    """Open an HDF5 file for reading, and close it in any case.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def open_hdf5(path):
         raise ImportError(
             f"Reading {path} requires h5py; install it with `pip install h5py`."
         ) from error
-    read_start(path, 1)  # whose errors are clear
+    read_start(path, 1)  # for its clear errors
     if not h5py.is_hdf5(path):
         raise OSError(f"{path} is not an HDF5 file; give one, or download it again.")
     try:
@@ -68,7 +68,7 @@ def open_hdf5(path):
 
 
 def names_in(group):
-    """Return the names of a group's children, none of which is opened."""
+    """Return the names of a group's children without opening them."""
     with _reading(group):
         names = list(group)
         if not all(isinstance(name, str) for name in names):
@@ -77,7 +77,7 @@ def names_in(group):
 
 
 def read_attribute(node, name):
-    """Return a scalar attribute of a group or dataset, None if it has none of the name.
+    """Return a scalar attribute of a group or dataset, or None if there is none.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def get_node(group, path):
 
 
 def dtype_of(node):
-    """Return the type of a dataset's values; nothing else has one."""
+    """Return the data type of a dataset; refuse any other node."""
     from h5py import Dataset
 
     if not isinstance(node, Dataset):
@@ -139,12 +139,12 @@ def dtype_of(node):
 
 
 def check_stored(node, dtype_kinds):
-    """Refuse all but a dataset whose values are in its file and of some kind.
+    """Check that a node is a dataset, with values of given kinds in its own file.
 
     Parameters
     ----------
     node : h5py.Dataset
-        What is about to be read.
+        Dataset to be read.
     dtype_kinds : str
         The NumPy kind codes that are accepted, ``"iuf"`` for real numbers.
 
@@ -187,20 +187,20 @@ def check_stored(node, dtype_kinds):
 
 
 def _check_chunks(dataset, size):
-    """Refuse chunks that hold more than their ``size``: HDF5 makes room for it all."""
+    """Refuse chunks larger than ``size``, for which HDF5 would allocate memory."""
     with _reading(dataset):
         chunks = []
         dataset.id.chunk_iter(chunks.append)
         for chunk in chunks:
             if chunk.size * _LARGEST_DEFLATE_RATIO > SMALL:
                 _, data = dataset.id.read_direct_chunk(chunk.chunk_offset)
-                checksums = 64  # room for them
+                checksums = 64  # more than they take
                 if len(_inflate(data, size + checksums)) > size + checksums:
                     raise ValueError("a chunk holds more than its values")
 
 
 def _inflate(data, limit):
-    """Decompress until there is more than a limit; what is no stream is empty."""
+    """Decompress to one byte beyond a limit at most; nothing if it is no stream."""
     try:
         return zlib.decompressobj().decompress(data, limit + 1)
     except zlib.error:
@@ -208,17 +208,17 @@ def _inflate(data, limit):
 
 
 def largest_expansion(path, small=SMALL):
-    """Return the most bytes of values that are read from a file."""
+    """Return how many bytes of values may be read from a file."""
     return max(small, _LARGEST_RATIO * os.path.getsize(path))
 
 
 def check_expansion(node, n_bytes, small=SMALL):
-    """Refuse to read far more bytes than the file of a node can stand for.
+    """Refuse to read far more bytes than the file of a node can plausibly hold.
 
     Raises
     ------
     OSError
-        If they are more than `largest_expansion` of the file.
+        If they exceed `largest_expansion` of the file.
     """
     if n_bytes <= small:
         return
@@ -232,7 +232,7 @@ def check_expansion(node, n_bytes, small=SMALL):
 
 
 def read_rows(dataset, rows=slice(None)):
-    """Return some rows of a dataset as an array, whose size is checked before."""
+    """Return some rows of a dataset as an array, after a check of their size."""
     with _reading(dataset):
         n_rows = len(range(*rows.indices(len(dataset))))
         n_values = n_rows * math.prod(dataset.shape[1:])
@@ -242,7 +242,7 @@ def read_rows(dataset, rows=slice(None)):
 
 
 def read_references(dataset):
-    """Return what an array of references points at, in its order."""
+    """Return the nodes that an array of references points at, in its order."""
     import h5py
 
     check_stored(dataset, "O")
@@ -266,7 +266,7 @@ def _reading(node, child=None):
 
 
 def _unreadable(place, error):
-    """Return the error that says why something cannot be read, and the mend."""
+    """Return an error that says why something cannot be read, and the remedy."""
     if isinstance(error, MemoryError):
         reason = "it takes more memory than there is; ask for fewer trials or sensors."
     elif isinstance(error, BlockingIOError) or "open for write" in str(error):

@@ -1,8 +1,8 @@
-"""MATLAB files of versions 5 to 7, read without believing what their tags say.
+"""Safe reading of MATLAB files of versions 5 to 7, which does not trust their tags.
 
-Every size in a file is compared with what holds it, and a variable that is not asked
-for is not decompressed. SciPy's reader does neither: a file that is damaged can make it
-end the process, and a small one can make it fill the memory.
+Every size in a file is compared with that of its container, and only the variables
+asked for are decompressed. SciPy's reader does neither: a damaged file can make it end
+the process, and a small one can make it fill the memory.
 
 References
 ----------
@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 _HEADER_SIZE = 128
-_HEAD_SIZE = 4096  # of a variable: more than its class, dimensions and name take
+_HEAD_SIZE = 4096  # more than the class, dimensions and name of a variable take
 _INT8, _INT32, _UINT32, _MATRIX, _COMPRESSED = 1, 5, 6, 14, 15
 _NUMBERS = {
     **{1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4"},
@@ -40,14 +40,14 @@ class Variable(NamedTuple):
 
     name: str
     matlab_class: str
-    """Of MATLAB; "complex double" and the like are classes of their own."""
+    """Class in MATLAB; "complex double" and the like are separate classes."""
     shape: tuple[int, ...]
     read: Callable[[], Any]
-    """Return numbers as an array, texts as a list, of anything else None."""
+    """Return numbers as an array, texts as a list, anything else as None."""
 
 
 def list_mat5(data, limit):
-    """Yield the variables of a file, each field of a struct as one.
+    """Yield the variables of a file; each field of a struct counts as one.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def list_mat5(data, limit):
     Yields
     ------
     variable : Variable
-        Numbers and text are decompressed when they are read, a struct at once.
+        Numbers and text are decompressed when they are read, structs immediately.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def list_mat5(data, limit):
 
 
 def _elements(data, order, *, padded=True):
-    """Yield type and content of each element in turn."""
+    """Yield the type and content of each element."""
     start = 0
     while start < len(data):
         kind, size = struct.unpack_from(f"{order}II", data, start)
@@ -125,9 +125,9 @@ def _inflate(content, size, limit):
 
 
 def _list_matrix(head, load, order, name=None):
-    """Yield a variable, or the fields of a struct, of which the first bytes are given.
+    """Yield a variable, or the fields of a struct, given its first bytes.
 
-    ``load()`` returns all of its bytes. A field has its name from the struct.
+    ``load()`` returns all its bytes. The name of a field comes from the struct.
     """
     matlab_class, shape, own_name = _read_head(head, order)
     name = own_name if name is None else name
@@ -167,7 +167,7 @@ def _as_name(kind, name):
 
 
 def _read_matrix(load, order):
-    """Return the numbers of an array or its rows of text, None of any other class."""
+    """Return the numbers or rows of text of an array; None for any other class."""
     content = load()
     if len(content) == 0:
         return np.empty((0, 0))
@@ -213,12 +213,12 @@ def _list_struct(content, order, name):
 
 
 def rows_of_text(units):
-    """Return the rows of a character matrix of UTF-16, less blanks around them.
+    """Return the rows of a character matrix of UTF-16, stripped of blanks.
 
     Parameters
     ----------
     units : ndarray of shape (n_rows, n_columns)
-        Characters; any array of another number of axes is no text.
+        Characters; an array with another number of axes is not text.
 
     Returns
     -------
@@ -239,7 +239,7 @@ def rows_of_text(units):
 
 
 def join_cells(cells):
-    """Return the texts of cells of one row each, None if any is something else."""
+    """Return the texts of cells of one row each, or None if any is something else."""
     texts = []
     for cell in cells:
         if not isinstance(cell, list) or len(cell) > 1:

@@ -96,8 +96,8 @@ def load_phac2(
         The HDF5 file of trials, ``phac_train_test_pos_neg_90_10_1_20.h5`` or
         another of the same layout.
     procedure : {"squeeze", "hold", "slow_slide", "fast_slide"}, default="hold"
-        The exploratory procedure: the rows during which the controller was in its
-        state. If the state recurs, its stretches are joined.
+        The exploratory procedure, whose rows are those in which the controller was in
+        its state. If the state recurs, its stretches are joined.
     sensors : array-like of str, default=None
         Some of ``"pac"``, ``"pdc"``, ``"tac"``, ``"tdc"`` and ``"electrodes"``, in
         the order of the columns wanted; by default all, in this order.
@@ -108,17 +108,17 @@ def load_phac2(
         The MATLAB file of ratings, of version 5, 7 or 7.3. Its variables are found by
         shape: one numeric array with axes objects, 10 adjectives, and raters (ratings
         1 to 5; 0 or NaN if missing) or 5 levels (counts), in any order. A cell array
-        of ten names gives the order of the adjectives, else it is taken to be
-        hard, soft, rough, smooth, slippery, sticky, cold, warm, moldable, springy;
-        a vector of ids gives that of the objects, else ids ascend. A warning says
-        which order was assumed.
+        of ten names gives the order of the adjectives, by default hard, soft, rough,
+        smooth, slippery, sticky, cold, warm, moldable, springy; a vector of ids gives
+        the order of the objects, by default ascending. A warning says which order was
+        assumed.
     remove_baseline : bool, default=True
         Subtract from each channel its mean at rest in the same trial: over the rows
         in which the arm moves to its start, or rows 100 to 109 if there are none.
-        The level at rest differs by finger and drifts over the day. In temperature
-        it drifts by ten times what contact adds, and as the trials of one object
-        are recorded together it can give the object away. Signs are kept: nothing
-        is negated, unlike in the code of the corpus's authors.
+        The level at rest differs between fingers and drifts over the day. That of
+        temperature drifts by ten times what contact adds and, as the trials of an
+        object are recorded together, can give the object away. Signs are kept, unlike
+        in the code of the corpus's authors, which negates.
 
     Returns
     -------
@@ -126,11 +126,12 @@ def load_phac2(
         Dictionary-like object with attributes:
 
         trials : DataFrame of shape (n_trials, n_sensors)
-            A row a trial, a column a sensor, the index the trials' names. Each cell
+            One row per trial, named by the index, and one column per sensor. Each cell
             is a float32 array in counts of the 12-bit converter, with n frames of
-            10 ms: pac ``(22 * n, 2)``; pdc, tac and tdc ``(n, 2)``, a column a finger;
-            electrodes ``(n, 38)``, the 19 of finger 0, then those of finger 1. Of
-            trials with a single finger, ``(22 * n, 1)``, ``(n, 1)`` and ``(n, 19)``.
+            10 ms: pac ``(22 * n, 2)``; pdc, tac and tdc ``(n, 2)``, with one column per
+            finger; electrodes ``(n, 38)``, the 19 of finger 0, then those of finger 1.
+            With a single finger, the shapes are ``(22 * n, 1)``, ``(n, 1)`` and
+            ``(n, 19)``.
         objects : ndarray of shape (n_trials,)
             The id of each trial's object, for grouped cross-validation.
         object_names : ndarray of shape (n_trials,)
@@ -139,15 +140,15 @@ def load_phac2(
             For each adjective, how many people gave each trial's object each level.
             Empty without ``ratings_path``.
         rater_ratings : DataFrame of shape (n_rated, 10) or None
-            Each person's ratings, a row for each object and person who rated it, a
-            column an adjective, NaN where a rating is missing. The index has the
-            object's id and the person's place in the file, from 1; whether this is
-            the same person for two objects, only the file's authors know. None
-            without ``ratings_path`` or if the file holds counts only.
+            Each person's ratings: one row per object and person who rated it, one
+            column per adjective, NaN where a rating is missing. The index has the
+            object's id and the person's place in the file, from 1; only the file's
+            authors know whether a place means the same person for two objects. None
+            without ``ratings_path``, or if the file holds counts only.
         levels : ndarray of shape (5,)
             The levels 1 to 5.
         sampling_rates : dict of str to int
-            Samples a second of each sensor.
+            Samples per second of each sensor.
         DESCR : str
             What the corpus is and where it comes from.
 
@@ -158,10 +159,10 @@ def load_phac2(
     FileNotFoundError
         If a file is missing.
     OSError
-        If a file is not of its format, is cut short or damaged, or is being written by
-        another process; if it declares values that it does not hold; if what is asked
-        for takes more memory than there is, or more than 100 bytes for each byte of the
-        file and more than 256 MiB (64 MiB of ratings).
+        If a file is not of its format, is cut short or damaged, is being written by
+        another process, or declares values that it does not hold; if the result takes
+        more memory than there is, or both more than 100 times the size of the file and
+        more than 256 MiB (64 MiB for ratings).
     ValueError
         If a name is unknown; if a trial lacks the procedure or a sensor, or holds
         data of another shape or type; if some trials have one finger and others two;
@@ -171,8 +172,8 @@ def load_phac2(
     Notes
     -----
     The published files have the MD5 sums ``1817bda104b97167b93f80d920f0afa3`` (trials)
-    and ``8212ded8c50401787c684b46a7b86860`` (ratings). Damage to the
-    structure of a file is noticed; of values without a checksum only the sum can tell.
+    and ``8212ded8c50401787c684b46a7b86860`` (ratings). Damage to the structure of a
+    file is noticed; damage to values without a checksum shows only in these sums.
 
     References
     ----------
@@ -259,7 +260,7 @@ def _parse_trial_names(file):
 
 
 def _fingers(trial):
-    """Return which fingers a trial has: both, or the one there is."""
+    """Return the fingers that a trial has, one or both."""
     biotacs = get_node(trial, "biotacs")
     there = names_in(biotacs) if hasattr(biotacs, "keys") else []
     return [finger for finger in FINGERS if finger in there] or FINGERS[:1]
@@ -320,7 +321,7 @@ def _read_finger(trial, finger, sensor, n_frames, rows, rest):
     width = n_samples * n_channels
     shape = (n_frames, width) if width > 1 else (n_frames,)
     if dataset.shape != shape:
-        raise ValueError(_shape_error(dataset, f"{shape}, a row for each state"))
+        raise ValueError(_shape_error(dataset, f"{shape}, one row per state"))
     signal = _read_stretches(dataset, rows).reshape(-1, n_channels)
     if rest is not None:
         signal = signal - _read_stretches(dataset, rest).reshape(-1, n_channels).mean(0)

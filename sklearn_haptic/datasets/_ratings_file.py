@@ -1,8 +1,8 @@
-"""Ratings of objects from a MATLAB file whose variables' names are not known.
+"""Ratings of objects from a MATLAB file whose variables have unknown names.
 
-The variables are told apart by shape and content: one array of objects × adjectives ×
-raters or levels, in any order of axes; perhaps the adjectives' names; perhaps the
-objects' ids. Whatever could be read in two ways is an error.
+The variables are recognised by shape and content: one array of objects × adjectives ×
+raters or levels, in any order of axes; optionally the names of the adjectives and the
+ids of the objects. What could be read in two ways is an error.
 """
 
 import math
@@ -41,9 +41,9 @@ ADJECTIVES = (
     *("sticky", "cold", "warm", "moldable", "springy"),
 )
 LEVELS = np.arange(1, 6)
-# A longer vector is none of objects.
+# A longer vector does not hold the ids of objects.
 _MOST_OBJECTS = 10**6
-# Bytes of values that a file of any size may hold.
+# So many bytes of values are read from a file of any size.
 _SMALL = 2**26
 
 
@@ -126,7 +126,7 @@ def read_ratings(path, known_objects, objects):
 def _rater_ratings(array, ids, names):
     """Return a table of the ratings (n_objects, n_adjectives, n_raters).
 
-    Whoever rated an object on no adjective has no row for it.
+    People who rated an object on no adjective have no row for it.
     """
     n_raters = array.shape[2]
     answers = np.where(np.isin(array, LEVELS), array, np.nan)
@@ -173,11 +173,11 @@ def _find_array(path, variables, n_objects):
 
 
 def _kinds(array):
-    """Tell whether an array (objects, adjectives, ?) may be ratings or counts.
+    """List what an array (objects, adjectives, ?) may be: ratings, counts, both, none.
 
-    Five raters and five levels look alike where nothing exceeds 5. Counts without a
-    single 0 are believed only if all totals are equal, and then the array may be
-    either; with a 0 somewhere and equal totals it is counts.
+    Ratings by five people and counts of five levels look alike if no value exceeds 5.
+    Without any 0, the array holds ratings, or possibly counts if all totals are equal.
+    With a 0 it may hold counts, and holds them for certain if all totals are equal.
     """
     missing = np.isnan(array)
     values = array[~missing]
@@ -198,12 +198,12 @@ def _kinds(array):
 
 
 def _count_levels(ratings):
-    """Count the levels along the last axis; whatever is no level is missing."""
+    """Count the levels along the last axis; other values are missing."""
     return np.stack([(ratings == level).sum(axis=-1) for level in LEVELS], axis=-1)
 
 
 def _find_ids(path, variables, known_objects):
-    """Return the vector of distinct integers most of which are ids of the corpus."""
+    """Return the vector of distinct integers that are mostly ids of the corpus."""
     vectors = {}
     for name, matlab_class, shape, read in variables:
         size = math.prod(shape)
@@ -231,7 +231,7 @@ def _find_ids(path, variables, known_objects):
 
 
 def _find_adjectives(path, variables):
-    """Return the ten names of adjectives, in small letters."""
+    """Return the ten names of adjectives, in lower case."""
     n = len(ADJECTIVES)
     lists = {}
     for name, matlab_class, shape, read in variables:
@@ -260,7 +260,7 @@ def _listing(variables):
 
 @contextmanager
 def _open_variables(path):
-    """Give the variables of a file, which is open as long as they may be read."""
+    """Yield the variables of a file, which stays open while they may be read."""
     if read_start(path, 10) == b"MATLAB 7.3":
         with open_hdf5(path) as file:
             yield list(_list_hdf5(file))

@@ -1,8 +1,8 @@
-"""A haptic corpus made on the spot, of the shape and statistics of PHAC-2.
+"""A generated haptic corpus of the shape and statistics of PHAC-2.
 
-Objects of eight materials have latent properties. Those properties drive both
-what the robot's sensors record (:mod:`._touch`) and, with a share that no robot
-can feel, how people rate the objects (:mod:`._crowd`).
+Objects of eight materials have latent properties. These drive what the robot's
+sensors record (:mod:`._touch`) and, together with a share that no robot can feel, how
+people rate the objects (:mod:`._crowd`).
 """
 
 from numbers import Integral
@@ -23,9 +23,9 @@ from ._crowd import (
 from ._phac2 import FRAME_RATE, SENSORS, Procedure
 from ._touch import PROCEDURES, draw_conditions, touch
 
-# Per material: first digit of its ids, share of the objects, then the middle of
-# its compression beyond that of the finger itself (mm) and the sd of its log,
-# relaxation, conduction, roughness, friction and liveliness.
+# Per material: first digit of its ids, share of the objects, median compression beyond
+# that of the finger itself (mm) and standard deviation of its logarithm, relaxation,
+# conduction, roughness, friction and liveliness.
 _MATERIALS = {
     "foam": (1, 16, 10.0, 0.40, 0.240, 0.08, 0.2, 0.65, 0.8),
     "plastic": (2, 13, 1.9, 0.90, 0.030, 0.52, -0.4, 0.38, 0.0),
@@ -42,17 +42,17 @@ _TANGIBLE = np.array([0.97, 0.8, 0.7, 0.9, 0.6, 0.0])
 _DESCR = """Synthetic haptic corpus
 =======================
 
-{n_objects} objects touched {n_trials} times each ({procedure}), rated by {n_raters}
-people an object on ten adjectives from 1 to 5. Signals are counts above rest of two
+{n_objects} objects touched {n_trials} times each ({procedure}), each rated by
+{n_raters} people on ten adjectives from 1 to 5. Signals are counts above rest of two
 BioTac fingers, finger 0 first; nothing was recorded. The statistics follow those
 published for PHAC-2 (Chu et al. 2015, https://doi.org/10.1016/j.robot.2014.09.021;
 Richardson and Kuchenbecker 2020, https://doi.org/10.3389/fnbot.2019.00116).
 
-trials        a row a trial, a column a sensor
+trials        one row per trial, one column per sensor
 objects       object id of each trial
 object_names  name of each trial's object
-ratings       adjective -> how many people chose each level, a row a trial
-rater_ratings each person's ratings, a row for each object and person
+ratings       adjective -> how many people chose each level, per trial
+rater_ratings each person's ratings, one row per object and person
 true_proba    adjective -> probability of each level in the whole population
 properties    latent properties of each object
 """
@@ -80,19 +80,19 @@ def make_haptic_corpus(
 ) -> Bunch:
     """Generate a corpus of robotic touches of objects and of people's ratings.
 
-    A stand-in of the shape and statistics of PHAC-2, for when its recordings are
-    not at hand. Latent properties of each object (compliance, heat conduction,
-    texture, friction, ...) drive both the signals of five sensors in each of two
-    BioTac fingers and a crowd's ratings on ten adjectives. What the robot can feel
-    tells much of hardness and cold, and little of texture, as in the real corpus.
+    The corpus has the shape and statistics of PHAC-2 and stands in for it where its
+    recordings are not at hand. Latent properties of each object (compliance, heat
+    conduction, texture, friction, …) drive both the signals of five sensors in each of
+    two BioTac fingers and a crowd's ratings on ten adjectives. As in the real corpus,
+    the robot can feel much of hardness and cold, and little of texture.
 
     Parameters
     ----------
     n_objects : int, default=60
         Number of objects, of eight materials in the shares of PHAC-2.
     n_trials : int, default=10
-        How many times the robot touches each object. No trial depends on how many
-        follow.
+        How many times the robot touches each object. A trial does not depend on the
+        number of trials.
     procedure : {"squeeze", "hold", "slow_slide", "fast_slide"}, default="hold"
         The exploratory procedure. With one seed, all procedures have the same
         objects, trials and ratings.
@@ -101,8 +101,8 @@ def make_haptic_corpus(
         the order of the columns wanted; by default all, in this order. The signals
         of a sensor do not depend on which others are asked for.
     n_raters : int, default=12
-        How many people rate each object. Three groups of so many people rate a third
-        of the objects each.
+        How many people rate each object. There are three groups of people, each of
+        which rates a third of the objects.
     random_state : int, RandomState instance or None, default=None
         Seed of objects, touches and ratings. Pass an int for the same corpus in
         every call.
@@ -114,25 +114,25 @@ def make_haptic_corpus(
         :func:`~sklearn_haptic.datasets.load_phac2` and the truth behind them:
 
         trials : DataFrame of shape (n_objects * n_trials, n_sensors)
-            A row a trial, a column a sensor, the index the trials' names. Each cell
+            One row per trial, named by the index, and one column per sensor. Each cell
             is a float32 array in counts of the 12-bit converter above rest, with n
-            frames of 10 ms: pac ``(22 * n, 2)``; pdc, tac and tdc ``(n, 2)``, a
-            column a finger; electrodes ``(n, 38)``, the 19 of finger 0, then those
+            frames of 10 ms: pac ``(22 * n, 2)``; pdc, tac and tdc ``(n, 2)``, one
+            column per finger; electrodes ``(n, 38)``, the 19 of finger 0, then those
             of finger 1.
         objects : ndarray of shape (n_objects * n_trials,)
             The id of each trial's object, for grouped cross-validation.
         object_names : ndarray of shape (n_objects * n_trials,)
-            The material of each trial's object, as its name.
+            The material of each trial's object, which is its name.
         ratings : dict of str to ndarray of shape (n_objects * n_trials, 5)
             For each adjective, how many people gave each trial's object each level.
         levels : ndarray of shape (5,)
             The levels 1 to 5.
         sampling_rates : dict of str to int
-            Samples a second of each sensor.
+            Samples per second of each sensor.
         rater_ratings : DataFrame of shape (n_objects * n_raters, 10)
-            Each person's ratings, a row for each object and person, with both in the
-            index; ``ratings`` counts them. Persons of one number who rated objects of
-            different groups are different persons.
+            Each person's ratings, one row per object and person, with both in the
+            index; ``ratings`` counts them. A number stands for different people in the
+            three groups.
         true_proba : dict of str to ndarray of shape (n_objects * n_trials, 5)
             For each adjective, the probability of each level in the population of
             which the raters are a sample.
@@ -161,8 +161,8 @@ def make_haptic_corpus(
     hardly anything is sticky, and Spearman's correlations of all single ratings.
     Over eight seeds these are on average −.75 for hard–soft (published: −.71), −.70
     for rough–smooth (−.64), −.35 for cold–warm (−.30), .72 for moldable–springy (.70)
-    and within .04 of 0 for sticky. All other correlations, and how people who rate
-    one object differ (who calls it harder calls it less soft: −.28), are guesses.
+    and within .04 of 0 for sticky. All other correlations are guesses, and so is how
+    people differ on one object (those who call it harder call it less soft: −.28).
 
     References
     ----------
@@ -236,7 +236,7 @@ def make_haptic_corpus(
 
 
 def _draw_properties(n_objects, rng):
-    """Draw the properties of objects, materials in their shares and in order of id."""
+    """Draw the properties of objects, ordered by id, with materials in their shares."""
     table = np.array(list(_MATERIALS.values()))
     ends = np.cumsum(table[:, 1]) / table[:, 1].sum()
     which = np.searchsorted(ends, (np.arange(n_objects) + 0.5) / n_objects)
@@ -281,7 +281,7 @@ def _percepts(properties, rng):
 
 
 def _touch_once(material, procedure, sensors, trial):
-    """Simulate one trial; its streams depend on nothing but seed, object and run."""
+    """Simulate one trial, whose random streams depend on seed, object and run alone."""
     conditions = draw_conditions(np.random.default_rng([*trial, 2]))
     at = 3 + PROCEDURES.index(procedure)
 

@@ -1,11 +1,10 @@
-"""What two BioTac fingers record while a robot touches an object.
+"""Simulated recordings of two BioTac fingers while a robot touches an object.
 
-Pressure comes first: how the gripper loads the object gives the fluid pressure
-of each finger, and from it follow vibration (its rate of change, friction and
-the robot's own shaking), the deformation of the skin under the electrodes
-(normal load, then shear in a slide), and heat flow (contact conducts heat out of
-the warm finger). All functions are pure; levels are those of recordings of a PR2
-with BioTac fingers, after removal of the resting level.
+Pressure comes first: the load of the gripper gives the fluid pressure of each finger.
+From it follow vibration (rate of change, friction and the robot's own shaking), the
+deformation of the skin under the electrodes (normal load, then shear in a slide), and
+heat flow (contact conducts heat out of the warm finger). All functions are pure.
+Levels are those of recordings of a PR2 with BioTac fingers, above the level at rest.
 """
 
 import numpy as np
@@ -20,7 +19,7 @@ PAC_RATE = FRAME_RATE * PAC_PER_FRAME
 _REST = {"pac": 2040.0, "pdc": 830.0, "tac": 2040.0, "tdc": 1980.0, "electrodes": 3400}
 _NOISE = {"pdc": 0.3, "tac": 0.6, "tdc": 0.3, "electrodes": 0.5}
 
-# Pressure of a light and of a firm object, and trial-to-trial sd of its log.
+# Pressure of a light and of a firm object, and sd of its logarithm between trials.
 _GRIP = {
     "hold": (130.0, 370.0, 0.12),
     "slow_slide": (75.0, 260.0, 0.30),
@@ -28,8 +27,8 @@ _GRIP = {
 }
 # Mean and sd of the duration, in frames; that of a squeeze follows the compression.
 _FRAMES = {"hold": (1000, 0), "slow_slide": (500, 6), "fast_slide": (290, 45)}
-# The finger's history when the recording starts: how far heat flow and the cooling
-# of the skin have settled, and shares of a ten-second fall of temperature so far.
+# State of the finger when the recording starts: how far heat flow and the cooling of
+# the skin have settled, and which share of a ten-second fall of temperature is over.
 _HISTORY = {
     "squeeze": (0.0, 0.0, 0.1),
     "hold": (0.25, 0.1, 0.35),
@@ -75,9 +74,8 @@ def touch(material, conditions, procedure, sensors, stream):
     sensors : sequence of str
         Which of pac, pdc, tac, tdc and electrodes to simulate.
     stream : callable
-        ``stream(k)`` returns the k-th independent random generator of this
-        trial and procedure, so that no sensor depends on which others are
-        asked for.
+        ``stream(k)`` returns the k-th independent random generator of this trial and
+        procedure, so that no sensor depends on which others are asked for.
 
     Returns
     -------
@@ -98,7 +96,7 @@ def touch(material, conditions, procedure, sensors, stream):
 
 
 def draw_conditions(rng):
-    """Draw what differs between two trials of one object, in all procedures."""
+    """Draw what differs between the trials of an object, in all procedures."""
     share = rng.normal(scale=0.07)
     return {
         "grip": rng.normal(scale=0.1) + np.array([share, -share]),

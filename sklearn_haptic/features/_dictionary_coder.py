@@ -11,7 +11,7 @@ from sklearn.utils import check_array, check_random_state
 from sklearn.utils.random import sample_without_replacement
 from sklearn.utils.validation import check_is_fitted, check_memory
 
-from .._check_trials import channel_names, check_numbers, check_table
+from .._check_trials import channel_names
 from .._sequences import Sequences
 from .._sklearn import (
     DocumentedEstimator,
@@ -25,7 +25,7 @@ from .._sklearn import (
     fit_task,
     one_blas_thread,
 )
-from .._validation import check_sparsity
+from .._validation import check_numbers, check_sparsity, check_table
 from ._ksvd import initial_atoms, ksvd
 from ._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows
 

@@ -10,13 +10,7 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.callback import CallbackSupportMixin
 from sklearn.utils.validation import check_is_fitted, check_memory
 
-from .._check_trials import (
-    channel_names,
-    check_sequences,
-    check_table,
-    check_trials,
-    is_table,
-)
+from .._check_trials import channel_names, check_sequences, check_trials, is_table
 from .._sequences import Sequences, row_index
 from .._sklearn import (
     DocumentedEstimator,
@@ -32,6 +26,7 @@ from .._sklearn import (
     fit_task,
     one_blas_thread,
 )
+from .._validation import check_table
 
 
 def cell_bounds(n_items, n_cells, split="balanced"):

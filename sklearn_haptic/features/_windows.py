@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import check_array
 from sklearn.utils.validation import check_is_fitted
 
-from .._check_trials import check_numbers, check_trials, is_table, transposed_hint
+from .._check_trials import check_trials, is_table, transposed_hint
 from .._sequences import row_index
 from .._sklearn import Interval, Memory, Names, RandomState, Trials, _fit_context
+from .._validation import check_numbers
 from ._dictionary_coder import (
     _DictionaryCoder,
     _UnwrappedSequences,

@@ -22,7 +22,6 @@ from sklearn.utils import check_random_state, indexable
 from sklearn.utils.parallel import Parallel, delayed
 
 from .._check_ratings import check_ratings
-from .._check_trials import check_numbers
 from .._folds import make_splitter
 from .._sklearn import (
     CrossValidator,
@@ -32,7 +31,7 @@ from .._sklearn import (
     _safe_indexing,
     validate_params,
 )
-from .._validation import check_groups
+from .._validation import check_groups, check_numbers
 from ..metrics import (
     earth_movers_distance,
     log_score,

@@ -13,7 +13,7 @@ from sklearn.utils import indexable
 from sklearn.utils.parallel import Parallel, delayed
 
 from .._check_ratings import check_ratings
-from .._distributions import cdf_of_shares
+from .._distributions import cdf
 from .._folds import make_splitter, route
 from .._sklearn import (
     CrossValidator,
@@ -148,7 +148,7 @@ def cross_val_predict_proba(
         predicted = [_at_levels(levels, *outcome) for outcome in outcomes]
     order = np.argsort(np.concatenate([test for _, test in folds]))
     result = np.concatenate(predicted)[order]
-    return cdf_of_shares(result) if method == "predict_cdf" else result
+    return cdf(result) if method == "predict_cdf" else result
 
 
 def _check_folds(folds, n_trials):

@@ -19,8 +19,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from .._check_ratings import check_adjectives, validate_rated_trials, weighted
-from .._check_trials import check_numbers, check_table
-from .._distributions import cdf_of_shares, level_at
+from .._distributions import cdf, level_at, quantile_grid
 from .._sklearn import (
     DocumentedEstimator,
     HasMethods,
@@ -30,7 +29,7 @@ from .._sklearn import (
     _fit_context,
     fit_task,
 )
-from .._validation import check_groups, check_weights
+from .._validation import check_groups, check_numbers, check_table, check_weights
 from ._decoding import (
     is_smooth,
     mixture,
@@ -42,7 +41,7 @@ from ._early_stopping import hold_out_trials
 from ._frozen import check_frozen, unfrozen
 from ._nnpom import NNPOM, relative_weights
 from ._ordinal import OrdinalClassifierMixin
-from ._quantile_positions import quantile_grid, training_observations
+from ._quantile_positions import training_observations
 from ._shared_features import has_latent_response, share_features
 
 
@@ -449,7 +448,7 @@ class DistributionalOrdinalRegressor(
         cdf : ndarray of shape (n_trials, n_levels)
             Rows never fall and end in exactly 1.
         """
-        return cdf_of_shares(self.predict_proba(X))
+        return cdf(self.predict_proba(X))
 
     def predict_quantile(self, X: ArrayLike, p: ArrayLike) -> np.ndarray:
         """Predict the rating at given quantile positions.

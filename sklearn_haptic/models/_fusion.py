@@ -19,7 +19,6 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from .._check_ratings import validate_rated_trials
-from .._check_trials import check_table
 from .._sklearn import (
     DocumentedEstimator,
     FloatArray,
@@ -31,7 +30,7 @@ from .._sklearn import (
     one_blas_thread,
     with_callbacks,
 )
-from .._validation import check_groups, check_weights
+from .._validation import check_groups, check_table, check_weights
 from ._early_stopping import hold_out_trials
 from ._frozen import check_frozen, unfrozen
 from ._nnpom import NNPOM, single_ratings

@@ -13,8 +13,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from .._check_ratings import validate_rated_trials, weighted
-from .._check_trials import check_table
-from .._distributions import _macro_mae
+from .._distributions import macro_error
 from .._sklearn import (
     DocumentedEstimator,
     FloatArray,
@@ -27,7 +26,7 @@ from .._sklearn import (
     one_blas_thread,
     with_callbacks,
 )
-from .._validation import check_groups, check_weights
+from .._validation import check_groups, check_table, check_weights
 from ._conditioning import EvenedFeatures, change_weights, feature_means, total_spread
 from ._early_stopping import hold_out_trials
 from ._network import (
@@ -486,7 +485,7 @@ class NNPOM(
                 latent = forward(X_val, at, *self._weights)[0]
                 latent = latent[..., i] if self._several else latent
                 predicted = self._proba_of(latent, i).argmax(axis=-1)
-                error = _macro_mae(predicted, true, counted > 0)
+                error = macro_error(predicted, true, counted > 0)
                 errors.append(np.average(error, weights=counted.max(axis=1)))
             return np.mean(errors)
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from .._distributions import _level_index
+from .._distributions import level_at
 
 _GOLDEN = (np.sqrt(5) - 1) / 2
 
@@ -48,7 +48,7 @@ def training_observations(counts, n_duplicates, sampling, balance, random_state)
         positions = shift if sampling == "random" else cell + shift / n_duplicates
         tiny = np.finfo(float).eps
         positions = np.clip(positions, tiny, 1 - tiny)
-        level = _level_index(counts, positions)
+        level = level_at(counts, positions)
         weight = np.ones_like(positions)
     if balance == "macro":
         total = np.stack([(weight * (level == k)).sum(1) for k in range(n_levels)], 1)
@@ -168,8 +168,3 @@ def largest_jump_error(cdf, weight):
     half = np.maximum(weight[1:], weight[:-1]) / 2
     error = np.einsum("tp...,p->t...", np.abs(np.diff(cdf, axis=1)), half)
     return error.reshape(len(error), -1).max(axis=1)
-
-
-def quantile_grid(n_quantiles):
-    """Evenly spaced positions strictly inside (0, 1): 0.01 … 0.99 for 99."""
-    return np.arange(1, n_quantiles + 1) / (n_quantiles + 1)

@@ -12,11 +12,13 @@ from scipy.special import betaincinv
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
 
-from .._distributions import _cdf, _proportions
+from .._check_ratings import check_distributions
+from .._distributions import cdf, shares
 from .._sklearn import Trials
 from .._validation import check_groups
-from ..metrics import _check_distributions, pit_histogram
-from ._style import BLUE, axes_of, colours_of
+from ..metrics import pit_histogram
+from ._display import Display
+from ._style import BLUE, colours_of, legend_beside
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,20 +28,21 @@ _MARKERS = "os^DvPX<>*"
 _MARKER_AREA = 60  # of the fullest bin, in square points
 
 
-class PITHistogramDisplay:
-    r"""PIT histogram: whether people rate as often as predicted, at every position.
+class PITHistogramDisplay(Display):
+    r"""PIT histogram, which shows whether predicted distributions are calibrated.
 
     Use :meth:`from_predictions` or :meth:`from_estimator` to create a display. The
-    probability integral transform says where in the predicted distribution a rating
-    is. Bars at the line are calibrated predictions, high outer bars too narrow ones,
-    high middle bars too wide ones, and a slope ones that are too low or too high.
+    probability integral transform (PIT) of a rating is its place in the predicted
+    distribution. Bars at the line mean that predictions are calibrated, high outer bars
+    that they are too narrow, high middle bars that they are too wide, and a slope that
+    they are too low or too high.
 
     Parameters
     ----------
     heights : ndarray of shape (n_bins,)
         Density in each bin, with mean 1.
     half_widths : ndarray of shape (n_bins,), default=None
-        How far from 1 a bar may lie by chance. By default no band is drawn.
+        How far a bar may lie from 1 by chance. By default no band is drawn.
 
     Attributes
     ----------
@@ -52,26 +55,25 @@ class PITHistogramDisplay:
     uniform_line_ : matplotlib Line2D
         The density of calibrated predictions.
     band_ : matplotlib StepPatch or None
-        Where chance leaves 95 % of the bars of calibrated predictions; None without
+        Band that holds 95 % of the bars of calibrated predictions; None without
         ``half_widths``.
 
     See Also
     --------
     sklearn_haptic.metrics.pit_histogram : The heights alone, and how they are defined.
-    sklearn_haptic.model_selection.cross_val_predict_proba : Predicts held-out objects.
+    sklearn_haptic.model_selection.cross_val_predict_proba : Predicts left-out objects.
 
     Notes
     -----
-    The trials of an object share its people's ratings, and these people all differ
-    from what was predicted to the same side where the object does. So only objects are
-    independent, and only ``groups`` tell what chance does. With :math:`d_o` the sum
-    over the trials of object o of a bin's height less 1, the band's half width is
-    :math:`\sqrt{n q \sum_o d_o^2}` a trial, where q is the 95th percentile of the beta
-    distribution with parameters 1/2 and (n - 1)/2 for n objects: where objects have
-    equally many trials, a bar is outside exactly if Student's t-test over objects
-    rejects the line (p < .05). The band holds for each bin on its own, so that one
-    of twenty is outside by chance. Predictions by cross-validation come from models
-    that share objects, for which it is a little too narrow.
+    The trials of an object share the same ratings, so only objects are independent, and
+    the band needs ``groups``. Let :math:`d_o` be the sum, over the trials of object o,
+    of a bin's height less 1. The half width of the band is then
+    :math:`\sqrt{n q \sum_o d_o^2}`, divided by the number of trials, where q
+    is the 95th percentile of the beta distribution with parameters 1/2 and (n - 1)/2
+    for n objects. If objects have equally many trials, a bar is outside exactly if
+    Student's t-test over objects rejects the line (p < .05). The band holds for each
+    bin on its own, so one bin in twenty is outside by chance. It is a little too narrow
+    for predictions by cross-validation, whose models share objects.
 
     References
     ----------
@@ -117,12 +119,12 @@ class PITHistogramDisplay:
         X : array-like of length n_trials
             The trials.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
-            How many people chose each level, or one rating a trial.
+            How many people chose each level, or one rating per trial.
         n_bins : int, default=10
             Number of equally wide bins of [0, 1].
         groups : array-like of shape (n_trials,), default=None
-            The object of each trial, for the band of chance; without them there is
-            none.
+            The object of each trial, from which the band of chance is computed. By
+            default no band is drawn.
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure.
 
@@ -163,14 +165,14 @@ class PITHistogramDisplay:
         Parameters
         ----------
         y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-            How many people chose each level, or one rating a trial.
+            How many people chose each level, or one rating per trial.
         y_proba : array-like of shape (n_trials, n_levels)
             Predicted probability of each level.
         n_bins : int, default=10
             Number of equally wide bins of [0, 1].
         groups : array-like of shape (n_trials,), default=None
-            The object of each trial, for the band of chance; without them there is
-            none.
+            The object of each trial, from which the band of chance is computed. By
+            default no band is drawn.
         levels : array-like of shape (n_levels,), default=None
             The ordered levels; by default ordered categories or labels of columns,
             else 1, 2, …, n_levels for counts, and the sorted ratings that occur.
@@ -185,13 +187,13 @@ class PITHistogramDisplay:
         Raises
         ------
         ValueError
-            If a row of ``y_proba`` is no distribution, a trial has no ratings or
+            If a row of ``y_proba`` is not a distribution, a trial has no ratings or
             unknown ones, the shapes differ, ``n_bins`` is below 1, or ``groups`` has
             missing values or a single object.
         ImportError
             If matplotlib is not installed.
         """
-        counts, proba, _ = _check_distributions(y_true, y_proba, levels)
+        counts, proba, _ = check_distributions(y_true, y_proba, levels)
         heights = pit_histogram(counts, proba, n_bins)
         if groups is None:
             return cls(heights).plot(ax)
@@ -204,27 +206,8 @@ class PITHistogramDisplay:
         half_widths = _chance(deviation) / len(objects)
         return cls(heights, half_widths=half_widths).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the histogram.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : PITHistogramDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__)
+    def _draw(self, ax):
         edges = np.linspace(0, 1, len(self.heights) + 1)
-        self.ax_, self.figure_ = ax, ax.figure
         self.band_ = None
         if self.half_widths is not None:
             self.band_ = ax.stairs(
@@ -253,16 +236,15 @@ class PITHistogramDisplay:
             ylabel="density",
             xlim=(0, 1),
         )
-        ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False)
-        return self
+        legend_beside(ax)
 
 
-class ReliabilityDisplay:
+class ReliabilityDisplay(Display):
     r"""Predicted against observed proportion of people who rate above each threshold.
 
     Use :meth:`from_predictions` or :meth:`from_estimator` to create a display. Trials
-    are binned by what was predicted; a curve below the diagonal is a threshold
-    that fewer people pass than predicted. The area of a marker is proportional to the
+    are binned by their prediction. Where a curve is below the diagonal, fewer people
+    pass the threshold than predicted. The area of a marker is proportional to the
     number of trials in its bin.
 
     Parameters
@@ -276,7 +258,7 @@ class ReliabilityDisplay:
     levels : ndarray of shape (n_levels,)
         The ordered levels, one more than there are thresholds.
     half_widths : sequence of ndarray of shape (n_bins,), default=None
-        How far from the diagonal the observed proportion may lie by chance. By default
+        How far the observed proportion may lie from the diagonal by chance. By default
         no bars are drawn.
 
     Attributes
@@ -288,35 +270,36 @@ class ReliabilityDisplay:
     diagonal_ : matplotlib Line2D
         Where predictions are reliable.
     curves_ : list of matplotlib Line2D
-        A curve a threshold.
+        One curve per threshold.
     points_ : list of matplotlib PathCollection
         The bins of each threshold.
     errorbars_ : list of matplotlib LineCollection
-        The half widths of each threshold, from each point towards the diagonal and as
-        far beyond; empty without ``half_widths``.
+        The half widths of each threshold, above and below each point; empty without
+        ``half_widths``.
 
     See Also
     --------
     sklearn.calibration.CalibrationDisplay : The same for binary labels.
-    sklearn_haptic.model_selection.cross_val_predict_proba : Predicts held-out objects.
+    sklearn_haptic.model_selection.cross_val_predict_proba : Predicts left-out objects.
 
     Notes
     -----
-    The bins of a threshold hold equally many trials, those predicted the same being
-    kept together: as in :func:`~sklearn.calibration.calibration_curve` with
-    ``strategy="quantile"``, but for counts. The people of a trial count 1 / N each.
+    The bins of a threshold hold equally many trials, and equal predictions stay
+    together, as in :func:`~sklearn.calibration.calibration_curve` with
+    ``strategy="quantile"``. Each of the N people of a trial counts 1 / N.
 
-    The bars count objects too. If people who rate an object agreed in everything, the
-    variance of its total in a bin, of n of its trials with the mean prediction p, would
-    be :math:`n^2 p (1 - p)`; it is a share of that, which is estimated from all bins of
-    the threshold, as the dispersion is in quasi-binomial regression. With
-    :math:`V_b` the sum of these variances in bin b and :math:`d_{ob}` the sum over
-    the trials of object o in it of the observed less the predicted proportion, the half
-    width is :math:`\sqrt{n q \sum_{ob} d_{ob}^2 V_b / \sum_b V_b}` a trial, with q as
-    in :class:`PITHistogramDisplay`; in a single bin that is the t-test over objects.
-    Where a bar reaches the diagonal, the deviation may be due to the choice of
-    objects. In simulations of right forecasts of 6 to 60 objects 3 to 7 % of the bars
-    did not reach it.
+    The bars treat objects as independent, not trials. If all people agreed on an
+    object, the total of its n trials in a bin, of mean prediction p, would have the
+    variance :math:`n^2 p (1 - p)`. The true variance is a share of it, which is
+    estimated from all bins of the threshold, like the dispersion in quasi-binomial
+    regression. Let :math:`V_b` be the sum of these variances in bin b, and
+    :math:`d_{ob}` the sum of observed less predicted proportions over the trials of
+    object o in it. The half width is then
+    :math:`\sqrt{n q \sum_{ob} d_{ob}^2 V_b / \sum_b V_b}`, divided by the number of
+    trials in the bin, with q as in :class:`PITHistogramDisplay`; for a single bin this
+    is the t-test over objects. Where a bar reaches the diagonal, the deviation may be
+    due to the choice of objects. In simulations of correct forecasts of 6 to 60
+    objects, 3 to 7 % of the bars did not reach it.
 
     References
     ----------
@@ -373,13 +356,13 @@ class ReliabilityDisplay:
         X : array-like of length n_trials
             The trials.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
-            How many people chose each level, or one rating a trial.
+            How many people chose each level, or one rating per trial.
         n_bins : int, default=5
-            Number of bins with equally many trials; fewer are drawn where many trials
-            have the same prediction.
+            Number of bins of equally many trials. Fewer are drawn if many trials have
+            the same prediction.
         groups : array-like of shape (n_trials,), default=None
-            The object of each trial, for the bars of chance; without them there are
-            none.
+            The object of each trial, from which the bars of chance are computed. By
+            default no bars are drawn.
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure.
 
@@ -420,15 +403,15 @@ class ReliabilityDisplay:
         Parameters
         ----------
         y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-            How many people chose each level, or one rating a trial.
+            How many people chose each level, or one rating per trial.
         y_proba : array-like of shape (n_trials, n_levels)
             Predicted probability of each level.
         n_bins : int, default=5
-            Number of bins with equally many trials; fewer are drawn where many trials
-            have the same prediction.
+            Number of bins of equally many trials. Fewer are drawn if many trials have
+            the same prediction.
         groups : array-like of shape (n_trials,), default=None
-            The object of each trial, for the bars of chance; without them there are
-            none.
+            The object of each trial, from which the bars of chance are computed. By
+            default no bars are drawn.
         levels : array-like of shape (n_levels,), default=None
             The ordered levels; by default ordered categories or labels of columns,
             else 1, 2, …, n_levels for counts, and the sorted ratings that occur.
@@ -443,7 +426,7 @@ class ReliabilityDisplay:
         Raises
         ------
         ValueError
-            If a row of ``y_proba`` is no distribution, a trial has no ratings or
+            If a row of ``y_proba`` is not a distribution, a trial has no ratings or
             unknown ones, the shapes differ, ``n_bins`` is below 1, or ``groups`` has
             missing values or a single object.
         TypeError
@@ -452,39 +435,20 @@ class ReliabilityDisplay:
             If matplotlib is not installed.
         """
         check_scalar(n_bins, "n_bins", Integral, min_val=1)
-        counts, proba, levels = _check_distributions(y_true, y_proba, levels)
+        counts, proba, levels = check_distributions(y_true, y_proba, levels)
         objects = None if groups is None else _check_groups(groups, counts)
         curves = [
             _reliability(predicted, observed, n_bins, objects)
             for predicted, observed in zip(
-                1 - _cdf(proba).T, 1 - _cdf(_proportions(counts)).T
+                (1 - cdf(proba)[:, :-1]).T, (1 - cdf(shares(counts))[:, :-1]).T
             )
         ]
         *binned, half_widths = zip(*curves)
         half_widths = None if groups is None else half_widths
         return cls(*binned, levels=levels, half_widths=half_widths).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the curves.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : ReliabilityDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__)
+    def _draw(self, ax):
         fullest = np.concatenate(self.n_trials).max()
-        self.ax_, self.figure_ = ax, ax.figure
         (self.diagonal_,) = ax.plot(
             [0, 1], [0, 1], color="0.5", linestyle="--", linewidth=1, label="reliable"
         )
@@ -515,8 +479,7 @@ class ReliabilityDisplay:
             ylim=(-0.03, 1.03),
             aspect="equal",
         )
-        ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False)
-        return self
+        legend_beside(ax)
 
 
 def _check_groups(groups, counts):
@@ -524,14 +487,14 @@ def _check_groups(groups, counts):
     names, objects = np.unique(check_groups(groups, counts), return_inverse=True)
     if len(names) == 1:
         raise ValueError(
-            "groups has one object, but what chance does is only seen from several; "
+            "groups has one object, but the effect of chance shows only over several; "
             "leave groups out, or give trials of at least two objects."
         )
     return objects
 
 
 def _chance(deviation):
-    """How far from 0 the sum of the deviations of independent objects may lie.
+    """Return how far the summed deviations of independent objects may lie from 0.
 
     Parameters
     ----------
@@ -549,14 +512,14 @@ def _chance(deviation):
 
 
 def _reliability(predicted, observed, n_bins, objects):
-    """Reliability of predicted proportions, in bins of equally many trials.
+    """Return the reliability of predicted proportions, in bins of equal size.
 
     Parameters
     ----------
     predicted, observed : ndarray of shape (n_trials,)
         A proportion of people.
     n_bins : int
-        Number of bins; those that equal predictions leave empty are left out.
+        Number of bins; bins that stay empty because predictions are equal are dropped.
     objects : ndarray of int of shape (n_trials,) or None
         The object of each trial.
 

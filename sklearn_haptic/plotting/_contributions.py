@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from ..model_selection import contribution_summary
-from ._style import BLUE, axes_of
+from ._display import Display
+from ._style import BLUE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,13 +24,13 @@ _SCORE_LABELS = {
 }
 
 
-class SensorContributionsDisplay:
+class SensorContributionsDisplay(Display):
     """Scores of a model and of the same without each sensor, as bars.
 
     Use :meth:`from_scores` to create a display. Bars are means over random starts, with
     error bars of one standard deviation; the dotted line is the full model. An asterisk
-    marks p < .05 over starts, a dagger p < .05 over objects: only the latter tells of
-    objects not seen yet.
+    marks p < .05 over starts, a dagger p < .05 over objects; only the dagger holds for
+    objects that were not yet touched.
 
     Parameters
     ----------
@@ -38,7 +39,7 @@ class SensorContributionsDisplay:
     metric : str, default="macro_mae"
         Name of the score.
     by : sequence of str, default=()
-        Columns of ``summary`` whose values have a group of bars each.
+        Columns of ``summary`` that have one group of bars per value.
 
     Attributes
     ----------
@@ -49,7 +50,7 @@ class SensorContributionsDisplay:
     bars_ : matplotlib BarContainer
         The bars, group by group, the full model first.
     full_lines_ : matplotlib LineCollection
-        The score of the full model, a line a group.
+        The score of the full model, one line per group.
     marks_ : list of matplotlib Annotation
         The asterisks and daggers of each row of ``summary``.
 
@@ -110,9 +111,9 @@ class SensorContributionsDisplay:
         metric : str, default="macro_mae"
             Name of the score.
         by : str or list of str, default=None
-            Columns whose values have a group of bars each, such as ``"procedure"``, or
-            ``"threshold"`` for the terms of the ranked probability score, which then
-            take the place of ``metric``.
+            Columns that have one group of bars per value, such as ``"procedure"``.
+            ``"threshold"`` gives the terms of the ranked probability score, in place of
+            ``metric``.
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure.
 
@@ -134,25 +135,7 @@ class SensorContributionsDisplay:
         summary = contribution_summary(scores, metric=metric, by=by)
         return cls(summary, metric=metric, by=by).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the bars.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : SensorContributionsDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__)
+    def _draw(self, ax):
         summary, sensors = self.summary, self.summary["held_out"].unique()
         groups = summary[:: len(sensors)]  # one of its rows stands for each group
 
@@ -164,7 +147,6 @@ class SensorContributionsDisplay:
         sd = side_by_side("full_sd", "holdout_sd")
         n_models = height.shape[1]
         x = np.add.outer((n_models + 1) * np.arange(len(groups)), np.arange(n_models))
-        self.ax_, self.figure_ = ax, ax.figure
         self.bars_ = ax.bar(
             x.ravel(),
             height.ravel(),
@@ -203,7 +185,6 @@ class SensorContributionsDisplay:
             names = ax.secondary_xaxis("top")
             names.set_xticks(x.mean(axis=1), labels=_group_names(groups[[*self.by]]))
             names.tick_params(length=0)
-        return self
 
 
 def _marks(summary):

@@ -1,4 +1,4 @@
-"""What transformers learn of recordings, their atoms, and what they make of a trial."""
+"""The atoms that transformers learn from recordings, and their codes of a trial."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from .._sklearn import FloatArray, Names, Trials
 from ..features._pooling import TemporalMaxPool, cell_bounds
 from ..features._sthmp import STHMPTransformer
 from ..features._windows import KSVDTransformer, window_step
+from ._display import Display
 from ._signals import check_rate
-from ._style import BLUE, label_blocks, panels_of
+from ._style import BLUE, label_blocks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-class AtomsDisplay:
+class AtomsDisplay(Display):
     """Atoms of a learned dictionary, as waveforms or as images of patches.
 
     Use :meth:`from_estimator` to create a display. All atoms share their limits.
@@ -35,14 +36,14 @@ class AtomsDisplay:
     usage : ndarray of shape (n_atoms,), default=None
         Share of the codes in which each atom appears.
     sampling_rate : float, default=None
-        Samples a second of windows.
+        Samples per second of windows.
 
     Attributes
     ----------
     ax_ : matplotlib Axes
         Axes that hold the panels.
     axes_ : ndarray of matplotlib Axes of shape (n_atoms,)
-        A panel an atom.
+        One panel per atom.
     figure_ : matplotlib Figure
         Figure that holds the axes.
     lines_ : list of matplotlib Line2D
@@ -92,11 +93,11 @@ class AtomsDisplay:
             Fitted, or a fitted pipeline that begins with such a transformer.
         X : array-like of shape (n_samples, n_features) or collection of trials, \
                 default=None
-            What to code, of the kind given to `fit`. The atoms are then sorted by the
-            share of codes in which they appear, most used first: codes of windows, or
-            of spatial cells of frames. By default they come as learned.
+            Data to code, of the kind given to `fit`. The atoms are then sorted by the
+            share of codes (of windows, or of spatial cells of frames) in which they
+            appear, most used first. By default they stay in the order learned.
         sampling_rate : float, default=None
-            Samples a second; without it, or for patches, positions are numbers.
+            Samples per second. By default, and for patches, axes count samples.
         ax : matplotlib Axes, default=None
             Axes, made by ``subplots``, in which to lay out the panels; by default
             those of a new figure.
@@ -136,39 +137,21 @@ class AtomsDisplay:
             atoms[order], names=order, usage=usage, sampling_rate=sampling_rate
         ).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the atoms.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes, made by ``subplots``, in which to lay out the panels; by default
-            those of a new figure.
-
-        Returns
-        -------
-        display : AtomsDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
+    def _shape(self):
+        """Return the number of rows and of columns of panels."""
         n_atoms = len(self.atoms)
         n_rows = -(-n_atoms // (8 if n_atoms > 10 else 5))
-        n_columns = -(-n_atoms // n_rows)
-        self.ax_, panels = panels_of(
-            ax,
-            type(self).__name__,
-            n_rows,
-            n_columns,
-            figsize=(6.4, 1.0 + 0.95 * n_rows * (8 / n_columns) ** 0.5),
-            sharex=True,
-            sharey=True,
-        )
-        self.figure_, self.axes_ = self.ax_.figure, panels.ravel()[:n_atoms]
-        for panel in panels.ravel()[n_atoms:]:
+        return n_rows, -(-n_atoms // n_rows)
+
+    def _figsize(self):
+        n_rows, n_columns = self._shape()
+        return 6.4, 1.0 + 0.95 * n_rows * (8 / n_columns) ** 0.5
+
+    def _draw(self, ax):
+        n_atoms, n_columns = len(self.atoms), self._shape()[1]
+        panels = self._divide(self._shape(), sharex=True, sharey=True).ravel()
+        self.axes_ = panels[:n_atoms]
+        for panel in panels[n_atoms:]:
             panel.remove()
         shares = [""] * n_atoms
         if self.usage is not None:
@@ -184,7 +167,6 @@ class AtomsDisplay:
             self._plot_lines(n_columns, 1.05 * largest)
         else:
             self._plot_images(n_columns, largest)
-        return self
 
     def _plot_lines(self, n_columns, limit):
         time, label = np.arange(self.atoms.shape[1]), "sample"
@@ -222,14 +204,14 @@ class AtomsDisplay:
         )
 
 
-class FeatureMapDisplay:
+class FeatureMapDisplay(Display):
     """Codes of a trial over time and, where these are pooled, their maxima.
 
     Use :meth:`from_estimator` to create a display. Rows are features: the atoms of one
-    channel or spatial cell after the other; with split signs the positive parts of all
-    its atoms, then the negative parts. Below the codes is a panel for each level of
-    temporal pooling, its cells where they lie in time. Colours follow the square root
-    of codes, for most are small beside the largest.
+    channel or spatial cell after the other; with split signs, the positive parts of all
+    its atoms and then the negative parts. Below the codes is one panel per level of
+    temporal pooling, whose cells lie at their times. Colours follow the square root of
+    codes, since most codes are small beside the largest.
 
     Parameters
     ----------
@@ -315,7 +297,7 @@ class FeatureMapDisplay:
         trial : array-like of shape (n_times, n_channels) or (n_times, height, width)
             One recording.
         sampling_rate : float, default=None
-            Samples a second; without it time is counted in samples.
+            Samples per second; by default time is counted in samples.
         ax : matplotlib Axes, default=None
             Axes, made by ``subplots``, in which to lay out the panels; by default
             those of a new figure.
@@ -366,38 +348,16 @@ class FeatureMapDisplay:
             code_unit=code_unit,
         ).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the codes and their maxima.
+    def _figsize(self):
+        return 6.4, 3.6 + 1.3 * len(self.pooled)
 
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes, made by ``subplots``, in which to lay out the panels; by default
-            those of a new figure.
-
-        Returns
-        -------
-        display : FeatureMapDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        n_levels = len(self.pooled)
-        self.ax_, panels = panels_of(
-            ax,
-            type(self).__name__,
-            1 + n_levels,
-            1,
-            figsize=(6.4, 3.6 + 1.3 * n_levels),
-            sharex=True,
-            height_ratios=[2.5] + [1] * n_levels,
-        )
+    def _draw(self, ax):
         from matplotlib.colors import FuncNorm
 
-        self.figure_, self.axes_ = self.ax_.figure, panels.ravel()
+        n_levels = len(self.pooled)
+        ratios = [2.5] + [1] * n_levels
+        panels = self._divide((1 + n_levels, 1), sharex=True, height_ratios=ratios)
+        self.axes_ = panels.ravel()
         signed, largest = bool((self.codes < 0).any()), np.abs(self.codes).max() or 1
         scale = FuncNorm(
             (_signed_root, _signed_square), vmin=-largest * signed, vmax=largest
@@ -434,7 +394,6 @@ class FeatureMapDisplay:
         self.colorbar_ = self.figure_.colorbar(
             self.images_[0], ax=list(self.axes_), label=f"code ({self.code_unit})"
         )
-        return self
 
 
 def _cell_edges(edges, n_cells, split):

@@ -2,29 +2,118 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 
-from .._check_ratings import check_ratings
-from .._check_trials import check_regular
+from .._check_ratings import check_distributions, check_ratings
+from .._distributions import cdf, shares
 from .._sklearn import Trials, _safe_indexing
-from ..metrics import _check_distributions, macro_mae
-from ._style import BLUE, axes_of
+from .._validation import check_regular
+from ..metrics import macro_mae
+from ._display import Display
+from ._style import BLUE, legend_beside
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Levels by which neighbouring trials, and all together, are set apart, so that
-# equal predictions both show.
+# Trials are drawn apart, so that equal predictions show: by this many levels between
+# neighbours, and at most so many in all.
 _OFFSET, _MAX_OFFSET = 0.035, 0.4
 _BAR_WIDTH = 0.38  # levels are 1 apart
 
 
-class InverseCDFDisplay:
-    """Inverse CDF of people's ratings of one object, and those predicted from touches.
+class _OneObjectDisplay(Display):
+    """Base of the displays of what is predicted from the trials of one object."""
+
+    @classmethod
+    def _of(cls, counts, y_proba, levels):
+        """Return a display of validated counts, one row per trial, and predictions."""
+        return cls(counts[0], y_proba, levels=levels)
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: BaseEstimator,
+        X: Trials,
+        y: ArrayLike,
+        *,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Predict the distribution of each trial of one object and plot it.
+
+        Parameters
+        ----------
+        estimator : object
+            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
+        X : array-like of length n_trials
+            The object's trials.
+        y : array-like of shape (n_levels,) or (n_trials, n_levels)
+            How many people gave the object each rating; if there is one row per
+            trial, all rows must be equal.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : object
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If the rows of ``y`` differ, or do not fit the estimator's levels.
+        ImportError
+            If matplotlib is not installed.
+        """
+        return cls.from_predictions(
+            y, estimator.predict_proba(X), levels=estimator.classes_, ax=ax
+        )
+
+    @classmethod
+    def from_predictions(
+        cls,
+        y_true: ArrayLike,
+        y_proba: ArrayLike,
+        *,
+        levels: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Plot the distributions predicted from the trials of one object.
+
+        Parameters
+        ----------
+        y_true : array-like of shape (n_levels,) or (n_trials, n_levels)
+            How many people gave the object each rating; if there is one row per
+            trial, all rows must be equal.
+        y_proba : array-like of shape (n_trials, n_levels)
+            Probability of each rating, predicted from each trial.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels; by default the labels of the columns, else 1, 2, ….
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : object
+            The display, plotted.
+
+        Raises
+        ------
+        ValueError
+            If a row of ``y_proba`` is not a distribution, the rows of ``y_true``
+            differ, or the shapes do not fit.
+        ImportError
+            If matplotlib is not installed.
+        """
+        counts, y_proba, levels = _check_trials_of_one(y_true, y_proba, levels)
+        return cls._of(counts, y_proba, levels).plot(ax)
+
+
+class InverseCDFDisplay(_OneObjectDisplay):
+    """Inverse CDF of the ratings of one object, and those predicted from touches.
 
     Use :meth:`from_counts`, :meth:`from_predictions` or :meth:`from_estimator` to
     create a display.
@@ -34,7 +123,7 @@ class InverseCDFDisplay:
     counts : ndarray of shape (n_levels,)
         How many people gave the object each rating.
     y_proba : ndarray of shape (n_trials, n_levels)
-        Probability of each rating, predicted from each trial, if any.
+        Probability of each rating, predicted from each trial; there may be no trial.
     levels : ndarray of shape (n_levels,)
         The ordered levels.
     scores : ndarray of shape (n_trials,)
@@ -47,7 +136,7 @@ class InverseCDFDisplay:
     figure_ : matplotlib Figure
         Figure that holds the axes.
     true_line_ : matplotlib StepPatch
-        The inverse CDF of the people's ratings.
+        The inverse CDF of the ratings.
     trial_lines_ : list of matplotlib StepPatch
         The inverse CDF predicted from each trial.
 
@@ -81,6 +170,11 @@ class InverseCDFDisplay:
         self.scores = scores
 
     @classmethod
+    def _of(cls, counts, y_proba, levels):
+        scores = macro_mae(counts, y_proba, average=False)
+        return cls(counts[0], y_proba, levels=levels, scores=scores)
+
+    @classmethod
     def from_counts(
         cls,
         counts: ArrayLike,
@@ -93,8 +187,8 @@ class InverseCDFDisplay:
         Parameters
         ----------
         counts : array-like of shape (n_levels,) or (n_trials, n_levels)
-            How many people gave the object each rating; one row a trial must be
-            the same row each time.
+            How many people gave the object each rating; if there is one row per
+            trial, all rows must be equal.
         levels : array-like of shape (n_levels,), default=None
             The ordered levels; by default the labels of the columns, else 1, 2, ….
         ax : matplotlib Axes, default=None
@@ -119,111 +213,13 @@ class InverseCDFDisplay:
             counts, none.reshape(0, len(counts)), levels=levels, scores=none
         ).plot(ax)
 
-    @classmethod
-    def from_estimator(
-        cls,
-        estimator: BaseEstimator,
-        X: Trials,
-        y: ArrayLike,
-        *,
-        ax: Axes | None = None,
-    ) -> Self:
-        """Predict the distribution of each trial of one object and plot it.
-
-        Parameters
-        ----------
-        estimator : object
-            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
-        X : array-like of length n_trials
-            The object's trials.
-        y : array-like of shape (n_levels,) or (n_trials, n_levels)
-            How many people gave the object each rating; one row a trial must be
-            the same row each time.
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : InverseCDFDisplay
-            The display, plotted.
-
-        Raises
-        ------
-        ValueError
-            If the rows of ``y`` differ, or do not fit the estimator's levels.
-        ImportError
-            If matplotlib is not installed.
-        """
-        return cls.from_predictions(
-            y, estimator.predict_proba(X), levels=estimator.classes_, ax=ax
-        )
-
-    @classmethod
-    def from_predictions(
-        cls,
-        y_true: ArrayLike,
-        y_proba: ArrayLike,
-        *,
-        levels: ArrayLike | None = None,
-        ax: Axes | None = None,
-    ) -> Self:
-        """Plot the distributions predicted from the trials of one object.
-
-        Parameters
-        ----------
-        y_true : array-like of shape (n_levels,) or (n_trials, n_levels)
-            How many people gave the object each rating; one row a trial must be
-            the same row each time.
-        y_proba : array-like of shape (n_trials, n_levels)
-            Probability of each rating, predicted from each trial.
-        levels : array-like of shape (n_levels,), default=None
-            The ordered levels; by default the labels of the columns, else 1, 2, ….
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : InverseCDFDisplay
-            The display, plotted.
-
-        Raises
-        ------
-        ValueError
-            If a row of ``y_proba`` is no distribution, the rows of ``y_true``
-            differ, or the shapes do not fit.
-        ImportError
-            If matplotlib is not installed.
-        """
-        counts, y_proba, levels = _check_trials_of_one(y_true, y_proba, levels)
-        scores = macro_mae(counts, y_proba, average=False)
-        return cls(counts[0], y_proba, levels=levels, scores=scores).plot(ax)
-
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the inverse CDFs, each trial a little above the one before.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : InverseCDFDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__)
+    def _draw(self, ax):
         from matplotlib import colormaps
 
         n_trials = len(self.y_proba)
         offset = min(_OFFSET, _MAX_OFFSET / max(n_trials, 1))
         offsets = offset * (np.arange(n_trials) - (n_trials - 1) / 2)
         colours = colormaps["viridis"](np.linspace(0, 0.85, n_trials))
-        self.ax_, self.figure_ = ax, ax.figure
         self.true_line_ = _draw(
             ax,
             self.counts,
@@ -252,18 +248,17 @@ class InverseCDFDisplay:
         )
         ax.set_yticks(range(len(self.levels)), labels=map(str, self.levels))
         if n_trials:
-            ax.legend(
+            legend_beside(
+                ax,
                 title=f"mean MAE$^M$ {self.scores.mean():.2f}",
                 alignment="left",
                 ncols=1 + n_trials // 16,
                 loc="center left",
                 bbox_to_anchor=(1.01, 0.5),
-                frameon=False,
             )
-        return self
 
 
-class DistributionDisplay:
+class DistributionDisplay(_OneObjectDisplay):
     """Distribution of ratings predicted from touches of one object, beside the true.
 
     Use :meth:`from_predictions` or :meth:`from_estimator` to create a display. Bars are
@@ -293,7 +288,7 @@ class DistributionDisplay:
 
     See Also
     --------
-    InverseCDFDisplay : The same as inverse CDFs, a line a trial.
+    InverseCDFDisplay : The same as inverse CDFs, with one line per trial.
 
     Examples
     --------
@@ -316,109 +311,12 @@ class DistributionDisplay:
         self.y_proba = y_proba
         self.levels = levels
 
-    @classmethod
-    def from_estimator(
-        cls,
-        estimator: BaseEstimator,
-        X: Trials,
-        y: ArrayLike,
-        *,
-        ax: Axes | None = None,
-    ) -> Self:
-        """Predict the distribution of each trial of one object and plot it.
-
-        Parameters
-        ----------
-        estimator : object
-            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
-        X : array-like of length n_trials
-            The object's trials.
-        y : array-like of shape (n_levels,) or (n_trials, n_levels)
-            How many people gave the object each rating; one row a trial must be
-            the same row each time.
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : DistributionDisplay
-            The display, plotted.
-
-        Raises
-        ------
-        ValueError
-            If the rows of ``y`` differ, or do not fit the estimator's levels.
-        ImportError
-            If matplotlib is not installed.
-        """
-        return cls.from_predictions(
-            y, estimator.predict_proba(X), levels=estimator.classes_, ax=ax
-        )
-
-    @classmethod
-    def from_predictions(
-        cls,
-        y_true: ArrayLike,
-        y_proba: ArrayLike,
-        *,
-        levels: ArrayLike | None = None,
-        ax: Axes | None = None,
-    ) -> Self:
-        """Plot the distributions predicted from the trials of one object.
-
-        Parameters
-        ----------
-        y_true : array-like of shape (n_levels,) or (n_trials, n_levels)
-            How many people gave the object each rating; one row a trial must be
-            the same row each time.
-        y_proba : array-like of shape (n_trials, n_levels)
-            Probability of each rating, predicted from each trial.
-        levels : array-like of shape (n_levels,), default=None
-            The ordered levels; by default the labels of the columns, else 1, 2, ….
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : DistributionDisplay
-            The display, plotted.
-
-        Raises
-        ------
-        ValueError
-            If a row of ``y_proba`` is no distribution, the rows of ``y_true``
-            differ, or the shapes do not fit.
-        ImportError
-            If matplotlib is not installed.
-        """
-        counts, y_proba, levels = _check_trials_of_one(y_true, y_proba, levels)
-        return cls(counts[0], y_proba, levels=levels).plot(ax)
-
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the bars.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : DistributionDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__)
+    def _draw(self, ax):
         n_trials, n_levels = self.y_proba.shape
         x = np.arange(n_levels)
-        self.ax_, self.figure_ = ax, ax.figure
         self.true_bars_ = ax.bar(
             x - _BAR_WIDTH / 2,
-            self.counts / self.counts.sum(),
+            shares(self.counts),
             _BAR_WIDTH,
             color="0.8",
             edgecolor="black",
@@ -434,7 +332,7 @@ class DistributionDisplay:
             linewidth=0.8,
             label="predicted",
         )
-        handles: list[Any] = [self.true_bars_, self.predicted_bars_]
+        handles = [self.true_bars_, self.predicted_bars_]
         self.trial_points_ = None
         if n_trials > 1:
             self.predicted_bars_.set_label(f"predicted, mean of {n_trials} trials")
@@ -453,28 +351,25 @@ class DistributionDisplay:
             handles.append(self.trial_points_)
         ax.set(xlabel="rating", ylabel="proportion of people", ylim=(0, None))
         ax.set_xticks(x, labels=map(str, self.levels))
-        ax.legend(
-            handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False
-        )
-        return self
+        legend_beside(ax, handles=handles)
 
 
 def _check_trials_of_one(y_true, y_proba, levels):
     """Validate the counts of one object and what is predicted from its trials.
 
-    Returns the counts a row a trial, the distributions and the levels.
+    Returns the counts, one row per trial, the distributions and the levels.
     """
     y_true = _rows_of_counts(y_true, "y_true")
     if len(y_true) == 1:
         n_trials = len(np.atleast_1d(check_regular(y_proba, "y_proba")))
         y_true = _safe_indexing(y_true, np.zeros(n_trials, dtype=np.intp))
-    counts, y_proba, levels = _check_distributions(y_true, y_proba, levels)
+    counts, y_proba, levels = check_distributions(y_true, y_proba, levels)
     _check_equal_rows(counts, "y_true")
     return counts, y_proba, levels
 
 
 def _counts_of_one(y, levels, name):
-    """Validate the counts of one object, given once or a row a trial."""
+    """Validate the counts of one object, given once or as one row per trial."""
     counts, levels = check_ratings(_rows_of_counts(y, name), levels, name=name)
     _check_equal_rows(counts, name)
     return counts[0], levels
@@ -498,6 +393,5 @@ def _check_equal_rows(counts, name):
 def _draw(ax, weights, offset=0.0, **style):
     """Draw an inverse CDF with its steps exactly where the CDF jumps."""
     used = np.flatnonzero(weights)
-    below = np.cumsum(weights[used])
-    edges = np.append(0, below / below[-1])
+    edges = np.append(0, cdf(weights[used]))
     return ax.stairs(used + offset, edges, baseline=None, **style)

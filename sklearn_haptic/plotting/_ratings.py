@@ -1,4 +1,4 @@
-"""People's ratings: all of them, how far they agree, and how adjectives go together."""
+"""Ratings of all objects, agreement of people, and correlation of adjectives."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 from sklearn.utils.validation import check_consistent_length
 
+from .._check_ratings import check_counts, check_two_ratings
 from .._validation import check_objects
-from ..ratings import _agreement, _check_counts, adjective_correlation
-from ._style import BLUE, axes_of
+from ..ratings import adjective_correlation, interrater_agreement
+from ._display import Display
+from ._style import BLUE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,12 +24,12 @@ Counts: TypeAlias = Mapping[str, ArrayLike] | ArrayLike
 _BAR_LENGTH, _BAR_HEIGHT = 0.9, 0.85  # adjectives and objects are 1 apart
 
 
-class RatingsDisplay:
+class RatingsDisplay(Display):
     """Ratings of every object on every adjective, as stacked bars.
 
-    Use :meth:`from_counts` to create a display. A row is an object, a column an
-    adjective; the length of each part of a bar is proportional to how many people chose
-    the level, and the higher the level, the darker the part.
+    Use :meth:`from_counts` to create a display. There is one row per object and
+    one column per adjective. The length of each part of a bar is proportional to the
+    number of people who chose the level; higher levels are darker.
 
     Parameters
     ----------
@@ -45,7 +47,7 @@ class RatingsDisplay:
     figure_ : matplotlib Figure
         Figure that holds the axes.
     bars_ : list of matplotlib BarContainer
-        The parts of all bars, a container a level, adjective by adjective.
+        The parts of all bars, one container per level, adjective by adjective.
 
     References
     ----------
@@ -89,17 +91,17 @@ class RatingsDisplay:
         Parameters
         ----------
         counts : dict of str to array-like of shape (n_rows, n_levels), or array-like
-            For each adjective, how many people chose each level, such as the
-            ``ratings`` of a corpus; or the counts of one adjective.
+            For each adjective, how many people chose each level, like
+            ``corpus.ratings``; or the counts of one adjective.
         objects : array-like of shape (n_rows,), default=None
-            The object of each row, in words or numbers that label it. Rows of one
-            object, such as its trials, must be equal and are drawn once, in the order
-            in which objects first occur. By default each row is an object.
+            The object of each row, in words or numbers. Rows of one object, such as
+            its trials, must be equal; they are drawn once, at the object's first
+            place. By default each row is an object.
         levels : array-like of shape (n_levels,), default=None
             The ordered levels; by default the labels of the columns, else 1, 2, ….
         ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure, as high as the number of
-            objects asks for.
+            Axes to plot on; by default those of a new figure, whose height depends on
+            the number of objects.
 
         Returns
         -------
@@ -117,49 +119,14 @@ class RatingsDisplay:
         tables, labels, levels = _counts_of_objects(counts, objects, levels)
         return cls(tables, objects=labels, levels=levels).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the bars.
+    def _figsize(self):
+        return 6.4, 1.5 + 0.13 * len(self.objects)
 
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : RatingsDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
+    def _draw(self, ax):
         names, n_objects = [*self.counts], len(self.objects)
-        ax = axes_of(ax, type(self).__name__, (6.4, 1.5 + 0.13 * n_objects))
-        from matplotlib import colormaps
-
         tables = np.stack([*self.counts.values()])
         most = tables.sum(axis=2).max()
-        lengths = _BAR_LENGTH * tables / most
-        ends = np.cumsum(lengths, axis=2)
-        middles = np.arange(len(names))
-        starts = middles[:, None, None] - _BAR_LENGTH / 2 + ends - lengths
-        colours = colormaps["YlGnBu"](np.linspace(0.12, 1, len(self.levels)))
-        self.ax_, self.figure_ = ax, ax.figure
-        self.bars_ = [
-            ax.barh(
-                np.tile(np.arange(n_objects), len(names)),
-                lengths[..., level].ravel(),
-                left=starts[..., level].ravel(),
-                height=_BAR_HEIGHT,
-                color=colour,
-                label=str(name),
-            )
-            for level, (name, colour) in enumerate(
-                zip(self.levels, colours, strict=True)
-            )
-        ]
+        self.bars_ = self._draw_bars(ax, _BAR_LENGTH * tables / most)
         ax.set(
             xlabel=f"number of responses (a full bar is {most:g})",
             ylabel="object",
@@ -167,7 +134,7 @@ class RatingsDisplay:
             ylim=(n_objects - 0.4, -0.6),
         )
         ax.set_yticks(range(n_objects), labels=self.objects)
-        ax.set_xticks(middles, labels=names)
+        ax.set_xticks(range(len(names)), labels=names)
         ax.tick_params(
             length=0, labelsize="x-small", labelbottom=False, labeltop=True, pad=2
         )
@@ -181,16 +148,37 @@ class RatingsDisplay:
             frameon=False,
             fontsize="small",
         )
-        return self
+
+    def _draw_bars(self, ax, lengths):
+        """Draw the parts of all bars: lengths are (adjectives, objects, levels)."""
+        from matplotlib import colormaps
+
+        n_adjectives, n_objects, n_levels = lengths.shape
+        left = np.arange(n_adjectives)[:, None, None] - _BAR_LENGTH / 2
+        starts = left + np.cumsum(lengths, axis=2) - lengths
+        colours = colormaps["YlGnBu"](np.linspace(0.12, 1, n_levels))
+        return [
+            ax.barh(
+                np.tile(np.arange(n_objects), n_adjectives),
+                lengths[..., level].ravel(),
+                left=starts[..., level].ravel(),
+                height=_BAR_HEIGHT,
+                color=colour,
+                label=str(name),
+            )
+            for level, (name, colour) in enumerate(
+                zip(self.levels, colours, strict=True)
+            )
+        ]
 
 
-class InterraterAgreementDisplay:
+class InterraterAgreementDisplay(Display):
     """How far people agree on each adjective, as box plots over objects.
 
-    Use :meth:`from_counts` to create a display. A box plot is of r_wg over objects: the
-    quartiles, whiskers up to 1.5 times their distance, and the objects beyond. The
-    adjective with the highest median comes first. At the dotted line ratings scatter as
-    if drawn uniformly from the levels.
+    Use :meth:`from_counts` to create a display. Each box plot shows r_wg over
+    objects: the quartiles, whiskers up to 1.5 times their distance, and the objects
+    beyond. The adjective with the highest median comes first. At the dotted line,
+    ratings scatter as if drawn uniformly from the levels.
 
     Parameters
     ----------
@@ -244,8 +232,8 @@ class InterraterAgreementDisplay:
         Parameters
         ----------
         counts : dict of str to array-like of shape (n_rows, n_levels), or array-like
-            For each adjective, how many people chose each level, such as the
-            ``ratings`` of a corpus; or the counts of one adjective.
+            For each adjective, how many people chose each level, like
+            ``corpus.ratings``; or the counts of one adjective.
         objects : array-like of shape (n_rows,), default=None
             The object of each row. Rows of one object, such as its trials, must be
             equal and count once. By default each row is an object.
@@ -266,32 +254,13 @@ class InterraterAgreementDisplay:
             If matplotlib is not installed.
         """
         tables, _, _ = _counts_of_objects(counts, objects, None)
-        agreement = {
-            name: _agreement(table, _called(name)) for name, table in tables.items()
-        }
+        for name, table in tables.items():
+            check_two_ratings(table, _called(name))
+        agreement = {name: interrater_agreement(t) for name, t in tables.items()}
         by_median = sorted(agreement, key=lambda name: -np.median(agreement[name]))
         return cls({name: agreement[name] for name in by_median}).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the box plots.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : InterraterAgreementDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__)
-        self.ax_, self.figure_ = ax, ax.figure
+    def _draw(self, ax):
         self.boxes_ = ax.boxplot(
             [*self.agreement.values()],
             tick_labels=[*self.agreement],
@@ -318,23 +287,22 @@ class InterraterAgreementDisplay:
         if len(self.agreement) > 6:
             ax.tick_params(axis="x", labelrotation=45)
         ax.legend(loc="lower right", bbox_to_anchor=(1, 1), frameon=False)
-        return self
 
 
-class AdjectiveCorrelationDisplay:
+class AdjectiveCorrelationDisplay(Display):
     """Rank correlation of the ratings of every pair of adjectives, as a matrix.
 
-    Use :meth:`from_ratings` to create a display. Synonyms and antonyms have a frame
-    and bold figures, correlations that are not significant grey ones.
+    Use :meth:`from_ratings` to create a display. Synonyms and antonyms are framed
+    and bold; correlations that are not significant are grey.
 
     Parameters
     ----------
     correlation : Bunch
         What :func:`~sklearn_haptic.ratings.adjective_correlation` returned.
     alpha : float, default=0.05
-        Its level of significance.
+        The level of significance used for it.
     threshold : float, default=0.5
-        Its least strength of synonyms and antonyms.
+        The least strength of synonyms and antonyms used for it.
 
     Attributes
     ----------
@@ -392,8 +360,8 @@ class AdjectiveCorrelationDisplay:
         Parameters
         ----------
         ratings : array-like of shape (n_ratings, n_adjectives)
-            One person's ratings of one object a row, an adjective a column, such as the
-            ``rater_ratings`` of a corpus; missing ones are None, NaN or NA.
+            One row per person and object, one column per adjective, like
+            ``corpus.rater_ratings``; missing ratings are None, NaN or NA.
         alpha : float, default=0.05
             Level of significance.
         threshold : float, default=0.5
@@ -417,35 +385,19 @@ class AdjectiveCorrelationDisplay:
         correlation = adjective_correlation(ratings, alpha=alpha, threshold=threshold)
         return cls(correlation, alpha=alpha, threshold=threshold).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the matrix.
+    def _figsize(self):
+        return 6.4, 5.2
 
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : AdjectiveCorrelationDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__, (6.4, 5.2))
+    def _draw(self, ax):
         from matplotlib.patches import Rectangle
 
-        result, names = self.correlation, [*map(str, self.correlation.names)]
+        names = [*map(str, self.correlation.names)]
         n = (
             len(names) - 1
         )  # rows from the second adjective, columns to the last but one
         below = np.tri(n, dtype=bool)
-        self.ax_, self.figure_ = ax, ax.figure
         self.image_ = ax.imshow(
-            np.ma.array(result.rho[1:, :-1], mask=~below),
+            np.ma.array(self.correlation.rho[1:, :-1], mask=~below),
             cmap="RdBu_r",
             vmin=-1,
             vmax=1,
@@ -456,37 +408,16 @@ class AdjectiveCorrelationDisplay:
         )
         self.texts_, self.frames_ = [], []
         for row, column in np.argwhere(below):
-            pair = row + 1, column
-            related = result.relation[pair] != 0
-            if related:
-                frame = Rectangle(
-                    (column - 0.47, row - 0.47), 0.94, 0.94, fill=False, linewidth=1.6
-                )
-                self.frames_.append(ax.add_patch(frame))
-            significant = result.pvalue_holm[pair] <= self.alpha
-            text = ax.text(
-                column,
-                row,
-                _correlation(result.rho[pair]),
-                color=_ink(self.image_.to_rgba(result.rho[pair]))
-                if significant
-                else "0.5",
-                weight="bold" if related else "normal",
-                fontsize="small",
-                ha="center",
-                va="center",
-            )
-            self.texts_.append(text)
+            self._write(ax, row, column)
         ax.set_xticks(range(n), labels=names[:-1], rotation=45, ha="right")
         ax.set_yticks(range(n), labels=names[1:])
         ax.tick_params(length=0)
         ax.spines[:].set_visible(False)
-        legend = [
-            Rectangle((0, 0), 1, 1, fill=False, linewidth=1.6),
-            Rectangle((0, 0), 1, 1, color="0.5"),
-        ]
         ax.legend(
-            legend,
+            [
+                Rectangle((0, 0), 1, 1, fill=False, linewidth=1.6),
+                Rectangle((0, 0), 1, 1, color="0.5"),
+            ],
             [
                 "synonyms, antonyms:\n"
                 f"|ρ| ≥ {self.threshold:g}, p ≤ {self.alpha:g} (Holm)",
@@ -496,7 +427,31 @@ class AdjectiveCorrelationDisplay:
             frameon=False,
             fontsize="small",
         )
-        return self
+
+    def _write(self, ax, row, column):
+        """Write the correlation of one cell, and frame it if its pair is related."""
+        from matplotlib.patches import Rectangle
+
+        pair = row + 1, column
+        rho = self.correlation.rho[pair]
+        related = self.correlation.relation[pair] != 0
+        if related:
+            frame = Rectangle(
+                (column - 0.47, row - 0.47), 0.94, 0.94, fill=False, linewidth=1.6
+            )
+            self.frames_.append(ax.add_patch(frame))
+        significant = self.correlation.pvalue_holm[pair] <= self.alpha
+        text = ax.text(
+            column,
+            row,
+            _correlation(rho),
+            color=_ink(self.image_.to_rgba(rho)) if significant else "0.5",
+            weight="bold" if related else "normal",
+            fontsize="small",
+            ha="center",
+            va="center",
+        )
+        self.texts_.append(text)
 
 
 def _counts_of_objects(
@@ -510,7 +465,7 @@ def _counts_of_objects(
     if not given:
         raise ValueError("counts is of no adjective; give the counts of one or more.")
     checked = {
-        name: _check_counts(table, levels, called[name])
+        name: check_counts(table, levels, name=called[name])
         for name, table in given.items()
     }
     tables = {name: table for name, (table, _) in checked.items()}

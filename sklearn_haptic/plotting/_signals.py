@@ -1,4 +1,4 @@
-"""Recordings: the signals of each sensor, trial beside trial."""
+"""Recordings: the signals of each sensor in each trial."""
 
 from __future__ import annotations
 
@@ -11,23 +11,24 @@ import numpy as np
 from .._check_trials import check_trials
 from .._sklearn import FloatArray
 from ..datasets._phac2 import FRAME_RATE, SENSORS
-from ._style import colours_of, label_blocks, panels_of
+from ._display import Display
+from ._style import colours_of, label_blocks, legend_beside
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-# Sensors with more channels are shown as an image, for lines would hide each other.
+# Sensors with more channels are shown as an image, since lines would hide each other.
 _MAX_LINES = 8
 
 
-class SignalsDisplay:
-    """Signals of one trial or several: a row of panels a sensor, a column a trial.
+class SignalsDisplay(Display):
+    """Signals of trials: one row of panels per sensor, one column per trial.
 
-    Use :meth:`from_trials` to create a display. Up to eight channels are lines; those
-    of a sensor with more, such as electrodes, are rows of an image. The panels of a
-    sensor share the axis of its values, those of a trial the time axis.
+    Use :meth:`from_trials` to create a display. Up to eight channels are drawn as
+    lines, more (such as electrodes) as rows of an image. The panels of a sensor share
+    the axis of values, those of a trial the time axis.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ class SignalsDisplay:
     titles : sequence of str
         The name of each trial.
     sampling_rates : dict of str to float
-        Samples a second of each sensor.
+        Samples per second of each sensor.
     units : dict of str to str
         Unit of each sensor's values.
 
@@ -99,16 +100,17 @@ class SignalsDisplay:
         Parameters
         ----------
         X : DataFrame, Series, dict or array-like
-            Several trials: a DataFrame with a row a trial and a column a sensor, or a
-            dict from the name of each, such as its exploratory procedure, to the trial.
+            Several trials: a DataFrame with one row per trial and one column per
+            sensor, or a dict from the name of each, such as its exploratory procedure,
+            to the trial.
             One trial: a row of such a DataFrame, or a dict from the name of each sensor
             to its signals, of shape (n_times, n_channels). One sensor: such an array.
         sampling_rate : float or dict of str to float, default=None
-            Samples a second, of all sensors or each. By default those of a BioTac:
+            Samples per second, of all sensors or of each. By default those of a BioTac:
             2200 of pac, 100 of pdc, tac, tdc and electrodes.
         unit : str or dict of str to str, default="counts"
-            Unit of the values, of all sensors or each; "counts" of those that a dict
-            lacks.
+            Unit of the values, of all sensors or of each; sensors that a dict lacks
+            have "counts".
         ax : matplotlib Axes, default=None
             Axes, made by ``subplots``, in which to lay out the panels; by default
             those of a new figure.
@@ -144,35 +146,13 @@ class SignalsDisplay:
             },
         ).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the signals.
+    def _figsize(self):
+        n_rows, n_columns = len(self.signals), len(self.titles)
+        return max(6.4, 1.9 * n_columns), max(2.6, 1.0 + 1.3 * n_rows)
 
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes, made by ``subplots``, in which to lay out the panels; by default
-            those of a new figure.
-
-        Returns
-        -------
-        display : SignalsDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
+    def _draw(self, ax):
         shape = len(self.signals), len(self.titles)
-        self.ax_, self.axes_ = panels_of(
-            ax,
-            type(self).__name__,
-            *shape,
-            figsize=(max(6.4, 1.9 * shape[1]), max(2.6, 1.0 + 1.3 * shape[0])),
-            sharex="col",
-            sharey="row",
-        )
-        self.figure_ = self.ax_.figure
+        self.axes_ = self._divide(shape, sharex="col", sharey="row")
         self.lines_, self.images_, legend = {}, {}, None
         for row, (sensor, signals) in zip(self.axes_, self.signals.items()):
             n_channels = signals[0].shape[1]
@@ -189,18 +169,14 @@ class SignalsDisplay:
             ]
             row[0].set_ylabel("\n".join(filter(None, (sensor, self.units[sensor]))))
             if n_channels > 1 and channels != legend:
-                row[-1].legend(
-                    loc="center left",
-                    bbox_to_anchor=(1, 0.5),
-                    frameon=False,
-                    handlelength=1,
+                legend_beside(
+                    row[-1], loc="center left", bbox_to_anchor=(1, 0.5), handlelength=1
                 )
                 legend = channels
         self.figure_.align_ylabels(self.axes_[:, 0])
         for title, top, bottom in zip(self.titles, self.axes_[0], self.axes_[-1]):
             top.set_title(title.replace("_", " "), fontsize="medium")
             bottom.set_xlabel("time, s")
-        return self
 
     def _plot_lines(self, panel, sensor, values, channels):
         """Plot the channels over time."""
@@ -275,8 +251,8 @@ def _rate_of(sensor, sampling_rate):
         rate = (known | dict(rate or {})).get(sensor)
         if rate is None:
             raise ValueError(
-                f"sampling_rate of the sensor {sensor!r} is unknown; give it, in "
-                "samples a second."
+                f"sampling_rate of the sensor {sensor!r} is unknown; give it in "
+                "samples per second."
             )
     return check_rate(rate)
 
@@ -285,7 +261,7 @@ def check_rate(rate):
     """Return a sampling rate; refuse what is no positive finite number."""
     if not isinstance(rate, Real) or not 0 < rate < np.inf:
         raise ValueError(
-            f"sampling_rate={rate!r} must be a positive number of samples a second."
+            f"sampling_rate={rate!r} must be a positive number of samples per second."
         )
     return float(rate)
 

@@ -1,4 +1,4 @@
-"""What accuracy costs: time and score of the candidates of a search."""
+"""Time and score of the candidates of a search."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from ..model_selection._frontier import (
     is_non_dominated,
     read_candidates,
 )
-from ._style import BLUE, ORANGE, axes_of
+from ._display import Display
+from ._style import BLUE, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,13 +22,13 @@ if TYPE_CHECKING:
     from .._sklearn import BaseSearchCV
 
 
-class SpeedAccuracyDisplay:
+class SpeedAccuracyDisplay(Display):
     """Time and score of every candidate of a search, and the frontier of the two.
 
-    Use :meth:`from_search` to create a display. The time is that to predict one trial,
-    as :func:`~sklearn_haptic.model_selection.neg_seconds_scorer` measures it. The
-    frontier is the best score to be had in at most so much time. The dotted line is one
-    standard error below the best score.
+    Use :meth:`from_search` to create a display. The time is that of predicting one
+    trial, as :func:`~sklearn_haptic.model_selection.neg_seconds_scorer` measures it.
+    The frontier is the best score within each time. The dotted line is one standard
+    error below the best score.
 
     Parameters
     ----------
@@ -42,11 +43,11 @@ class SpeedAccuracyDisplay:
     best : int
         Which candidate has the best score.
     cheapest : int
-        Which is the fastest within one standard error of the best.
+        Which candidate is the fastest within one standard error of the best.
     metric : str, default="score"
         Name of the score.
     cost : str, default="time to predict, seconds a trial"
-        What the seconds are.
+        Label of the seconds.
 
     Attributes
     ----------
@@ -140,8 +141,8 @@ class SpeedAccuracyDisplay:
         Warns
         -----
         UserWarning
-            If the search has no score "neg_seconds"; the mean time to fit and score on
-            one fold then stands for it, which caches falsify.
+            If the search has no score "neg_seconds". The mean time to fit and score one
+            fold is then plotted instead, which caches falsify.
         """
         candidates = read_candidates(search, metric)
         best, cheapest = best_and_cheapest(candidates)
@@ -156,29 +157,10 @@ class SpeedAccuracyDisplay:
             cost=candidates.cost,
         ).plot(ax)
 
-    def plot(self, ax: Axes | None = None) -> Self:
-        """Plot the candidates, the frontier and the two choices.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : SpeedAccuracyDisplay
-            This display, with ``ax_`` and the other attributes set.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        ax = axes_of(ax, type(self).__name__)
+    def _draw(self, ax):
         from matplotlib.ticker import LogLocator
 
         seconds, score = self.seconds, self.score
-        self.ax_, self.figure_ = ax, ax.figure
         self.errorbar_ = ax.errorbar(
             seconds,
             score,
@@ -189,42 +171,8 @@ class SpeedAccuracyDisplay:
             elinewidth=0.8,
             label="candidates ± 1 SE",
         )
-        frontier = np.flatnonzero(self.on_frontier)
-        frontier = frontier[np.argsort(seconds[frontier], kind="stable")]
-        (self.frontier_,) = ax.step(
-            np.append(seconds[frontier], seconds.max()),
-            np.append(score[frontier], score[frontier[-1]]),
-            where="post",
-            marker="o",
-            markersize=5,
-            markevery=list(range(len(frontier))),
-            color=BLUE,
-            linewidth=1.8,
-            zorder=3,
-            label="frontier",
-        )
-        (self.best_,) = ax.plot(
-            seconds[self.best],
-            score[self.best],
-            "*",
-            color=ORANGE,
-            markersize=13,
-            markeredgecolor="black",
-            markeredgewidth=0.6,
-            zorder=4,
-            label="best",
-        )
-        (self.cheapest_,) = ax.plot(
-            seconds[self.cheapest],
-            score[self.cheapest],
-            "o",
-            color="black",
-            fillstyle="none",
-            markersize=15,
-            markeredgewidth=1.6,
-            zorder=4,
-            label="cheapest within 1 SE",
-        )
+        self._draw_frontier(ax)
+        self._mark_choices(ax)
         ax.axhline(
             score[self.best] - self.score_se[self.best],
             color="black",
@@ -245,4 +193,44 @@ class SpeedAccuracyDisplay:
         ax.legend(
             loc="lower center", bbox_to_anchor=(0.5, 1.01), ncols=3, frameon=False
         )
-        return self
+
+    def _draw_frontier(self, ax):
+        frontier = np.flatnonzero(self.on_frontier)
+        frontier = frontier[np.argsort(self.seconds[frontier], kind="stable")]
+        seconds, score = self.seconds[frontier], self.score[frontier]
+        (self.frontier_,) = ax.step(
+            np.append(seconds, self.seconds.max()),
+            np.append(score, score[-1]),
+            where="post",
+            marker="o",
+            markersize=5,
+            markevery=list(range(len(frontier))),
+            color=BLUE,
+            linewidth=1.8,
+            zorder=3,
+            label="frontier",
+        )
+
+    def _mark_choices(self, ax):
+        (self.best_,) = ax.plot(
+            self.seconds[self.best],
+            self.score[self.best],
+            "*",
+            color=ORANGE,
+            markersize=13,
+            markeredgecolor="black",
+            markeredgewidth=0.6,
+            zorder=4,
+            label="best",
+        )
+        (self.cheapest_,) = ax.plot(
+            self.seconds[self.cheapest],
+            self.score[self.cheapest],
+            "o",
+            color="black",
+            fillstyle="none",
+            markersize=15,
+            markeredgewidth=1.6,
+            zorder=4,
+            label="cheapest within 1 SE",
+        )

@@ -1,0 +1,81 @@
+"""What all displays share: axes, panels, and the order in which a figure is made."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from .._sklearn import check_matplotlib_support
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+class Display:
+    """Base of the displays, which hold what is plotted and draw it by `_draw`."""
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Plot the display.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure. A display of several
+            panels divides the axes, which ``subplots`` must have made.
+
+        Returns
+        -------
+        display : object
+            This display, with ``ax_`` and the other attributes set.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        check_matplotlib_support(type(self).__name__)
+        if ax is None:
+            from matplotlib import pyplot as plt
+
+            _, ax = plt.subplots(figsize=self._figsize(), layout="constrained")
+        self.ax_, self.figure_ = ax, ax.figure
+        self._draw(ax)
+        return self
+
+    def _figsize(self) -> tuple[float, float]:
+        """Return the width and height of a new figure, in inches."""
+        return 6.4, 4
+
+    def _draw(self, ax: Any) -> None:
+        raise NotImplementedError
+
+    def _divide(self, shape: tuple[int, int], **options: Any) -> np.ndarray:
+        """Divide the axes into a grid of panels.
+
+        Parameters
+        ----------
+        shape : tuple of int
+            Number of rows and of columns.
+        **options
+            ``sharex`` and ``sharey`` of the panels; all others are passed on to
+            ``SubplotSpec.subgridspec``.
+
+        Returns
+        -------
+        panels : ndarray of matplotlib Axes of the given shape
+
+        Raises
+        ------
+        ValueError
+            If the axes are on no grid.
+        """
+        cell = self.ax_.get_subplotspec()
+        if cell is None:
+            raise ValueError(
+                f"ax is on no grid, so {type(self).__name__} cannot divide it into "
+                "panels; make it with matplotlib.pyplot.subplots."
+            )
+        self.ax_.set_axis_off()
+        shared = {name: options.pop(name, False) for name in ("sharex", "sharey")}
+        return cell.subgridspec(*shape, **options).subplots(squeeze=False, **shared)
