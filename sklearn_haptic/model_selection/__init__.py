@@ -14,7 +14,8 @@ The sensors of a model are such a choice too: :func:`sensor_subsets` tries them 
 :func:`sensor_contributions` holds out one after the other where a model combines them.
 """
 
-from ._contributions import contribution_summary, sensor_contributions
+from ._contribution_summary import contribution_summary
+from ._contributions import sensor_contributions
 from ._cost import neg_seconds_scorer
 from ._frontier import cheapest_within_one_se, speed_accuracy_frontier
 from ._out_of_fold import cross_val_predict_proba

@@ -13,6 +13,7 @@ from sklearn.utils import indexable
 from sklearn.utils.parallel import Parallel, delayed
 
 from .._check_ratings import check_ratings
+from .._distributions import _cdf
 from .._folds import make_splitter, route
 from .._sklearn import (
     CrossValidator,
@@ -25,7 +26,6 @@ from .._sklearn import (
     validate_params,
 )
 from .._validation import check_groups
-from ..models._distributional import _cdf
 
 
 @validate_params(

@@ -17,6 +17,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils import indexable
 from sklearn.utils.parallel import Parallel, delayed
 
+from .._candidates import COST
 from .._folds import make_splitter, route
 from .._sklearn import (
     CrossValidator,
@@ -28,7 +29,6 @@ from .._sklearn import (
 )
 from .._validation import check_groups
 from ._cost import predictor, seconds_per_trial, timed, without_caches
-from ._frontier import _COST
 
 
 def sensor_subsets(
@@ -211,7 +211,7 @@ def _score_subsets(sensors, rest, subsets, scorer, X, y, train, test, params):
         use = seconds_per_trial(predictor(fitted), Z_test)
         *seconds, use = np.sum([*seconds, (fit_time, score_time, use)], axis=0)
         scores = scores if isinstance(scores, Mapping) else {"score": scores}
-        outcomes.append((seconds, {**scores, _COST: -use}))
+        outcomes.append((seconds, {**scores, COST: -use}))
     return outcomes
 
 

@@ -31,8 +31,7 @@ from .._sklearn import (
 )
 from .._validation import check_names
 from ..datasets._phac2 import PROCEDURE_STATES, SENSORS
-from ..models._distributional import DistributionalOrdinalRegressor
-from ..models._nnpom import NNPOM
+from ..models import NNPOM, DistributionalOrdinalRegressor
 from ._store import (
     open_study,
     read_finished,

@@ -28,13 +28,16 @@ from sklearn.utils import check_random_state
 
 from .._check_ratings import check_ratings
 from .._folds import validation_split
+from .._holdouts import fit_holdouts
 from .._pipeline import make_haptic_pipeline
+from .._trial_scores import score_trials
 from ..datasets._phac2 import PROCEDURE_STATES
-from ..features._pooling import TemporalMaxPool
-from ..model_selection._contributions import fit_holdouts, score_trials
-from ..models._baselines import DummyDistribution
-from ..models._distributional import DistributionalOrdinalRegressor
-from ..models._fusion import SensorFusionNNPOM
+from ..features import TemporalMaxPool
+from ..models import (
+    DistributionalOrdinalRegressor,
+    DummyDistribution,
+    SensorFusionNNPOM,
+)
 from ._store import check_text, read_unit, unit_path
 
 _SHARE_OF_DICTIONARY = 0.6  # of the trials of each object
