@@ -14,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 COST = "neg_seconds"
 
 
-# Times that differ by a smaller factor are equal: those of one model do, too.
+# Times that differ by less than this factor count as equal, as those of one model do.
 _SAME_TIME = 1.1
 
 
@@ -35,7 +35,7 @@ def read_candidates(search, metric=None):
     Parameters
     ----------
     search : fitted search or dict
-        The search, or its ``cv_results_``. Of a search by successive halving only
+        The search, or its ``cv_results_``. In a search by successive halving only
         the last iteration counts, the one with the most resources.
     metric : str, default=None
         Name of the score; by default that of ``refit``, or the only one.
@@ -54,7 +54,7 @@ def read_candidates(search, metric=None):
     Warns
     -----
     UserWarning
-        If the search did not time the use of its candidates. Their cost is then the
+        If the search did not time how its candidates predict. Their cost is then the
         mean time to fit and score them on one fold.
     """
     if isinstance(search, Mapping):
@@ -96,7 +96,7 @@ def read_candidates(search, metric=None):
 
 
 def _mean_and_se(results, metric):
-    """Mean of a score over the splits and its standard error, of each candidate."""
+    """Return each candidate's mean score over the splits, and its standard error."""
     columns = (f"split{split}_test_{metric}" for split in count())
     splits = [results[column] for column in takewhile(results.__contains__, columns)]
     if len(splits) < 2:
@@ -111,7 +111,7 @@ def _mean_and_se(results, metric):
 
 
 def _fit_and_score_time(results):
-    """Mean seconds to fit and score each candidate on one fold."""
+    """Return each candidate's mean seconds to fit and score on one fold."""
     for time in ("mean_fit_time", "mean_score_time"):
         if time not in results:
             raise ValueError(
@@ -136,7 +136,7 @@ def _check_metric(results, metric):
 
 
 def is_non_dominated(cost, score):
-    """Whether nothing is both as cheap and as good, and better in one of the two.
+    """Tell which candidates no other beats in cost and score.
 
     Parameters
     ----------
@@ -160,7 +160,8 @@ def is_non_dominated(cost, score):
 def best_and_cheapest(candidates):
     """Choose by score, and by cost within one standard error of the best score.
 
-    Costs up to a tenth above the lowest are as low: of these, the best score.
+    Costs up to a tenth above the lowest count as equally low; of these candidates, the
+    one with the best score is chosen.
 
     Parameters
     ----------

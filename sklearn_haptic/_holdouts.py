@@ -13,14 +13,15 @@ FULL_MODEL = "none"
 
 
 def fit_holdouts(regressor, X, y, *, random_state, groups=None, X_val=None, y_val=None):
-    """Fit the full model and one holdout a sensor, from one start.
+    """Fit the full model, and one holdout per sensor, from one start.
 
-    The networks of the sensors are fitted once, with the full model, and shared.
+    The networks of the sensors are fitted once, with the full model; the holdouts
+    share them.
 
     Parameters
     ----------
     regressor : DistributionalOrdinalRegressor
-        Its estimator is a `SensorFusionNNPOM`; it is cloned.
+        A regressor whose estimator is a `SensorFusionNNPOM`; it is cloned.
     X : array-like of shape (n_trials, n_features)
         Features of each trial.
     y : array-like of shape (n_trials, n_levels) or (n_trials,)
@@ -33,7 +34,8 @@ def fit_holdouts(regressor, X, y, *, random_state, groups=None, X_val=None, y_va
     Returns
     -------
     models : dict of str to DistributionalOrdinalRegressor
-        The fitted models by the sensor held out; first ``"none"``, the full model.
+        The fitted models by the sensor held out. The first, ``"none"``, is the full
+        model.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from .metrics import (
 
 
 def score_trials(counts, proba):
-    """Every score of each predicted distribution; lower is better in all of them.
+    """Compute every score of each predicted distribution; lower is better in all.
 
     Parameters
     ----------
@@ -24,13 +24,14 @@ def score_trials(counts, proba):
     -------
     scores : dict of str to ndarray of shape (n_trials,)
         "macro_mae", "emd" and "rps" in levels, "log_score" in nats, and "rps_1", …,
-        one for each threshold between levels k and k + 1: the ranked probability
-        score (RPS) of the ratings reduced to at most k or more. They sum to "rps".
+        one per threshold between levels k and k + 1: the ranked probability score
+        (RPS) of ratings that only tell whether the level is above k. These terms sum
+        to "rps".
 
     Raises
     ------
     ValueError
-        If a row of ``proba`` is no distribution, a trial has no ratings, or the
+        If a row of ``proba`` is not a distribution, a trial has no ratings, or the
         shapes differ.
 
     Examples

@@ -26,55 +26,59 @@ def contribution_summary(
     Parameters
     ----------
     scores : DataFrame
-        What `sensor_contributions` returned, or one with the further columns
+        A table as `sensor_contributions` returns it. It may have the further columns
         ``adjective`` and ``procedure``.
     metric : str, default="macro_mae"
         Name of the score.
     by : str or list of str, default=None
-        Columns of ``scores``, for each of whose values there is a summary, such as
-        ``"object"`` or ``["adjective", "procedure"]``. ``"threshold"`` is k in the
-        terms of the ranked probability score, which then take the place of ``metric``:
-        does a sensor help to tell ratings of at most k from higher ones?
+        Columns of ``scores`` for each of whose values to make a summary, such as
+        ``"object"`` or ``["adjective", "procedure"]``. ``"threshold"`` summarises the
+        terms of the ranked probability score in place of ``metric``: does a sensor help
+        to tell ratings of at most k from higher ones?
 
     Returns
     -------
     summary : DataFrame
-        A row for each sensor held out (and value of ``by``). Columns: those of ``by``;
-        ``held_out``; ``full`` and ``full_sd``, the score of the full model, averaged
-        over trials, its mean over starts and its standard deviation; ``holdout`` and
-        ``holdout_sd``, the same without the sensor; ``difference`` and
-        ``difference_sd`` of the two, positive if the sensor helps; ``H`` and
-        ``p_starts`` of a Kruskal–Wallis test whether the scores of the starts differ;
-        ``p_objects`` of a Wilcoxon signed-rank test whether the objects' differences,
-        averaged over starts and trials, are centred at zero. There is no ``p_objects``
-        by object.
+        One row per sensor left out, and per value of ``by``. Columns:
+
+        - those of ``by``, and ``held_out``, the sensor;
+        - ``full`` and ``full_sd``, the mean and the standard deviation over starts of
+          the full model's score, averaged over trials;
+        - ``holdout`` and ``holdout_sd``, the same without the sensor;
+        - ``difference`` and ``difference_sd`` of the two, positive if the sensor helps;
+        - ``H`` and ``p_starts`` of a Kruskal–Wallis test whether the scores of the
+          starts differ;
+        - ``p_objects`` of a Wilcoxon signed-rank test whether the objects' differences,
+          averaged over starts and trials, are centred at zero; left out if ``by`` has
+          "object" or "trial".
 
     Raises
     ------
     ValueError
-        If the metric or a column is unknown, there is no full model or no holdout,
-        models are not scored on the same trials or some twice, there are fewer than two
-        starts, a score is not finite, or ``by`` has "held_out" or "start".
+        If the metric or a column is unknown; there is no full model, or no model
+        without a sensor; models are scored on different trials, or twice on one; there
+        are fewer than two starts; a score is not finite; or ``by`` has "held_out" or
+        "start".
 
     See Also
     --------
-    sklearn_haptic.plotting.SensorContributionsDisplay : The same as a figure.
+    sklearn_haptic.plotting.SensorContributionsDisplay : Plot this summary.
 
     Notes
     -----
-    The Kruskal–Wallis test is the paper's [1]_. It asks whether another start might
-    have made the difference, on the same objects. It ignores that other objects could
-    have been chosen: on any few objects a useless sensor makes some difference by
-    chance, and the more starts, the surer that is found. Starts share the networks of
-    the sensors with the full model, which makes the test cautious.
+    The Kruskal–Wallis test is the paper's [1]_. It asks whether other starts, on the
+    same objects, might explain the difference. It ignores that other objects could
+    have been chosen: on a few objects a useless sensor makes some difference by chance,
+    and with enough starts the test will find it. The models of a start share the
+    networks of the sensors, which makes the test cautious.
 
     To say that a sensor helps with objects not seen yet, use ``p_objects``, for which
-    each object is one observation; of fewer than six it is never below 0.05. It ignores
-    that the objects of a cross-validation share training trials. Look at the sign of
-    the difference too: a sensor that tells nothing often makes a model truly worse.
+    each object is one observation; with fewer than six objects it is never below 0.05.
+    It ignores that the folds of a cross-validation share training trials. Look at the
+    sign of the difference too: a sensor that tells nothing often makes a model worse.
 
-    No p is corrected for the number of rows: of twenty useless sensors, one is expected
-    below 0.05.
+    No p-value is corrected for the number of rows: of twenty useless sensors, one is
+    expected below 0.05.
 
     References
     ----------
@@ -129,7 +133,7 @@ def contribution_summary(
 
 
 def _melt_thresholds(scores, by):
-    """Give each threshold a row, with its term of the ranked probability score."""
+    """Return a table with one row per threshold, its term of the RPS in "rps"."""
     terms = scores.filter(regex=r"^rps_\d+$").columns
     if terms.empty:
         raise ValueError(
@@ -142,7 +146,7 @@ def _melt_thresholds(scores, by):
 
 
 def _pair_models(scores, metric, by):
-    """One score for each model, in columns, of each trial, fold and start, in rows."""
+    """Return scores with one column per model, one row per trial, fold and start."""
     missing = {"held_out", "start", "object", metric, *by}.difference(scores.columns)
     if missing:
         raise ValueError(
@@ -201,7 +205,7 @@ def _pair_models(scores, metric, by):
 
 
 def _compare_models(paired):
-    """Return, for each sensor held out, what its row of the summary says."""
+    """Return the row of the summary of each sensor left out."""
     starts = paired.groupby("start").mean()
     objects = paired.groupby("object").mean()
     if len(starts) == 1:
@@ -226,7 +230,7 @@ def _compare_models(paired):
 
 
 def _test_starts(full, holdout):
-    """Kruskal–Wallis test; equal scores throughout are no evidence."""
+    """Kruskal–Wallis test, without evidence if all scores are equal."""
     if np.ptp(np.append(full, holdout)) == 0:
         return {"H": 0.0, "p_starts": 1.0}
     result = kruskal(full, holdout)
@@ -234,5 +238,5 @@ def _test_starts(full, holdout):
 
 
 def _test_objects(difference):
-    """Wilcoxon's signed-rank test, of the objects that have a difference."""
+    """Wilcoxon's signed-rank test, without evidence if no object has a difference."""
     return wilcoxon(difference).pvalue if difference.any() else 1.0

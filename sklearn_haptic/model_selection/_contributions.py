@@ -47,68 +47,68 @@ def sensor_contributions(
     random_state: RandomState = None,
     n_jobs: int | None = None,
 ) -> pd.DataFrame:
-    """Hold out one sensor after the other from a model that combines them.
+    """Score a model that combines sensors, with all of them and without each.
 
-    For each fold, and each of several random starts, the full model and one holdout a
-    sensor are fitted and predict the test trials [1]_. Networks of the sensors are
-    fitted once a start and shared by all its models.
+    For each fold and each of several random starts, the full model and one model
+    without each sensor are fitted and predict the test trials [1]_. The networks of the
+    sensors are fitted once per start and shared by all models of that start.
 
     Parameters
     ----------
     model : DistributionalOrdinalRegressor or Pipeline
         A regressor whose ``estimator`` is a :class:`~sklearn_haptic.SensorFusionNNPOM`,
         or a Pipeline that ends in one and passes DataFrames on to it, so that it can
-        tell the sensors by the names of their columns. Networks of sensors that are
-        frozen are not fitted again; only the combined network then has random starts.
+        tell the sensors by the names of their columns. Frozen networks of sensors are
+        not fitted again; only the combined network then has random starts.
     X : DataFrame or array-like of shape (n_trials, n_columns)
         The trials.
     y : array-like of shape (n_trials, n_levels) or (n_trials,)
         How many people gave the trial's object each rating, or one rating.
     groups : array-like of shape (n_trials,), default=None
-        The object of each trial; by default each trial is one of its own. Goes to
-        the splitter and to ``fit``, which may need it to stop early.
+        The object of each trial; by default each trial is of another object. It is
+        passed to the splitter and to ``fit``, which may need it to stop early.
     cv : int, splitter or iterable of (train, test), default=None
         The folds. An int, or None for 5, is a number of folds: of whole objects if
         ``groups`` are given, else as in
         :class:`~sklearn.model_selection.GridSearchCV`. For given training and test
         trials pass ``[(train, test)]``.
     n_repeats : int, default=10
-        Number of random starts; at least 2 are required for a summary.
+        Number of random starts; a summary requires at least 2.
     random_state : int, RandomState instance or None, default=None
-        Seed of the starts, in place of the random states of the regressor and its
-        networks. Pass an int for the same table in every call. The other steps of a
-        Pipeline keep theirs.
+        Seed of the starts. It replaces the random states of the regressor and its
+        networks; the other steps of a Pipeline keep theirs. Pass an int for the same
+        table in every call.
     n_jobs : int, default=None
-        Number of jobs; one fits and scores all models of one start on one fold. The
-        table is the same for any number.
+        Number of jobs, each of which fits and scores all models of one start on one
+        fold. The table is the same for any number.
 
     Returns
     -------
     scores : DataFrame
-        A row for each model and test trial. Columns: ``held_out``, the sensor, or
-        "none" for the full model; ``start`` and ``fold``, counted from 0; ``object``;
-        ``trial``, the row of ``X``; and the scores, lower being better: ``macro_mae``,
-        ``emd`` and ``rps`` in levels, ``log_score`` in nats, and ``rps_1``, …, the
-        terms of the ranked probability score (RPS) at the thresholds between levels
-        k and k + 1, which sum to ``rps``.
+        One row per model and test trial. Columns: ``held_out``, the sensor left out,
+        or "none" for the full model; ``start`` and ``fold``, counted from 0;
+        ``object``; ``trial``, the row of ``X``; and the scores, lower being better:
+        ``macro_mae``, ``emd`` and ``rps`` in levels, ``log_score`` in nats, and
+        ``rps_1``, …, the terms of the ranked probability score (RPS) at the thresholds
+        between levels k and k + 1, which sum to ``rps``.
 
     Raises
     ------
     TypeError
         If ``model`` does not end in a regressor of a ``SensorFusionNNPOM``.
     ValueError
-        If ``model`` holds a sensor out already, or a sensor is called "none".
+        If ``model`` already leaves a sensor out, or a sensor is called "none".
 
     See Also
     --------
     contribution_summary : Differences between the models, and tests of them.
-    sensor_subsets : Which sensors any model does best with, and in what time.
-    sklearn_haptic.plotting.SensorContributionsDisplay : Look at the scores.
+    sensor_subsets : Score any model with every set of its sensors, and time it.
+    sklearn_haptic.plotting.SensorContributionsDisplay : Plot the scores.
 
     Notes
     -----
-    A holdout tells what a sensor adds to all others: nothing, if another one tells
-    the same.
+    A model without one sensor shows what that sensor adds to all others, which is
+    nothing if another sensor tells the same.
 
     References
     ----------
@@ -118,7 +118,7 @@ def sensor_contributions(
 
     Examples
     --------
-    Vibration tells how people rate these objects, temperature does not.
+    Vibration tells how people rate these objects, but temperature does not.
 
     >>> import numpy as np
     >>> from sklearn_haptic import DistributionalOrdinalRegressor, SensorFusionNNPOM
@@ -171,7 +171,7 @@ def sensor_contributions(
 
 
 def _split_model(model):
-    """Return what computes the features, and the regressor of the fusion model."""
+    """Return the steps that compute the features, and the regressor after them."""
     features, regressor = FunctionTransformer(), model
     if isinstance(model, Pipeline):
         regressor = model[-1]
@@ -196,7 +196,7 @@ def _split_model(model):
 
 
 def _compute_features(transformer, X, y, train, test):
-    """Features of the training and of the test trials of one fold."""
+    """Compute the features of the training trials and of the test trials of a fold."""
     transformer = clone(transformer)
     Z_train = transformer.fit_transform(
         _safe_indexing(X, train), _safe_indexing(y, train)
@@ -207,7 +207,7 @@ def _compute_features(transformer, X, y, train, test):
 def _score_start(
     regressor, X_train, X_test, y_train, y_test, *, random_state, groups, **columns
 ):
-    """Scores of the full model and the holdouts of one start on one fold."""
+    """Score the full model, and the models without each sensor, on one fold."""
     models = fit_holdouts(
         regressor, X_train, y_train, random_state=random_state, groups=groups
     )

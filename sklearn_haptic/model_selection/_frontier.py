@@ -15,11 +15,11 @@ from .._sklearn import BaseSearchCV
 def speed_accuracy_frontier(
     search: BaseSearchCV | Mapping[str, Any], *, metric: str | None = None
 ) -> pd.DataFrame:
-    """Table of the candidates of a search that no other beats in time and score.
+    """Return the candidates of a search that no other beats in time and score.
 
-    A candidate is on the frontier if no other is as fast and scores as well, and
-    is better in one of the two. Every other candidate can be replaced by one of
-    these at no loss.
+    A candidate is on the frontier if no other is at least as fast, scores at least as
+    well, and is better in one of the two. Every other candidate can be replaced by one
+    of these at no loss.
 
     Parameters
     ----------
@@ -35,13 +35,13 @@ def speed_accuracy_frontier(
     Returns
     -------
     frontier : DataFrame of shape (n_non_dominated, n_parameters + 3)
-        A row a candidate, from the fastest to the best, so that the score rises
+        One row per candidate, from the fastest to the best, so that the score rises
         with the time. Its index is the candidate's position in ``cv_results_``.
-        Columns: ``param_…``, each parameter; ``seconds``, what the fitted model takes
-        to predict one trial, as :func:`neg_seconds_scorer` measures it, mean over the
-        folds; ``score``, the mean test score, higher being better; ``score_se``, its
-        standard error. Candidates equal in both time and score are all kept, in the
-        order of the search.
+        Columns: ``param_…``, each parameter; ``seconds``, the time that the fitted
+        model takes to predict one trial, as :func:`neg_seconds_scorer` measures it,
+        mean over the folds; ``score``, the mean test score, higher being better;
+        ``score_se``, its standard error. Candidates equal in both time and score are
+        all kept, in the order of the search.
 
     Raises
     ------
@@ -53,20 +53,20 @@ def speed_accuracy_frontier(
     -----
     UserWarning
         If the search has no score "neg_seconds". The seconds are then the mean time
-        to fit and score on one fold. With ``memory=`` in a pipeline that is no cost
-        of a candidate: whichever comes first pays for the steps that all share.
+        to fit and score on one fold. With ``memory=`` in a pipeline this is not the
+        cost of a candidate, because the first one pays for the steps that all share.
 
     See Also
     --------
-    neg_seconds_scorer : Times the use of each candidate in a search.
+    neg_seconds_scorer : Time how each candidate of a search predicts.
     cheapest_within_one_se : Choose one of them.
-    sklearn_haptic.plotting.SpeedAccuracyDisplay : Look at them.
+    sklearn_haptic.plotting.SpeedAccuracyDisplay : Plot them.
 
     Notes
     -----
-    Searches by successive halving take one score. Let ``scoring`` be a function of an
-    estimator, X and y that returns a dict with a "score" and "neg_seconds", and
-    ``refit`` any callable.
+    Searches by successive halving take a single score. To time their candidates, let
+    ``scoring`` be a function of an estimator, X and y that returns a dict with "score"
+    and "neg_seconds", and ``refit`` any callable.
 
     Examples
     --------
@@ -101,11 +101,11 @@ def speed_accuracy_frontier(
 def cheapest_within_one_se(
     cv_results: BaseSearchCV | Mapping[str, Any], *, metric: str | None = None
 ) -> int:
-    """Fastest candidate whose score is within one standard error of the best.
+    """Return the fastest candidate within one standard error of the best score.
 
-    For ``refit=`` of a search: it then refits the fastest candidate whose mean
-    test score is no more than one standard error, that of the best candidate,
-    below the best. The time is that to predict one trial: search with
+    Give it to ``refit=`` of a search. The search then refits the fastest candidate
+    whose mean test score is at most one standard error, that of the best candidate,
+    below the best. The time is that to predict one trial, so search with
     ``scoring={"rps": neg_rps_scorer, "neg_seconds": neg_seconds_scorer}``.
 
     Parameters
@@ -113,17 +113,17 @@ def cheapest_within_one_se(
     cv_results : dict or fitted search
         The ``cv_results_`` of a search, or the search.
     metric : str, default=None
-        Name of the score in a search with several beside "neg_seconds": pass
+        Name of the score in a search with several beside "neg_seconds"; pass
         ``refit=functools.partial(cheapest_within_one_se, metric="rps")``.
 
     Returns
     -------
     index : int
         Position of the candidate in ``cv_results``. Candidates up to a tenth slower
-        than the fastest are as fast, since the times of one and the same model differ
-        by that much: of these, the one with the best score; among those equal in
-        score, the faster, then the first. Of several best, the standard error of the
-        fastest counts.
+        than the fastest count as equally fast, because times of one and the same model
+        differ by that much. Of these, the one with the best score is chosen; among
+        those of equal score the faster, then the first. If several are best, the
+        standard error is that of the fastest of them.
 
     Raises
     ------
@@ -139,20 +139,20 @@ def cheapest_within_one_se(
 
     See Also
     --------
-    neg_seconds_scorer : Times the use of each candidate in a search.
-    speed_accuracy_frontier : All candidates that no other beats in both.
+    neg_seconds_scorer : Time how each candidate of a search predicts.
+    speed_accuracy_frontier : Return all candidates that no other beats in both.
 
     Notes
     -----
-    The folds of one cross-validation share training trials, and those of repeated
-    grouped folds test trials too, so that their scores are not independent. Their
-    standard error is then too small, the more so the more repeats, and the
-    rule picks slower candidates than it would with the true one.
+    The folds of one cross-validation share training trials, and repeated folds share
+    test trials too, so their scores are not independent. Their standard error is then
+    too small, the more so the more repeats there are, and the rule picks slower
+    candidates than it would with the true standard error.
 
     With a callable ``refit`` a search has no ``best_score_``; see
     ``cv_results_["mean_test_rps"][best_index_]``. Searches by successive halving
-    ignore what it returns: call this function on them once they are fitted. It
-    then chooses from the last iteration.
+    ignore what the callable returns. Call this function on them once they are fitted;
+    it then chooses from the last iteration.
 
     References
     ----------
