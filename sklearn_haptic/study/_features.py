@@ -14,25 +14,7 @@ _SHARE_OF_DICTIONARY = 0.6  # of the trials of each object
 
 
 def compute_features(study, procedure, sensor):
-    """Compute a unit of features.
-
-    Parameters
-    ----------
-    study : Study
-    procedure, sensor : str
-
-    Returns
-    -------
-    arrays : dict of str to ndarray
-        What `learn_features` returns, under the names "features" and "dictionary".
-    record : dict
-        Empty.
-
-    Raises
-    ------
-    ValueError
-        If the corpus has other trials than the study.
-    """
+    """Return the arrays of `learn_features` by name, and an empty record."""
     corpus = study.corpus(procedure=procedure, sensors=[sensor])
     trials, _ = read_unit(study.folder, ("trials", procedure))
     for name, ids in names_of_trials(corpus).items():

@@ -41,20 +41,9 @@ def check_models(study, models):
 
 
 def compute_models(study, procedure, adjective, fold):
-    """Compute a unit of models.
+    """Return the scores of a fold, and a record with its choices and baselines.
 
-    Parameters
-    ----------
-    study : Study
-    procedure, adjective : str
-    fold : int
-
-    Returns
-    -------
-    scores : DataFrame
-        One row per model and test trial; see `read_study`.
-    record : dict
-        The choices of networks, and the baselines.
+    The scores have one row per model and test trial, see `read_study`.
     """
     name = procedure, adjective, fold
     trials, _ = read_unit(study.folder, ("trials", procedure))

@@ -11,20 +11,10 @@ from ._store import check_text
 
 
 def compute_trials(study, procedure):
-    """Compute a unit of trials.
+    """Return a table of trials, one row per trial, and an empty record.
 
-    Parameters
-    ----------
-    study : Study
-    procedure : str
-
-    Returns
-    -------
-    trials : DataFrame
-        One row per trial. Columns: ``trial``, its name; ``object``; and, for each
-        adjective and level such as ``rough_1``, how many people chose that level.
-    record : dict
-        Empty.
+    Columns: ``trial``, its name; ``object``; and, for each adjective and level such as
+    ``rough_1``, how many people chose that level.
     """
     corpus = study.corpus(procedure=procedure, sensors=study.sensors[:1])
     if not corpus.ratings:
