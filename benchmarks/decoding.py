@@ -3,10 +3,10 @@
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/decoding.py
 
 `DistributionalOrdinalRegressor` averages what an estimator predicts over positions in
-the population of raters. A row an estimator: the largest error of the distribution
-function, over held-out trials and levels, against 20,000 evenly spaced positions; the
-rows predicted for a trial; processor time. Beside it the error with the 20 quadrature
-nodes alone, which suffice where the prediction is smooth in the position.
+the population of raters. There is one row per estimator: the largest error of the
+distribution function, over test trials and levels, against 20,000 evenly spaced
+positions; the rows predicted per trial; and processor time. Beside it is the error of
+20 quadrature nodes alone, which suffice where the prediction is smooth in the position.
 """
 
 import platform
@@ -34,7 +34,6 @@ from sklearn.svm import SVC, SVR
 from sklearn.tree import DecisionTreeClassifier, DecisionTreeRegressor
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
-from sklearn_haptic.models._quantile_positions import population_quadrature
 
 N_ROWS = 20_000
 ESTIMATORS = [
@@ -104,6 +103,13 @@ def cdf_at(estimator, x, positions, n_levels):
     if is_regressor(estimator):
         level = np.clip(np.rint(level), 0, n_levels - 1)
     return (level[:, None] <= np.arange(n_levels)).astype(float)
+
+
+def population_quadrature(n_nodes):
+    """Nodes p and weights of Gauss–Legendre quadrature in q, with p = q² (3 - 2q)."""
+    x, weight = np.polynomial.legendre.leggauss(n_nodes)
+    q = (x + 1) / 2
+    return q**2 * (3 - 2 * q), 3 * q * (1 - q) * weight
 
 
 def seconds(function, *arguments):

@@ -8,7 +8,7 @@ distribution of their five-star ratings [1]_) and ``phac2_static/`` (600 trials 
 
 Ten folds, films or objects kept whole. Within each training fold every model
 chooses its penalty (the paper's also its hidden units, on one validation set as
-in the paper) on held-out groups of that fold, so that no reported fold was seen.
+in the paper) on validation groups of that fold, so that no reported fold was seen.
 Means ± standard errors over folds.
 
 .. [1] Geng, X. (2016). Label distribution learning. IEEE TKDE 28(7).

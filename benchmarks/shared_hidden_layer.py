@@ -10,7 +10,7 @@ The joint network has one hidden layer, whose inputs are the features of a touch
 the position p of a rater in the population; each adjective has output weights and
 thresholds of its own. It is fitted to the observations of all adjectives at once.
 
-Five folds, objects kept whole, features learnt from the training objects. In each,
+Five folds, objects kept whole, features learned from the training objects. In each,
 hidden units and alpha are chosen by the RPS in an inner cross-validation of three folds
 of training objects: for each adjective apart, or one setting for all. Scores are means
 over adjectives and objects, each object in one test fold; the standard errors of
@@ -130,12 +130,12 @@ def of_rows(counts, rows):
 
 
 def inner_rps(model, settings, X, counts, groups, seed):
-    """RPS of each setting and adjective on held-out groups."""
+    """RPS of each setting and adjective on validation groups."""
     rps = np.zeros((len(settings), len(counts)))
-    for train, held_out in split(3, groups, seed):
-        known, unknown = of_rows(counts, train), of_rows(counts, held_out)
+    for train, validation in split(3, groups, seed):
+        known, unknown = of_rows(counts, train), of_rows(counts, validation)
         for i, setting in enumerate(settings):
-            proba = model(*setting).fit(X[train], known).predict_proba(X[held_out])
+            proba = model(*setting).fit(X[train], known).predict_proba(X[validation])
             rps[i] += [*map(ranked_probability_score, unknown, proba)]
     return rps
 

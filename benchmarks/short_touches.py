@@ -28,9 +28,13 @@ from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, KSVDTransformer
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    KSVDTransformer,
+    TemporalMaxPool,
+)
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.features._pooling import cell_bounds, temporal_max_pool
 from sklearn_haptic.metrics import ranked_probability_score
 
 CELLS = (16, 8, 4, 2, 1)
@@ -60,8 +64,12 @@ def short_level(sequence, n_cells, rule):
         out = np.zeros((n_cells, sequence.shape[1]))
         out[-(-np.arange(n_times) * n_cells // n_times)] = sequence
         return out
-    bounds = zip(*cell_bounds(n_times, n_cells))
-    return np.array([sequence[begin:end].max(axis=0) for begin, end in bounds])
+    return level(sequence, n_cells)
+
+
+def level(sequence, n_cells):
+    """The features of a level, as the package pools it."""
+    return TemporalMaxPool((n_cells,)).fit_transform([sequence])
 
 
 def pool(codes, rule, train):
@@ -72,7 +80,7 @@ def pool(codes, rule, train):
         [
             np.concatenate(
                 [
-                    temporal_max_pool([each], (n,)).ravel()
+                    level(each, n).ravel()
                     if n <= len(each)
                     else short_level(each, n, rule).ravel()
                     for n in cells

@@ -3,16 +3,17 @@
     OMP_NUM_THREADS=1 python benchmarks/study.py time --objects 15 30 60
     OMP_NUM_THREADS=1 python benchmarks/study.py patience --objects 60 --seeds 0
 
-Processor time of one process; Hold, five sensors, ten trials an object, the paper's
+Seconds by the clock of one process, as the records of the study have them: run nothing
+else beside. The study is of Hold, with five sensors, ten trials per object, the paper's
 split, its grid and ten starts.
 """
 
 import argparse
+import json
 from functools import partial
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import process_time
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -20,10 +21,8 @@ from threadpoolctl import threadpool_limits
 from sklearn_haptic import NNPOM, PAPER_2020, DistributionalOrdinalRegressor
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_macro_mae_scorer
-from sklearn_haptic.study._store import write_unit
-from sklearn_haptic.study._units import COMPUTE, Study
+from sklearn_haptic.study import run_study
 
-SENSORS = ["pac", "pdc", "tac", "tdc", "electrodes"]
 ADJECTIVES = ["hard", "rough"]
 
 
@@ -33,37 +32,29 @@ def stopping(patience, max_iter):
     return DistributionalOrdinalRegressor(network)
 
 
-def a_study(folder, n_objects, regressor, scoring=None, seed=0):
-    """Return a study whose features are those of one seed, and all else of another."""
-    return Study(
-        corpus=partial(make_haptic_corpus, n_objects, 10, random_state=0),
-        folder=Path(folder),
-        sensors=SENSORS,
-        split="paper",
-        n_splits=5,
-        n_repeats=2,
-        n_hidden=[1, 5, 10, 20, 30],
-        alpha=[0.001, 0.01, 0.1, 1.0, 10.0],
-        n_starts=10,
-        regressor=regressor,
-        scoring=scoring,
-        random_state=seed,
-    )
+def timed_study(n_objects, regressor, scoring=None, seed=0):
+    """Return the results of a study, and the seconds of each unit by its name."""
+    with TemporaryDirectory() as folder:
+        study = run_study(
+            partial(make_haptic_corpus, n_objects, 10, random_state=0),
+            folder,
+            adjectives=ADJECTIVES,
+            procedures=["hold"],
+            split="paper",
+            regressor=regressor,
+            scoring=scoring,
+            random_state=seed,
+            verbose=False,
+        )
+        seconds = {}
+        for path in Path(folder).glob("*/*.json"):
+            record = json.loads(path.read_text())
+            seconds[tuple(record["unit"])] = record["seconds"]
+    return study, seconds
 
 
-def timed(study, *unit):
-    """Compute a unit and keep it; return seconds, content and record."""
-    started = process_time()
-    content, record = COMPUTE[unit[0]](study, *unit[1:])
-    seconds = process_time() - started
-    write_unit(study.folder, unit, content, seconds=seconds, **record)
-    return seconds, content, record
-
-
-def compute_features(study):
-    """Compute the features of all sensors; return the mean seconds of one."""
-    timed(study, "trials", "hold")
-    return np.mean([timed(study, "features", "hold", s)[0] for s in SENSORS])
+def mean_seconds(seconds, kind):
+    return np.mean([each for unit, each in seconds.items() if unit[0] == kind])
 
 
 def print_patience(sizes, seeds):
@@ -73,23 +64,24 @@ def print_patience(sizes, seeds):
         "| MAE^M, 30 of 200 | MAE^M, 150 of 500 | seconds | seconds |"
     )
     print("|---|---|---|---|---|---|---|---|")
-    for n_objects in sizes:
-        with TemporaryDirectory() as folder:
-            compute_features(a_study(folder, n_objects, None))
-            for seed, adjective in product(seeds, ADJECTIVES):
-                choices, errors, times = [], [], []
-                for limits in ((30, 200), (150, 500)):
-                    study = a_study(folder, n_objects, stopping(*limits), seed=seed)
-                    unit = "models", "hold", adjective, 0
-                    seconds, table, record = timed(study, *unit)
-                    full = table[table["held_out"] == "none"]
-                    chosen = [(c["n_hidden"], c["alpha"]) for c in record["choices"]]
-                    choices.append(chosen)
-                    errors.append(f"{full['macro_mae'].mean():.3f}")
-                    times.append(f"{seconds:.0f}")
-                others = sum(one != other for one, other in zip(*choices))
-                row = n_objects, seed, adjective, f"{others} of 6", *errors, *times
-                print("| " + " | ".join(map(str, row)) + " |", flush=True)
+    for n_objects, seed in product(sizes, seeds):
+        studies = [
+            timed_study(n_objects, stopping(*limits), seed=seed)
+            for limits in ((30, 200), (150, 500))
+        ]
+        for adjective in ADJECTIVES:
+            chosen, errors, times = [], [], []
+            for study, seconds in studies:
+                choices = study.choices.query("adjective == @adjective")
+                chosen.append(choices[["n_hidden", "alpha"]].to_numpy())
+                full = study.scores.query(
+                    "adjective == @adjective and held_out == 'none'"
+                )
+                errors.append(f"{full['macro_mae'].mean():.3f}")
+                times.append(f"{seconds['models', 'hold', adjective, 0]:.0f}")
+            others = (chosen[0] != chosen[1]).any(axis=1).sum()
+            row = n_objects, seed, adjective, f"{others} of 6", *errors, *times
+            print("| " + " | ".join(map(str, row)) + " |", flush=True)
 
 
 def print_seconds(sizes):
@@ -99,21 +91,17 @@ def print_seconds(sizes):
         "| the same, paper's settings |"
     )
     print("|---|---|---|---|")
-    settings = [
-        (stopping(30, 200), None),
-        (DistributionalOrdinalRegressor(**PAPER_2020), neg_macro_mae_scorer),
-    ]
+    paper = DistributionalOrdinalRegressor(**PAPER_2020)
     for n_objects in sizes:
-        with TemporaryDirectory() as folder:
-            seconds = [compute_features(a_study(folder, n_objects, None))]
-            for regressor, scoring in settings:
-                study = a_study(folder, n_objects, regressor, scoring)
-                units = [("models", "hold", adjective, 0) for adjective in ADJECTIVES]
-                seconds.append(np.mean([timed(study, *unit)[0] for unit in units]))
-            print(
-                f"| {n_objects} | " + " | ".join(f"{s:.1f}" for s in seconds) + " |",
-                flush=True,
-            )
+        _, ours = timed_study(n_objects, stopping(30, 200))
+        _, papers = timed_study(n_objects, paper, neg_macro_mae_scorer)
+        seconds = [
+            mean_seconds(ours, "features"),
+            mean_seconds(ours, "models"),
+            mean_seconds(papers, "models"),
+        ]
+        row = " | ".join(f"{each:.1f}" for each in seconds)
+        print(f"| {n_objects} | {row} |", flush=True)
 
 
 def main():

@@ -1,4 +1,4 @@
-"""Which trials are trained and tested on: the one rule of all that takes groups."""
+"""Folds of trials, by whole objects where these are known, and what they are given."""
 
 from numbers import Integral
 
@@ -14,23 +14,23 @@ from sklearn.utils.metadata_routing import (
 
 
 def make_splitter(estimator, y, groups=None, cv=None):
-    """Return what splits the trials: by group, if groups are given and cv is a number.
+    """Return a splitter of trials: by group, if groups are given and cv is a number.
 
     Parameters
     ----------
     estimator : estimator object
-        A classifier's labels are stratified where there are no groups.
+        Without groups, the labels of a classifier are stratified.
     y : array-like of shape (n_trials, ...)
         Labels or counts.
     groups : array-like of shape (n_trials,), default=None
         The object of each trial.
     cv : int, splitter or iterable, default=None
-        A number of folds, by default 5, or what splits the trials.
+        A number of folds, by default 5; or a splitter, or the folds themselves.
 
     Returns
     -------
     splitter : object
-        Has ``split(X, y, groups)``.
+        An object with the method ``split(X, y, groups)``.
 
     Examples
     --------
@@ -48,18 +48,18 @@ def make_splitter(estimator, y, groups=None, cv=None):
 
 
 def route(estimator, splitter, groups, params):
-    """Return what the splitter's ``split`` and the estimator's ``fit`` are given.
+    """Return the arguments of the splitter's ``split`` and of the estimator's ``fit``.
 
     Parameters
     ----------
     estimator : estimator object
-        What is fitted.
+        The estimator to fit.
     splitter : object
-        As `make_splitter` returns it.
+        A splitter, as `make_splitter` returns it.
     groups : array-like of shape (n_trials,) or None
-        For the splitter; with metadata routing for whichever requests them.
+        Groups for the splitter; with metadata routing, for whichever requests them.
     params : dict
-        For ``fit``; with metadata routing for whichever requests them.
+        Arguments for ``fit``; with metadata routing, for whichever requests them.
 
     Returns
     -------
@@ -89,7 +89,27 @@ def route(estimator, splitter, groups, params):
 
 
 def validation_split(n_trials, groups, fraction, random_state):
-    """Hold out a fraction of the groups, or of the trials where there are none."""
+    """Divide trials into training and validation trials, whole groups if there are any.
+
+    Parameters
+    ----------
+    n_trials : int
+    groups : array-like of shape (n_trials,) or None
+        The object of each trial.
+    fraction : float
+        Share of the objects, or of the trials, for validation; at least one.
+    random_state : int, RandomState instance or None
+
+    Returns
+    -------
+    train, validation : ndarray of int
+        Indices of trials.
+
+    Raises
+    ------
+    ValueError
+        If nothing would be left to train on.
+    """
     units = "trial" if groups is None else "object"
     n_units = n_trials if groups is None else len(np.unique(groups))
     if np.ceil(fraction * n_units) >= n_units:

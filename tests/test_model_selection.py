@@ -30,6 +30,7 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     make_haptic_pipeline,
 )
+from sklearn_haptic._candidates import is_non_dominated
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
 from sklearn_haptic.model_selection import (
@@ -38,7 +39,6 @@ from sklearn_haptic.model_selection import (
     sensor_subsets,
     speed_accuracy_frontier,
 )
-from sklearn_haptic.model_selection._frontier import is_non_dominated
 
 
 def make_results(seconds, splits, metric="score", **more):

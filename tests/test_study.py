@@ -39,21 +39,16 @@ from sklearn_haptic.datasets._phac2 import PROCEDURE_STATES
 from sklearn_haptic.datasets._phac2 import SENSORS as SENSORS_OF_PHAC2
 from sklearn_haptic.model_selection import contribution_summary
 from sklearn_haptic.study import read_study, run_study
-from sklearn_haptic.study._run import Progress
+from sklearn_haptic.study._choice import fit_best
+from sklearn_haptic.study._features import cells_of, learn_features, rotate_features
+from sklearn_haptic.study._models import compute_models
+from sklearn_haptic.study._progress import Progress
+from sklearn_haptic.study._split import Parts, split_objects
 from sklearn_haptic.study._store import open_study, read_record, read_unit, write_unit
-from sklearn_haptic.study._units import (
-    COMPUTE,
-    Parts,
-    Study,
-    cells_of,
-    compute_models,
-    derive_seed,
-    fit_best,
-    learn_features,
-    rotate_features,
-    split_objects,
-)
+from sklearn_haptic.study._study import Study, derive_seed
+from sklearn_haptic.study._trials import compute_trials
 
+KINDS = ("trials", "features", "models")
 CORPUS = partial(make_haptic_corpus, 8, 2, random_state=0)
 SENSORS = ["pdc", "tdc"]
 SETTINGS = {
@@ -134,7 +129,7 @@ def test_killed_and_resumed(folder, tmp_path, n_files, n_finished):
     command = [sys.executable, "-c", SCRIPT, killed, str(n_files)]
     process = subprocess.run(command, cwd=Path(__file__).parents[1])
     assert process.returncode == -signal.SIGKILL
-    records = [list(killed.glob(f"{kind}/*.json")) for kind in COMPUTE]
+    records = [list(killed.glob(f"{kind}/*.json")) for kind in KINDS]
     assert tuple(map(len, records)) == n_finished
     before = modified(killed)
 
@@ -207,7 +202,7 @@ STRAYS = [
 @pytest.mark.parametrize("content", ["a copy", b"\0\5\x16\7", "a folder"])
 def test_files_that_are_no_units(folder, copied, content):
     record = (copied / "models" / "fast_slide_hard_0.json").read_bytes()
-    for stray in [copied / kind / name for kind in COMPUTE for name in STRAYS]:
+    for stray in [copied / kind / name for kind in KINDS for name in STRAYS]:
         if content == "a folder":
             stray.mkdir()
         else:
@@ -522,7 +517,7 @@ def store_ids(folder, trials, objects):
         ratings={"hard": np.ones((n, 5), dtype=int)},
     )
     study = study_of(folder, corpus=lambda **_: corpus)
-    table, record = COMPUTE["trials"](study, "hold")
+    table, record = compute_trials(study, "hold")
     write_unit(folder, ("trials", "hold"), table, **record)
     return read_unit(folder, ("trials", "hold"))[0]
 
@@ -1069,7 +1064,7 @@ def test_progress(folder, copied, capsys):
     units = [*features, *models]
     for fold, seconds in ((0, 100.0), (1, 140.0)):
         write_unit(copied, models[fold], pd.DataFrame({"a": [1]}), seconds=seconds)
-    progress = Progress(study_of(copied), units, n_workers=2)
+    progress = Progress(copied, units, n_workers=2)
     progress(features[0], 60.0)
     progress(features[1], 20.0)
     progress(models[2], 60.0)
@@ -1079,7 +1074,7 @@ def test_progress(folder, copied, capsys):
     assert lines[1].endswith("tac: 20.0 s, about 2.0 min left")
     assert lines[2] == "[5/6] models fast_slide hard 2: 60.0 s, about 0.8 min left"
 
-    unknown = Progress(study_of(folder), [*features, models[2]], n_workers=1)
+    unknown = Progress(folder, [*features, models[2]], n_workers=1)
     unknown(features[0], 1.0)
     assert "time left not known before the first of 1 models" in capsys.readouterr().err
 

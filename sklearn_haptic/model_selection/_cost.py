@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator
 
 from .._sklearn import Trials, _num_samples, _safe_indexing
 
-# Trials that are timed, and how often each: a few, for a search does it for every fit.
+# Trials that are timed, and how often each is: few, because a search times every fit.
 _N_TRIALS = 5
 
 
@@ -25,9 +25,10 @@ def neg_seconds_scorer(
 ) -> float:
     """Minus the seconds that a fitted estimator takes to predict one trial.
 
-    For ``scoring=`` of a search, under the name "neg_seconds" beside a score of the
-    predictions: what :func:`speed_accuracy_frontier`, :func:`cheapest_within_one_se`
-    and :class:`~sklearn_haptic.plotting.SpeedAccuracyDisplay` weigh the score against.
+    Give it to ``scoring=`` of a search under the name "neg_seconds", beside a score of
+    the predictions. :func:`speed_accuracy_frontier`, :func:`cheapest_within_one_se` and
+    :class:`~sklearn_haptic.plotting.SpeedAccuracyDisplay` then weigh one against the
+    other.
 
     Parameters
     ----------
@@ -42,37 +43,32 @@ def neg_seconds_scorer(
     Returns
     -------
     score : float
-        Minus the mean over these trials of the shorter of the two times, in seconds.
+        Minus the mean over these trials of the shorter of their two times, in seconds.
+
+    See Also
+    --------
+    cheapest_within_one_se : Has an example of a search with this score.
 
     Notes
     -----
-    The time is that of all steps, such as coding, pooling and the model behind them,
-    on this machine under its load: where small differences matter search with
-    ``n_jobs=1``. The time to fit does not count: it is spent once, and in a search
-    with a cache it says who came first.
+    The time is that of all steps, such as coding, pooling and the model after them. It
+    depends on the load of the machine: where small differences matter, search with
+    ``n_jobs=1``. The time to fit does not count, because it is spent once, and in a
+    search with a cache it only tells which candidate came first.
 
     Examples
     --------
-    >>> from sklearn.model_selection import GridSearchCV, GroupKFold
-    >>> from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
-    >>> from sklearn_haptic.metrics import neg_rps_scorer
-    >>> from sklearn_haptic.model_selection import (
-    ...     cheapest_within_one_se,
-    ...     neg_seconds_scorer,
-    ... )
-    >>> search = GridSearchCV(
-    ...     DistributionalOrdinalRegressor(NNPOM(random_state=0)),
-    ...     {"estimator__n_hidden": [0, 5, 10]},
-    ...     scoring={"rps": neg_rps_scorer, "neg_seconds": neg_seconds_scorer},
-    ...     cv=GroupKFold(5),
-    ...     refit=cheapest_within_one_se,
-    ... )
+    >>> from sklearn_haptic import NNPOM
+    >>> from sklearn_haptic.model_selection import neg_seconds_scorer
+    >>> X = [[0.0], [1.0], [2.0]]
+    >>> neg_seconds_scorer(NNPOM().fit(X, [1, 2, 3]), X) < 0
+    True
     """
     return -seconds_per_trial(predictor(estimator), X)
 
 
 def predictor(estimator):
-    """Return the method of a copy without caches that predicts distributions, if any.
+    """Return the method by which a copy without caches predicts.
 
     Parameters
     ----------
@@ -82,13 +78,14 @@ def predictor(estimator):
     Returns
     -------
     predict : callable
+        ``predict_proba`` if there is one, else ``predict``.
     """
     uncached = without_caches(estimator)
     return getattr(uncached, "predict_proba", None) or uncached.predict
 
 
 def seconds_per_trial(use: Callable[[Any], Any], X: Trials) -> float:
-    """Mean seconds to use a fitted model on one trial, of up to five.
+    """Return the mean seconds to use a fitted model on one trial, of up to five.
 
     Parameters
     ----------

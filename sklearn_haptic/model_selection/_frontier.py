@@ -2,180 +2,24 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
-from itertools import count, takewhile
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.utils.validation import check_is_fitted
 
+from .._candidates import best_and_cheapest, is_non_dominated, read_candidates
 from .._sklearn import BaseSearchCV
-
-# Name of what `neg_seconds_scorer` measures, in a search and in `sensor_subsets`.
-_COST = "neg_seconds"
-
-
-# Times that differ by a smaller factor are equal: those of one model do, too.
-_SAME_TIME = 1.1
-
-
-class Candidates(NamedTuple):
-    """The candidates of a search that have a finite score and cost, for one metric."""
-
-    index: np.ndarray  # type: ignore[assignment]  # position in cv_results_
-    seconds: np.ndarray  # mean cost, lower is better
-    score: np.ndarray  # mean test score, higher is better
-    score_se: np.ndarray  # its standard error
-    metric: str
-    cost: str  # what the seconds are
-
-
-def read_candidates(search, metric=None):
-    """Read cost, score and standard error of each candidate of a search.
-
-    Parameters
-    ----------
-    search : fitted search or dict
-        The search, or its ``cv_results_``. Of a search by successive halving only
-        the last iteration counts, the one with the most resources.
-    metric : str, default=None
-        Name of the score; by default that of ``refit``, or the only one.
-
-    Returns
-    -------
-    candidates : Candidates
-        Arrays of shape (n_candidates,), in the order of the search.
-
-    Raises
-    ------
-    ValueError
-        If the metric is unknown or not given among several, there are fewer than
-        two splits, or no score is finite.
-
-    Warns
-    -----
-    UserWarning
-        If the search did not time the use of its candidates. Their cost is then the
-        mean time to fit and score them on one fold.
-    """
-    if isinstance(search, Mapping):
-        results = search
-    else:
-        check_is_fitted(search, "cv_results_")
-        results = search.cv_results_
-        if metric is None and search.multimetric_ and isinstance(search.refit, str):
-            metric = search.refit
-    metric = _check_metric(results, metric)
-    score, score_se = _mean_and_se(results, metric)
-    is_timed = f"mean_test_{_COST}" in results
-    if is_timed:
-        seconds = np.negative(results[f"mean_test_{_COST}"])
-        cost = "time to predict, seconds a trial"
-    else:
-        seconds = _fit_and_score_time(results)
-        cost = "time to fit and score, seconds a fold"
-    usable = np.isfinite(score) & np.isfinite(score_se) & np.isfinite(seconds)
-    if "iter" in results:
-        usable &= results["iter"] == np.max(results["iter"])
-    if not usable.any():
-        raise ValueError(
-            f"No candidate has a finite test score for metric={metric!r}; set "
-            "error_score='raise' in the search to see why they failed."
-        )
-    if not is_timed:
-        warnings.warn(
-            f"The search has no score {_COST!r}, the time that a candidate takes to "
-            "predict; its time to fit and score stands for it, which caches falsify. "
-            f"Add {_COST!r}: neg_seconds_scorer to the scoring of the search.",
-            UserWarning,
-            stacklevel=3,
-        )
-    index = np.flatnonzero(usable)
-    return Candidates(
-        index, seconds[index], score[index], score_se[index], metric, cost
-    )
-
-
-def _mean_and_se(results, metric):
-    """Mean of a score over the splits and its standard error, of each candidate."""
-    columns = (f"split{split}_test_{metric}" for split in count())
-    splits = [results[column] for column in takewhile(results.__contains__, columns)]
-    if len(splits) < 2:
-        raise ValueError(
-            f"The search has the test scores of {len(splits)} split, but a standard "
-            "error requires at least two; choose cv with more splits."
-        )
-    splits = np.column_stack(splits).astype(np.float64, copy=False)
-    with np.errstate(invalid="ignore"):  # scores may be infinite
-        se = splits.std(axis=1, ddof=1) / np.sqrt(splits.shape[1])
-    return np.asarray(results[f"mean_test_{metric}"], dtype=np.float64), se
-
-
-def _fit_and_score_time(results):
-    """Mean seconds to fit and score each candidate on one fold."""
-    for time in ("mean_fit_time", "mean_score_time"):
-        if time not in results:
-            raise ValueError(
-                f"The search has no {time!r}; give a fitted search or its cv_results_."
-            )
-    return np.add(results["mean_fit_time"], results["mean_score_time"])
-
-
-def is_non_dominated(cost, score):
-    """Whether nothing is both as cheap and as good, and better in one of the two.
-
-    Parameters
-    ----------
-    cost : ndarray of shape (n_candidates,)
-        Lower is better.
-    score : ndarray of shape (n_candidates,)
-        Higher is better.
-
-    Returns
-    -------
-    mask : ndarray of shape (n_candidates,)
-        True on the frontier. Candidates equal in both do not dominate each other.
-    """
-    costs, group = np.unique(cost, return_inverse=True)
-    best = np.full(len(costs), -np.inf)
-    np.maximum.at(best, group, score)
-    best_if_cheaper = np.append(-np.inf, np.maximum.accumulate(best)[:-1])
-    return (score == best[group]) & (score > best_if_cheaper[group])
-
-
-def best_and_cheapest(candidates):
-    """Choose by score, and by cost within one standard error of the best score.
-
-    Costs up to a tenth above the lowest are as low: of these, the best score.
-
-    Parameters
-    ----------
-    candidates : Candidates
-        As read by :func:`read_candidates`.
-
-    Returns
-    -------
-    best, cheapest : int
-        Positions in the arrays of ``candidates``.
-    """
-    _, seconds, score, score_se, *_ = candidates
-    best = np.lexsort((seconds, -score))[0]
-    near = np.flatnonzero(score >= score[best] - score_se[best])
-    near = near[seconds[near] <= _SAME_TIME * seconds[near].min()]
-    cheapest = near[np.lexsort((seconds[near], -score[near]))[0]]
-    return int(best), int(cheapest)
 
 
 def speed_accuracy_frontier(
     search: BaseSearchCV | Mapping[str, Any], *, metric: str | None = None
 ) -> pd.DataFrame:
-    """Table of the candidates of a search that no other beats in time and score.
+    """Return the candidates of a search that no other beats in time and score.
 
-    A candidate is on the frontier if no other is as fast and scores as well, and
-    is better in one of the two. Every other candidate can be replaced by one of
-    these at no loss.
+    A candidate is on the frontier if no other is at least as fast, scores at least as
+    well, and is better in one of the two. Every other candidate can be replaced by one
+    of these at no loss.
 
     Parameters
     ----------
@@ -191,13 +35,13 @@ def speed_accuracy_frontier(
     Returns
     -------
     frontier : DataFrame of shape (n_non_dominated, n_parameters + 3)
-        A row a candidate, from the fastest to the best, so that the score rises
+        One row per candidate, from the fastest to the best, so that the score rises
         with the time. Its index is the candidate's position in ``cv_results_``.
-        Columns: ``param_…``, each parameter; ``seconds``, what the fitted model takes
-        to predict one trial, as :func:`neg_seconds_scorer` measures it, mean over the
-        folds; ``score``, the mean test score, higher being better; ``score_se``, its
-        standard error. Candidates equal in both time and score are all kept, in the
-        order of the search.
+        Columns: ``param_…``, each parameter; ``seconds``, the time that the fitted
+        model takes to predict one trial, as :func:`neg_seconds_scorer` measures it,
+        mean over the folds; ``score``, the mean test score, higher being better;
+        ``score_se``, its standard error. Candidates equal in both time and score are
+        all kept, in the order of the search.
 
     Raises
     ------
@@ -209,20 +53,20 @@ def speed_accuracy_frontier(
     -----
     UserWarning
         If the search has no score "neg_seconds". The seconds are then the mean time
-        to fit and score on one fold. With ``memory=`` in a pipeline that is no cost
-        of a candidate: whichever comes first pays for the steps that all share.
+        to fit and score on one fold. With ``memory=`` in a pipeline this is not the
+        cost of a candidate, because the first one pays for the steps that all share.
 
     See Also
     --------
-    neg_seconds_scorer : Times the use of each candidate in a search.
+    neg_seconds_scorer : Time how each candidate of a search predicts.
     cheapest_within_one_se : Choose one of them.
-    sklearn_haptic.plotting.SpeedAccuracyDisplay : Look at them.
+    sklearn_haptic.plotting.SpeedAccuracyDisplay : Plot them.
 
     Notes
     -----
-    Searches by successive halving take one score. Let ``scoring`` be a function of an
-    estimator, X and y that returns a dict with a "score" and "neg_seconds", and
-    ``refit`` any callable.
+    Searches by successive halving take a single score. To time their candidates, let
+    ``scoring`` be a function of an estimator, X and y that returns a dict with "score"
+    and "neg_seconds", and ``refit`` any callable.
 
     Examples
     --------
@@ -257,11 +101,11 @@ def speed_accuracy_frontier(
 def cheapest_within_one_se(
     cv_results: BaseSearchCV | Mapping[str, Any], *, metric: str | None = None
 ) -> int:
-    """Fastest candidate whose score is within one standard error of the best.
+    """Return the fastest candidate within one standard error of the best score.
 
-    For ``refit=`` of a search: it then refits the fastest candidate whose mean
-    test score is no more than one standard error, that of the best candidate,
-    below the best. The time is that to predict one trial: search with
+    Give it to ``refit=`` of a search. The search then refits the fastest candidate
+    whose mean test score is at most one standard error, that of the best candidate,
+    below the best. The time is that to predict one trial, so search with
     ``scoring={"rps": neg_rps_scorer, "neg_seconds": neg_seconds_scorer}``.
 
     Parameters
@@ -269,17 +113,17 @@ def cheapest_within_one_se(
     cv_results : dict or fitted search
         The ``cv_results_`` of a search, or the search.
     metric : str, default=None
-        Name of the score in a search with several beside "neg_seconds": pass
+        Name of the score in a search with several beside "neg_seconds"; pass
         ``refit=functools.partial(cheapest_within_one_se, metric="rps")``.
 
     Returns
     -------
     index : int
         Position of the candidate in ``cv_results``. Candidates up to a tenth slower
-        than the fastest are as fast, since the times of one and the same model differ
-        by that much: of these, the one with the best score; among those equal in
-        score, the faster, then the first. Of several best, the standard error of the
-        fastest counts.
+        than the fastest count as equally fast, because times of one and the same model
+        differ by that much. Of these, the one with the best score is chosen; among
+        those of equal score the faster, then the first. If several are best, the
+        standard error is that of the fastest of them.
 
     Raises
     ------
@@ -295,20 +139,20 @@ def cheapest_within_one_se(
 
     See Also
     --------
-    neg_seconds_scorer : Times the use of each candidate in a search.
-    speed_accuracy_frontier : All candidates that no other beats in both.
+    neg_seconds_scorer : Time how each candidate of a search predicts.
+    speed_accuracy_frontier : Return all candidates that no other beats in both.
 
     Notes
     -----
-    The folds of one cross-validation share training trials, and those of repeated
-    grouped folds test trials too, so that their scores are not independent. Their
-    standard error is then too small, the more so the more repeats, and the
-    rule picks slower candidates than it would with the true one.
+    The folds of one cross-validation share training trials, and repeated folds share
+    test trials too, so their scores are not independent. Their standard error is then
+    too small, the more so the more repeats there are, and the rule picks slower
+    candidates than it would with the true standard error.
 
     With a callable ``refit`` a search has no ``best_score_``; see
     ``cv_results_["mean_test_rps"][best_index_]``. Searches by successive halving
-    ignore what it returns: call this function on them once they are fitted. It
-    then chooses from the last iteration.
+    ignore what the callable returns. Call this function on them once they are fitted;
+    it then chooses from the last iteration.
 
     References
     ----------
@@ -340,18 +184,3 @@ def cheapest_within_one_se(
     candidates = read_candidates(cv_results, metric)
     _, cheapest = best_and_cheapest(candidates)
     return int(candidates.index[cheapest])
-
-
-def _check_metric(results, metric):
-    """Return the name of the score to use, if the results leave no doubt."""
-    prefix = "mean_test_"
-    known = [key.removeprefix(prefix) for key in results if key.startswith(prefix)]
-    known = [name for name in known if name != _COST]
-    if metric is None and len(known) == 1:
-        return known[0]
-    if metric not in known:
-        problem = "missing" if metric is None else f"{metric!r}, which is unknown"
-        raise ValueError(
-            f"metric is {problem}; choose one of the search's scores: {known}."
-        )
-    return metric

@@ -53,17 +53,17 @@ def cross_val_predict_proba(
 ) -> np.ndarray:
     """Predict each trial by a model that was fitted without it.
 
-    For each fold a clone of the estimator is fitted on the training trials, with their
-    ratings as they are, and predicts the test trials. Do not use
+    For each fold, a clone of the estimator is fitted to the training trials, with their
+    ratings unchanged, and predicts the test trials. Do not use
     :func:`~sklearn.model_selection.cross_val_predict` with counts: for
-    ``method="predict_proba"`` it replaces the values of each column of a
+    ``method="predict_proba"`` it replaces the values in each column of a
     two-dimensional ``y`` by their ranks before it fits, so that the model learns other
     distributions than those that people gave.
 
     Parameters
     ----------
     estimator : estimator object
-        What is fitted and predicts, such as a Pipeline or a search.
+        The model to fit, such as a Pipeline or a search.
     X : DataFrame, array-like or collection of trials
         The trials, in any form that the estimator takes.
     y : array-like of shape (n_trials,), (n_trials, n_levels) or \
@@ -76,16 +76,16 @@ def cross_val_predict_proba(
         folds: of whole objects if ``groups`` are given, else as in
         :class:`~sklearn.model_selection.GridSearchCV`.
     method : {"predict_proba", "predict_cdf", "predict"}, default="predict_proba"
-        What is predicted: the probability of each level, that of each level or below,
-        or what the estimator's ``predict`` returns. For quantiles give the
+        What to predict: the probability of each level, the probability of each level
+        or below, or what the estimator's ``predict`` returns. For quantiles, pass the
         probabilities to :func:`~sklearn_haptic.ratings.inverse_cdf`.
     n_jobs : int, default=None
         Number of jobs, each of which fits and predicts one fold.
     params : dict, default=None
-        Passed to the estimator's ``fit``, such as ``{"groups": objects}`` for early
-        stopping on whole objects; of values that are as long as ``X``, those of the
-        training trials. With metadata routing enabled, ``params`` and ``groups`` go to
-        whichever of the splitter and ``fit`` requests them.
+        Arguments of the estimator's ``fit``, such as ``{"groups": objects}`` for early
+        stopping on whole objects. Of values that are as long as ``X``, those of the
+        training trials are passed. With metadata routing enabled, ``params`` and
+        ``groups`` go to whichever of the splitter and ``fit`` requests them.
 
     Returns
     -------
@@ -98,8 +98,8 @@ def cross_val_predict_proba(
     Raises
     ------
     ValueError
-        If the folds do not test each trial exactly once or train on a trial that they
-        test, a trial has no group, or the estimator predicts one array for each column
+        If the folds do not test each trial exactly once, or train on a trial that they
+        test; a trial has no group; or the estimator predicts one array for each column
         of the counts.
 
     See Also
@@ -152,7 +152,7 @@ def cross_val_predict_proba(
 
 
 def _check_folds(folds, n_trials):
-    """Return the folds as indices, if they test each trial once and train on others."""
+    """Return the folds as indices; refuse those that do not test each trial once."""
     trials = np.arange(n_trials)
     folds = [(trials[train], trials[test]) for train, test in folds]
     n_tests = np.zeros(n_trials, dtype=int)
@@ -176,7 +176,7 @@ def _check_folds(folds, n_trials):
 
 
 def _predict_fold(model, X, y, train, test, params, method):
-    """Fit on the training trials; return what is predicted and, if any, the levels."""
+    """Fit to the training trials; return the predictions and, if any, the levels."""
     params = _check_method_params(X, params, indices=train)
     model.fit(_safe_indexing(X, train), _safe_indexing(y, train), **params)
     X_test = _safe_indexing(X, test)
@@ -193,7 +193,7 @@ def _predict_fold(model, X, y, train, test, params, method):
 
 
 def _levels_of_all(y, classes):
-    """Return the ordered levels of all trials, from those that the folds found."""
+    """Return the ordered levels of all trials, given those of each fold."""
     levels = max(classes, key=len)
     if np.ndim(y) == 1 and not np.isin(y, levels).all():
         levels = check_ratings(y)[1]
@@ -201,7 +201,7 @@ def _levels_of_all(y, classes):
 
 
 def _at_levels(levels, proba, classes):
-    """Give levels that the training trials of a fold lack the probability 0."""
+    """Add columns of probability 0 for levels that a fold's training trials lack."""
     found = np.isin(levels, classes)
     if not np.array_equal(levels[found], classes):
         raise ValueError(

@@ -1,4 +1,4 @@
-"""Cross-validate a model with every set of its sensors at the price of one."""
+"""Cross-validation of a model with every set of its sensors."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils import indexable
 from sklearn.utils.parallel import Parallel, delayed
 
+from .._candidates import COST
 from .._folds import make_splitter, route
 from .._sklearn import (
     CrossValidator,
@@ -28,7 +29,6 @@ from .._sklearn import (
 )
 from .._validation import check_groups
 from ._cost import predictor, seconds_per_trial, timed, without_caches
-from ._frontier import _COST
 
 
 def sensor_subsets(
@@ -43,17 +43,17 @@ def sensor_subsets(
 ) -> dict[str, Any]:
     """Cross-validate a model with every subset of its sensors.
 
-    Which sensors earn their time? The features of a sensor do not depend on the
-    other sensors, so that those of each are computed once a fold, and timed; only
-    the rest of the model is fitted and scored again for each of the 2^n - 1 subsets.
-    The scores are those of a ``GridSearchCV`` over a model whose other sensors are
-    set to ``"drop"``.
+    The result shows which sensors are worth their time. The features of a sensor do not
+    depend on the other sensors. They are therefore computed and timed once per fold,
+    and only the rest of the model is fitted and scored again for each of the 2^n - 1
+    subsets. The scores are those of a ``GridSearchCV`` over a model whose other sensors
+    are set to ``"drop"``.
 
     Parameters
     ----------
     model : Pipeline
         Its first step is a :class:`~sklearn.compose.ColumnTransformer` with one
-        transformer a sensor, its last a predictor, such as
+        transformer per sensor, its last step a predictor, such as
         :class:`~sklearn_haptic.DistributionalOrdinalRegressor`. Transformers set to
         ``"drop"`` are not tried.
     X : DataFrame or array-like of shape (n_trials, n_columns)
@@ -69,27 +69,27 @@ def sensor_subsets(
         ``groups`` are given, else as in
         :class:`~sklearn.model_selection.GridSearchCV`.
     scoring : str, callable, list, tuple or dict, default=None
-        As in :class:`~sklearn.model_selection.GridSearchCV`; None is the model's
+        As in :class:`~sklearn.model_selection.GridSearchCV`; None for the model's
         own ``score``.
     n_jobs : int, default=None
-        Number of jobs; one fits and scores all subsets on one fold.
+        Number of jobs, each of which fits and scores all subsets on one fold.
 
     Returns
     -------
     cv_results : dict
-        In the form of ``GridSearchCV.cv_results_``, a candidate a subset, small
-        subsets first: ``params``, each ``{"sensors": (name, ...)}``;
+        In the form of ``GridSearchCV.cv_results_``, with one candidate per subset,
+        small subsets first: ``params``, each ``{"sensors": (name, ...)}``;
         ``param_sensors``; ``split0_test_score`` and so on; mean and standard
-        deviation over folds of the test score, ``rank_test_score``; the same of the
-        score "neg_seconds", minus the seconds to predict one trial, as
+        deviation over folds of the test score, and ``rank_test_score``; the same for
+        the score "neg_seconds", minus the seconds to predict one trial, as
         :func:`neg_seconds_scorer` measures it; and mean and standard deviation of the
-        time to fit and to score, in seconds. A time of a subset is the sum of those of
-        its sensors and of the rest of the model.
+        times to fit and to score, in seconds. Times of a subset are sums over its
+        sensors and the rest of the model.
 
     Raises
     ------
     TypeError
-        If ``model`` is no Pipeline that begins with a ColumnTransformer, or the
+        If ``model`` is not a Pipeline that begins with a ColumnTransformer, or the
         features of a sensor are neither an array nor a DataFrame of pandas or polars.
     ValueError
         If nothing follows the ColumnTransformer, its ``remainder`` is not
@@ -98,18 +98,18 @@ def sensor_subsets(
 
     See Also
     --------
-    speed_accuracy_frontier : The subsets that no other beats in time and score.
-    cheapest_within_one_se : The fastest within reach of the best.
-    sklearn_haptic.plotting.SpeedAccuracyDisplay : Look at them.
+    speed_accuracy_frontier : Choose the subsets that no other beats in time and score.
+    cheapest_within_one_se : Choose the fastest within one standard error of the best.
+    sklearn_haptic.plotting.SpeedAccuracyDisplay : Plot them.
 
     Notes
     -----
     A ``memory=`` in the model, or in one of its parts, falsifies the times to fit and
     to score, but not "neg_seconds", for which caches are off. Other jobs on the machine
-    falsify all times: where small differences matter use ``n_jobs=1``.
+    falsify all times: where small differences matter, use ``n_jobs=1``.
 
-    Random states that are integers give each subset the features and the model that
-    it would have alone. A fit that fails raises its error.
+    If random states are integers, each subset has the same features and the same model
+    as it would have alone. A fit that fails raises its error.
 
     Examples
     --------
@@ -185,7 +185,7 @@ def _split_sensors(model):
 
 
 def _score_subsets(sensors, rest, subsets, scorer, X, y, train, test, params):
-    """Seconds to fit and to score, and the scores, of each subset on one fold."""
+    """Return the seconds and the scores of each subset on one fold."""
     X_train, X_test = _safe_indexing(X, train), _safe_indexing(X, test)
     y_train, y_test = _safe_indexing(y, train), _safe_indexing(y, test)
     params = _check_method_params(X, params, indices=train)
@@ -211,12 +211,12 @@ def _score_subsets(sensors, rest, subsets, scorer, X, y, train, test, params):
         use = seconds_per_trial(predictor(fitted), Z_test)
         *seconds, use = np.sum([*seconds, (fit_time, score_time, use)], axis=0)
         scores = scores if isinstance(scores, Mapping) else {"score": scores}
-        outcomes.append((seconds, {**scores, _COST: -use}))
+        outcomes.append((seconds, {**scores, COST: -use}))
     return outcomes
 
 
 def _side_by_side(parts):
-    """Features of several sensors as a ColumnTransformer puts them together."""
+    """Join the features of several sensors as a ColumnTransformer does."""
     if isinstance(parts[0], np.ndarray):
         return np.hstack(parts)
     return _get_adapter_from_container(parts[0]).hstack(parts)

@@ -11,9 +11,9 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from .._sklearn import FloatArray, Names, Trials
-from ..features._pooling import TemporalMaxPool, cell_bounds
-from ..features._sthmp import STHMPTransformer
-from ..features._windows import KSVDTransformer, window_step
+from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
+from ..features._pooling import cell_bounds
+from ..features._windows import window_step
 from ._display import Display
 from ._signals import check_rate
 from ._style import BLUE, label_blocks

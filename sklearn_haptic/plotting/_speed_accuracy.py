@@ -8,11 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..model_selection._frontier import (
-    best_and_cheapest,
-    is_non_dominated,
-    read_candidates,
-)
+from .._candidates import best_and_cheapest, is_non_dominated, read_candidates
 from ._display import Display
 from ._style import BLUE, ORANGE
 

@@ -1,8 +1,9 @@
-"""What a study's settings are: descriptions that tell one value from another.
+"""Descriptions of a study's settings, by which one value is told from another.
 
-A description is JSON. It is the same in every session, and another for another value:
-arrays and tables are told by a checksum of what they hold, objects by their class and
-state, functions by the name under which they can be imported, or by their code.
+A description is JSON. It is the same in every session and differs between different
+values. Arrays and tables are described by a checksum of their content, objects by their
+class and state, functions by the name under which they can be imported, or by their
+code.
 """
 
 import json
@@ -20,7 +21,7 @@ from sklearn.base import BaseEstimator
 
 
 def describe_setting(name, value):
-    """Return what `describe` does; refuse in words what it cannot describe.
+    """Return the description of a value; say what is wrong if there is none.
 
     Parameters
     ----------
@@ -31,8 +32,8 @@ def describe_setting(name, value):
     Raises
     ------
     ValueError
-        If the value holds something that cannot be told from others in another
-        session, such as an open file.
+        If the value holds something that cannot be recognised in another session, such
+        as an open file.
     """
     try:
         return describe(value)
@@ -46,13 +47,13 @@ def describe_setting(name, value):
 
 
 def describe(value):
-    """Return a value as JSON can hold it, the same in every session.
+    """Return a description of a value that is JSON and the same in every session.
 
     Parameters
     ----------
     value : object
-        A number, text, collection, array, table, estimator or function, or an object
-        that can be pickled, of which class and state are described.
+        A number, text, collection, array, table, estimator or function; or an object
+        that can be pickled, whose class and state are described.
 
     Returns
     -------

@@ -1,11 +1,11 @@
-"""What a study keeps on disk: its settings, and units that are finished or not.
+"""The files of a study: its settings and its units.
 
 A unit of work is named by a tuple, its kind first, such as ``("models", "hold",
 "rough", 0)``. It is kept in two files: ``models/hold_rough_0.csv``, a table, or
 ``.npz``, arrays; and ``models/hold_rough_0.json``, a record with the SHA-256 of the
-first. The record is written last, and each file appears whole or not at all, so a
-unit is finished if its record can be read and the checksum is right. Nothing read
-from these files is executed, and files that are links count as damaged.
+first. The record is written last, and each file appears whole or not at all. A unit is
+therefore finished if its record can be read and the checksum is right. Nothing that is
+read from these files is executed, and links count as damaged files.
 """
 
 import io
@@ -47,13 +47,13 @@ def write_atomically(path, data, *, replace=True):
         Its folder must exist.
     data : bytes
     replace : bool, default=True
-        Whether to replace a file of this name. If not, that one stays as it is, even
-        if it appears in the meantime.
+        Whether to replace a file of this name. If not, a file of this name stays as it
+        is, even if it appears in the meantime.
 
     Raises
     ------
     OSError
-        With the name of the file, whatever went wrong.
+        If the file cannot be written; the error has the name of the file.
     """
     unfinished = path.with_name(f"{uuid4().hex}.tmp")
     try:
@@ -99,19 +99,19 @@ def check_text(text, what):
 
 
 def open_study(folder, settings):
-    """Begin a study in a folder, or make sure that the one there is the same.
+    """Begin a study in a folder, or check that the study there has the same settings.
 
     Parameters
     ----------
     folder : Path
-        Made if it is not there.
+        It is made if it does not exist.
     settings : dict
         Everything that changes the results of a unit.
 
     Raises
     ------
     ValueError
-        If the folder holds a study with other settings, or units without any.
+        If the folder holds a study with other settings, or units without settings.
     """
     settings = {name: describe_setting(name, value) for name, value in settings.items()}
     path = folder / _SETTINGS
@@ -129,7 +129,7 @@ def open_study(folder, settings):
             raise OSError(
                 f"{folder} is no folder that can be written; give another ({error})."
             ) from error
-    # Another process may have been faster, so these need not be its own.
+    # Another process may have written its settings first.
     stored = read_settings(folder)
     for name, value in settings.items():
         if _to_json(stored.get(name)) != _to_json(value):
@@ -183,7 +183,7 @@ def write_unit(folder, unit, content, **record):
     content : DataFrame or dict of str to ndarray
         A table is kept as CSV, arrays as .npz.
     **record : JSON values
-        What else to remember.
+        Further content of the record.
     """
     suffix, columns, data = _to_bytes(content)
     path = unit_path(folder, unit)
@@ -232,7 +232,7 @@ def read_finished(folder, kind, pattern):
     folder : Path
     kind : str
     pattern : str
-        Regular expression that the names of units match; other files are none.
+        Regular expression that names of units match; other files are ignored.
 
     Returns
     -------
@@ -241,7 +241,7 @@ def read_finished(folder, kind, pattern):
     Raises
     ------
     ValueError
-        If a unit that was finished is damaged.
+        If a finished unit is damaged.
     """
     records = (folder / kind).glob("*.json")
     units = [_read(path) for path in records if re.fullmatch(pattern, path.stem)]
@@ -249,12 +249,12 @@ def read_finished(folder, kind, pattern):
 
 
 def unit_path(folder, unit):
-    """Return the path of a unit's files without suffix.
+    """Return the path of a unit's files, without suffix.
 
     Raises
     ------
     ValueError
-        If its name cannot be that of a file.
+        If the name of the unit cannot be the name of a file.
     """
     kind, *rest = unit
     name = "_".join(map(str, rest))
@@ -285,7 +285,7 @@ def _read(path):
 
 
 def _read_intact(path):
-    """Return a unit's record and the bytes of its content, None if it has to be done.
+    """Return a unit's record and the bytes of its content, None if it is not finished.
 
     Whatever the record says, only the unit's own file is read.
 
@@ -316,9 +316,9 @@ def _to_json(value):
 
 
 def _to_bytes(content):
-    """Return suffix and bytes of the file that holds a table or arrays.
+    """Return the suffix, the data types of columns and the bytes of a unit's file.
 
-    Between them, the data type of each column of a table, since CSV has none.
+    The record keeps the data types of a table, because CSV has none.
     """
     buffer = io.BytesIO()
     if isinstance(content, dict):
@@ -345,12 +345,13 @@ def _type_of(name, column):
 
 
 def _from_bytes(record, data):
-    """Return the table or arrays, equal to those written in every bit."""
+    """Return the table or the arrays, equal to the written ones in every bit."""
     buffer = io.BytesIO(data)
     if record["file"].endswith(".npz"):
         with np.load(buffer, allow_pickle=False) as arrays:
             return dict(arrays)
-    # Parsed here, as pandas itself may err in the last digit of a number.
+    # Older versions of pandas may err in the last digit of a number, and newer ones
+    # deprecate `float_precision`, so numbers are parsed below.
     table = pd.read_csv(buffer, dtype=str, keep_default_na=False)
     for name in table:
         kind = record["columns"][name]
