@@ -655,6 +655,14 @@ def public_functions():
     return displays | {name for name in public if inspect.isfunction(public[name])}
 
 
+def _full_name(function):
+    """Name of a function, with its class if it is a class method."""
+    owner = getattr(function, "__self__", None)
+    return (
+        function.__name__ if owner is None else f"{owner.__name__}.{function.__name__}"
+    )
+
+
 def calls_of_functions(folder):
     write_corpus(folder / "corpus.h5")
     rated = {"counts": np.tile([0, 1, 3, 2, 0], (2, 10, 1)), "ids": [114, 602]}
@@ -712,7 +720,7 @@ def calls_of_functions(folder):
         plotting.SensorContributionsDisplay.from_scores: (scores,),
     }
     calls = {
-        function.__qualname__: partial(function, *arguments)
+        _full_name(function): partial(function, *arguments)
         for function, arguments in calls.items()
     }
     seeded = ("make_haptic_pipeline", "make_haptic_corpus")
