@@ -7,6 +7,7 @@ from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from ._biotac import SENSORS
 from ._sklearn import Memory, RandomState
 from .features._pooling import TemporalMaxPool
 from .features._sthmp import STHMPTransformer
@@ -16,9 +17,6 @@ from .models._nnpom import NNPOM
 
 # Window in time samples and number of atoms, as in the 2020 paper.
 _WINDOWED = {"pac": (22, 40), "pdc": (50, 25), "tac": (50, 25), "tdc": (50, 10)}
-
-
-_SENSORS = (*_WINDOWED, "electrodes")
 
 
 _PRESETS: dict[str, dict[str, Any]] = {
@@ -37,7 +35,7 @@ _PRESETS: dict[str, dict[str, Any]] = {
 
 
 def make_haptic_pipeline(
-    sensors: Sequence[str] = _SENSORS,
+    sensors: Sequence[str] = tuple(SENSORS),
     *,
     preset: Literal["fast", "balanced", "accurate"] = "fast",
     memory: str | Memory | None = None,
@@ -97,10 +95,10 @@ def make_haptic_pipeline(
     """
     if isinstance(sensors, str):
         sensors = [sensors]
-    unknown = [sensor for sensor in sensors if sensor not in _SENSORS]
+    unknown = [sensor for sensor in sensors if sensor not in SENSORS]
     if unknown or not len(sensors):
         raise ValueError(
-            f"sensors={list(sensors)!r} must name some of {list(_SENSORS)}; for other "
+            f"sensors={list(sensors)!r} must name some of {list(SENSORS)}; for other "
             "sensors build a Pipeline of KSVDTransformer or STHMPTransformer."
         )
     if preset not in _PRESETS:

@@ -8,13 +8,13 @@ the robot's controller marks which rows belong to which exploratory procedure.
 import os
 import re
 from difflib import get_close_matches
-from typing import Literal, TypeAlias
 
 import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch
 from sklearn.utils._param_validation import StrOptions
 
+from .._biotac import PROCEDURES, SAMPLING_RATES, SENSORS, Procedure
 from .._sklearn import Names, validate_params
 from ._hdf5 import (
     check_expansion,
@@ -26,7 +26,6 @@ from ._hdf5 import (
 )
 from ._ratings_file import LEVELS, read_ratings
 
-Procedure: TypeAlias = Literal["squeeze", "hold", "slow_slide", "fast_slide"]
 PROCEDURE_STATES = {
     "squeeze": b"SQUEEZE_SET_PRESSURE_SLOW",
     "hold": b"HOLD_FOR_10_SECONDS",
@@ -35,11 +34,6 @@ PROCEDURE_STATES = {
 }
 REST_STATE = b"MOVE_ARM_START_POSITION"
 REST_FRAMES = (100, 110)
-
-FRAME_RATE = 100
-# Samples and channels of one finger in one frame.
-SENSORS = {"pac": (22, 1), "pdc": (1, 1), "tac": (1, 1), "tdc": (1, 1)}
-SENSORS["electrodes"] = (1, 19)
 
 FINGERS = ["finger_0", "finger_1"]
 # Object, id and run; ids of more digits do not fit in 64 bits.
@@ -68,7 +62,7 @@ slide. Twelve people rated each object from 1 to 5 on ten haptic adjectives.
 @validate_params(
     {
         "path": [str, os.PathLike],
-        "procedure": [StrOptions(set(PROCEDURE_STATES))],
+        "procedure": [StrOptions(set(PROCEDURES))],
         "sensors": ["array-like", None],
         "trials": ["array-like", None],
         "ratings_path": [str, os.PathLike, None],
@@ -227,7 +221,7 @@ def load_phac2(
         ratings=ratings,
         rater_ratings=rater_ratings,
         levels=LEVELS.copy(),
-        sampling_rates={sensor: FRAME_RATE * SENSORS[sensor][0] for sensor in sensors},
+        sampling_rates={sensor: SAMPLING_RATES[sensor] for sensor in sensors},
         DESCR=DESCR,
     )
 

@@ -10,6 +10,7 @@ from sklearn.utils import check_array
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
+from .._biotac import biotac_layout
 from .._check_trials import check_numbers, check_trials, is_table, transposed_hint
 from .._sequences import row_index
 from .._sklearn import Memory, Names, RandomState, Trials, _fit_context
@@ -21,45 +22,8 @@ from ._dictionary_coder import (
 )
 from ._pooling import cell_bounds, check_cells
 
-# Electrodes whose mean is each pixel: rows from the tip of the finger to its base,
-# columns left, middle, right.
-_BIOTAC_ROWS = [
-    [[8], [7], [9]],
-    [[1], [10], [11]],
-    [[2], [17], [12]],
-    [[3], [2, 17, 12, 3, 13, 4, 14], [13]],
-    [[4], [3, 13, 4, 14, 5, 18, 15], [14]],
-    [[5], [18], [15]],
-    [[6], [19], [16]],
-]
-
-
 # Most patches coded at a time: their codes stay in the cache until they are pooled.
 _CHUNK_SIZE = 8192
-
-
-def biotac_layout():
-    """Arrange the 19 electrodes of a BioTac finger as an image.
-
-    Returns
-    -------
-    layout : ndarray of shape (7, 3, 19)
-        Weight of each electrode in each pixel. The two pixels without an
-        electrode, the middle of rows 3 and 4, are the means of their neighbours
-        that have one; the 2020 paper interpolates them in a way that is not
-        published.
-
-    Examples
-    --------
-    >>> from sklearn_haptic.features._sthmp import biotac_layout
-    >>> biotac_layout()[0].argmax(axis=1) + 1
-    array([8, 7, 9])
-    """
-    layout = np.zeros((7, 3, 19))
-    for row, pixels in enumerate(_BIOTAC_ROWS):
-        for column, electrodes in enumerate(pixels):
-            layout[row, column, np.array(electrodes) - 1] = 1 / len(electrodes)
-    return layout
 
 
 def electrode_images(trial, layout):
@@ -80,7 +44,8 @@ def electrode_images(trial, layout):
     Examples
     --------
     >>> import numpy as np
-    >>> from sklearn_haptic.features._sthmp import biotac_layout, electrode_images
+    >>> from sklearn_haptic._biotac import biotac_layout
+    >>> from sklearn_haptic.features._sthmp import electrode_images
     >>> electrode_images(np.arange(1.0, 20.0)[np.newaxis], biotac_layout())[0, :3]
     array([[ 8.,  7.,  9.],
            [ 1., 10., 11.],

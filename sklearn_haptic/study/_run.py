@@ -22,8 +22,9 @@ from sklearn.utils import Bunch
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.parallel import Parallel, delayed
 
+from .._biotac import PROCEDURES, SENSORS
 from .._sklearn import Names, Scorer, one_blas_thread, validate_params
-from ..datasets._phac2 import PROCEDURE_STATES, SENSORS, choose
+from ..datasets._phac2 import choose
 from ..models._distributional import DistributionalOrdinalRegressor
 from ..models._nnpom import NNPOM
 from ._store import (
@@ -295,7 +296,7 @@ def run_study(
         scoring=scoring,
         random_state=int(random_state),
     )
-    procedures = choose(procedures, list(PROCEDURE_STATES), "procedure", "PHAC-2")
+    procedures = choose(procedures, list(PROCEDURES), "procedure", "PHAC-2")
     open_study(study.folder, study.settings)
 
     trials = list(product(["trials"], procedures))
