@@ -52,7 +52,7 @@ def transposed_hint(shape):
     if len(shape) != 2 or shape[1] <= shape[0]:
         return ""
     return (
-        f" Its shape {shape} is taken for {_count(shape[0], 'time samples')} of "
+        f" Its shape {shape} is taken for {count(shape[0], 'time samples')} of "
         f"{_samples(shape[1:])}; transpose it if that is wrong."
     )
 
@@ -286,14 +286,14 @@ def _ndim(trial):
         return 2
 
 
-def _count(n, units):
+def count(n, units):
     """Return a number with its unit, given in the plural."""
     return f"{n} {units.removesuffix('s') if n == 1 else units}"
 
 
 def _samples(shape):
     if len(shape) == 1:
-        return _count(shape[0], "channels")
+        return count(shape[0], "channels")
     return "frames of " + " × ".join(map(str, shape))
 
 

@@ -9,11 +9,8 @@ from sklearn.preprocessing import StandardScaler
 
 from ._biotac import SENSORS
 from ._sklearn import Memory, RandomState
-from .features._pooling import TemporalMaxPool
-from .features._sthmp import STHMPTransformer
-from .features._windows import KSVDTransformer
-from .models._distributional import DistributionalOrdinalRegressor
-from .models._nnpom import NNPOM
+from .features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
+from .models import NNPOM, DistributionalOrdinalRegressor
 
 # Window in time samples and number of atoms, as in the 2020 paper.
 _WINDOWED = {"pac": (22, 40), "pdc": (50, 25), "tac": (50, 25), "tdc": (50, 10)}

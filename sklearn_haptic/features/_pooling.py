@@ -16,11 +16,13 @@ from sklearn.utils.validation import (
     check_memory,
 )
 
+from .._cells import cell_bounds, check_cells
 from .._check_trials import (
     channel_names,
     check_sequences,
     check_table,
     check_trials,
+    count,
     is_table,
 )
 from .._sequences import Sequences, row_index
@@ -33,48 +35,6 @@ from .._sklearn import (
     _fit_context,
     one_blas_thread,
 )
-
-
-def cell_bounds(n_items, n_cells, split="balanced"):
-    """Where each of `n_cells` cells of a line of items begins and ends.
-
-    Parameters
-    ----------
-    n_items : int
-        Number of items, at least one.
-    n_cells : int
-        Number of cells.
-    split : {"balanced", "floor"}, default="balanced"
-        Whether cells differ by one item at most, or all have
-        ``n_items // n_cells`` and the last one also takes the remainder. With fewer
-        items than cells both are the same, and cells overlap: each has the item at its
-        middle and the neighbours of that.
-
-    Returns
-    -------
-    starts, stops : ndarray of shape (n_cells,)
-        Index of the first item of each cell, and one past that of its last.
-
-    Examples
-    --------
-    >>> from sklearn_haptic.features._pooling import cell_bounds
-    >>> cell_bounds(11, 4)
-    (array([0, 2, 5, 8]), array([ 2,  5,  8, 11]))
-    >>> cell_bounds(11, 4, "floor")
-    (array([0, 2, 4, 6]), array([ 2,  4,  6, 11]))
-    >>> cell_bounds(3, 4)
-    (array([0, 0, 0, 1]), array([2, 3, 3, 3]))
-    """
-    edges = np.arange(n_cells + 1)
-    if n_items < n_cells:
-        middle = (2 * edges[:-1] + 1) * n_items // (2 * n_cells)
-        return np.maximum(middle - 1, 0), np.minimum(middle + 2, n_items)
-    if split == "floor":
-        edges *= n_items // n_cells
-        edges[-1] = n_items
-    else:
-        edges = edges * n_items // n_cells
-    return edges[:-1], edges[1:]
 
 
 def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
@@ -122,6 +82,40 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
                 rows = [begin, (begin + stop) // 2, stop - 1]
                 np.maximum.reduce(sequence[rows], axis=0, out=out)
     return pooled.reshape(len(sequences), -1)
+
+
+def coarse_levels(cells, sequences):
+    """Keep the levels of a pyramid that have no more cells than any sequence has rows.
+
+    Parameters
+    ----------
+    cells : sequence of int
+        Number of cells of each level.
+    sequences : Sequences or list of ndarray
+        Sequences to pool.
+
+    Returns
+    -------
+    cells : tuple of int
+        The levels kept.
+
+    Raises
+    ------
+    ValueError
+        If no level is left.
+    """
+    if isinstance(sequences, Sequences):  # whose arrays are not coded for this
+        lengths, unit = sequences.lengths, sequences.unit
+    else:
+        lengths, unit = [len(sequence) for sequence in sequences], "time samples"
+    kept = tuple(n for n in cells if n <= min(lengths))
+    if not kept:
+        raise ValueError(
+            f"No level of cells={cells} fits trial {np.argmin(lengths)} of X, which "
+            f"has {count(min(lengths), unit)}; add a level with fewer cells or set "
+            "drop_fine_levels=False."
+        )
+    return kept
 
 
 class TemporalMaxPool(
@@ -244,11 +238,17 @@ class TemporalMaxPool(
         """
         context = self._init_callback_context()
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
-        sequences = self._check_sequences(X, reset=True)
+        self.takes_trials_ = not is_table(X)
+        self._channel_names = channel_names(X)
+        if self.takes_trials_:
+            sequences = self._check_trials(X)
+            self._record_columns(sequences)
+        else:
+            sequences = self._check_rows(X, reset=True)
         self.cells_ = check_cells(self.cells)
         if self.drop_fine_levels:
-            self._drop_fine_levels(sequences)
-        self._split = self.split
+            self.cells_ = coarse_levels(self.cells_, sequences)
+        self.split_ = self.split
         context.call_on_fit_task_end(
             estimator=self, X=X, y=y, reconstruction_attributes={}
         )
@@ -275,10 +275,14 @@ class TemporalMaxPool(
             If a sequence has other columns than those seen in `fit`, or no samples.
         """
         check_is_fitted(self)
-        sequences = self._check_sequences(X, reset=False)
+        if self.takes_trials_:
+            sequences = self._check_trials(X, self.n_features_in_)
+            self._check_column_names(sequences)
+        else:
+            sequences = self._check_rows(X)
         # Sequences are hashed by their trials and dictionary: a hit codes nothing.
         pool = check_memory(self.memory).cache(temporal_max_pool)
-        pooled = pool(sequences, self.cells_, self._split)
+        pooled = pool(sequences, self.cells_, self.split_)
         index = row_index(X)
         if index is None or _get_output_config("transform", self)["dense"] != "pandas":
             return pooled
@@ -302,11 +306,12 @@ class TemporalMaxPool(
             Names like `t3of16_ch0`.
         """
         check_is_fitted(self)
-        if self._takes_table or hasattr(self, "feature_names_in_"):
+        named = hasattr(self, "feature_names_in_")
+        if named or not self.takes_trials_:
             columns = _check_feature_names_in(self, input_features)
-        if self._takes_table:
+        if not self.takes_trials_:
             columns = ["ch0"]
-        elif not hasattr(self, "feature_names_in_"):
+        elif not named:
             columns = [f"ch{i}" for i in range(self.n_features_in_)]
         return np.asarray(
             [
@@ -318,74 +323,42 @@ class TemporalMaxPool(
             dtype=object,
         )
 
-    def _drop_fine_levels(self, sequences):
-        """Keep the levels that have a sample for every cell of every sequence."""
-        known = isinstance(sequences, Sequences)
-        lengths = sequences.lengths if known else [len(each) for each in sequences]
-        cells = self.cells_
-        self.cells_ = tuple(n for n in cells if n <= min(lengths))
-        if not self.cells_:
+    def _check_rows(self, X, *, reset=False):
+        """Return each row of a table as a sequence with one column."""
+        if not is_table(X):
             raise ValueError(
-                f"No level of cells={cells} fits trial {np.argmin(lengths)} of X, "
-                f"which has {min(lengths)} time samples; add a level with fewer cells "
-                "or set drop_fine_levels=False."
+                "X is a collection of trials, but fit was given a table; give both in "
+                "the same form."
             )
+        X = check_table(self, X, dtype=[np.float64, np.float32], reset=reset)
+        return list(X[:, :, np.newaxis])
 
-    def _check_sequences(self, X, *, reset):
-        """Validate `X`; return its arrays of shape (n_times_i, n_columns)."""
-        if reset:
-            self._takes_table = is_table(X)
-            self._channel_names = None if self._takes_table else channel_names(X)
-        if self._takes_table:
-            if not is_table(X):
-                raise ValueError(
-                    "X is a collection of trials, but fit was given a table; give "
-                    "both in the same form."
-                )
-            X = check_table(self, X, dtype=[np.float64, np.float32], reset=reset)
-            return list(X[:, :, np.newaxis])
-        n_columns = None if reset else self.n_features_in_
+    def _check_trials(self, X, n_columns=None):
         if isinstance(X, Sequences):
             check_sequences(X, n_columns=n_columns)
-        else:
-            X = check_trials(X, n_channels=n_columns, names=self._channel_names)
-        if reset:
-            named = isinstance(X, Sequences)
-            self.n_features_in_ = len(X.feature_names) if named else X[0].shape[1]
-        self._check_column_names(X, reset=reset)
-        return X
+            return X
+        return check_trials(X, n_channels=n_columns, names=self._channel_names)
 
-    def _check_column_names(self, X, *, reset):
-        if reset:
-            vars(self).pop("feature_names_in_", None)
-        if not isinstance(X, Sequences):
+    def _record_columns(self, sequences):
+        vars(self).pop("feature_names_in_", None)  # of an earlier fit
+        if isinstance(sequences, Sequences):
+            self.feature_names_in_ = sequences.feature_names
+            self.n_features_in_ = len(sequences.feature_names)
+        else:
+            self.n_features_in_ = sequences[0].shape[1]
+
+    def _check_column_names(self, sequences):
+        names = getattr(sequences, "feature_names", None)
+        known = getattr(self, "feature_names_in_", names)
+        if names is None or np.array_equal(known, names):
             return
-        if reset:
-            self.feature_names_in_ = X.feature_names
-        known = getattr(self, "feature_names_in_", X.feature_names)
-        if not np.array_equal(known, X.feature_names):
-            i = np.argmax(known != X.feature_names)
-            raise ValueError(
-                f"Column {i} of X is named {X.feature_names[i]!r}, but {known[i]!r} in "
-                "fit; give sequences from the step that fit was given."
-            )
+        i = np.argmax(known != names)
+        raise ValueError(
+            f"Column {i} of X is named {names[i]!r}, but {known[i]!r} in fit; give "
+            "sequences from the step that fit was given."
+        )
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.transformer_tags.preserves_dtype = ["float64", "float32"]
         return tags
-
-
-def check_cells(cells, name="cells"):
-    """Return the levels of a pyramid as a tuple of distinct positive integers."""
-    levels = np.asarray(cells)
-    if (
-        levels.ndim != 1
-        or levels.dtype.kind not in "iu"
-        or levels.min(initial=1) < 1
-        or not 0 < len(levels) == len(np.unique(levels))
-    ):
-        raise ValueError(
-            f"{name}={cells!r} must list distinct positive integers, one a level."
-        )
-    return tuple(levels.tolist())

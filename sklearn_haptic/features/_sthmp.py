@@ -5,22 +5,16 @@ from numbers import Integral
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils import check_array
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.validation import check_is_fitted
 
 from .._biotac import biotac_layout
+from .._cells import cell_bounds, check_cells
 from .._check_trials import check_numbers, check_trials, is_table, transposed_hint
-from .._sequences import row_index
-from .._sklearn import Memory, Names, RandomState, Trials, _fit_context
-from ._dictionary_coder import (
-    _DictionaryCoder,
-    _UnwrappedSequences,
-    draw_observations,
-    encode,
-)
-from ._pooling import cell_bounds, check_cells
+from .._sklearn import Memory, RandomState, Trials, _fit_context
+from ._dictionary_coder import DictionaryCoder, encode
 
 # Most patches coded at a time: their codes stay in the cache until they are pooled.
 _CHUNK_SIZE = 8192
@@ -235,7 +229,7 @@ def encode_frames(
     return np.concatenate(frames, axis=1).T
 
 
-class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
+class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
     """Sparse codes of tactile images, pooled over space and normalised by frame.
 
     The spatial half of spatio-temporal hierarchical matching pursuit [1]_: every
@@ -351,13 +345,16 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
     """
 
     _parameter_constraints = {  # noqa: RUF012
-        **_DictionaryCoder._parameter_constraints,
+        **DictionaryCoder._parameter_constraints,
         "max_train_patches": [Interval(Integral, 1, None, closed="left"), None],
         "layout": [StrOptions({"biotac"}), "array-like", None],
         "patch_size": [tuple, list],
         "step": [Interval(Integral, 1, None, closed="left")],
         "spatial_cells": ["array-like"],
     }
+
+    _encode_trial = staticmethod(encode_frames)
+    _unit = "frames"
 
     def __init__(
         self,
@@ -417,42 +414,29 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
             If the channels are no multiple of the layout's electrodes, or the
             images are too small for a patch.
         """
-        self._codes_trials = not is_table(X)
-        if hasattr(self, "spatial_cells_"):
-            del self.spatial_cells_
+        self.takes_trials_ = not is_table(X)
         self.layout_ = self._check_layout()
+        self.patch_size_ = self._check_patch_size()
         return self._learn(X, y, self.max_train_patches)
 
-    def get_feature_names_out(
-        self, input_features: Names | None = None
-    ) -> NDArray[np.object_]:
-        """Return the names of the code columns.
+    @property
+    def _blocks(self):
+        return [
+            f"s{i}of{rows * columns}"
+            for rows, columns in self.spatial_cells_
+            for i in range(1, rows * columns + 1)
+        ]
 
-        Parameters
-        ----------
-        input_features : array-like of str, default=None
-            Ignored, but checked against the columns seen in `fit` for a table.
+    @property
+    def _trial_coding(self):
+        return {
+            "layout": self.layout_,
+            "patch_size": self.patch_size_,
+            "step": self._step,
+            "grids": self.spatial_cells_,
+        }
 
-        Returns
-        -------
-        names : ndarray of str objects
-            Cell and code, as in ``s2of9_atom3+``: the second of nine cells.
-        """
-        check_is_fitted(self)
-        if not self._codes_trials:
-            return super().get_feature_names_out(input_features)
-        return np.asarray(
-            [
-                f"s{i}of{rows * columns}_{name}"
-                for rows, columns in self.spatial_cells_
-                for i in range(1, rows * columns + 1)
-                for name in self._code_names
-            ],
-            dtype=object,
-        )
-
-    def _draw_from_trials(self, X, rng):
-        vars(self).pop("feature_names_in_", None)
+    def _fit_trials(self, X):
         layout = self.layout_
         trials = check_trials(X, ndims=(2,) if layout is not None else (3,))
         self._frame_shape = trials[0].shape[1:]
@@ -464,7 +448,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
                 "channels or give the layout of your sensor."
                 f"{transposed_hint(trials[0].shape)}"
             )
-        patch_size, step = self._check_patch_size(), self.step
+        patch_size, step = self.patch_size_, self.step
 
         def patches(trial):
             images = trial if layout is None else electrode_images(trial, layout)
@@ -476,21 +460,20 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
                 )
             return image_patches(images, patch_size, step)
 
-        positions = patches(trials[0][:1]).shape[1:3]
+        locations = patches(trials[0][:1]).shape[1:3]
         cells = check_cells(self.spatial_cells, "spatial_cells")
-        self.spatial_cells_ = spatial_grids(positions, cells)
-        self._patching = {"layout": layout, "patch_size": patch_size, "step": step}
+        self.spatial_cells_ = spatial_grids(locations, cells)
+        self._step = step
 
         def observe(trial, indices):
-            frame, row, column = np.unravel_index(indices, (len(trial), *positions))
+            frame, row, column = np.unravel_index(indices, (len(trial), *locations))
             drawn = patches(trial[frame])[np.arange(len(indices)), row, column]
             return drawn.reshape(len(indices), -1)
 
-        n_positions = positions[0] * positions[1]
-        counts = [len(trial) * n_positions for trial in trials]
-        return draw_observations(trials, counts, self.max_train_patches, observe, rng)
+        n_patches = [len(trial) * locations[0] * locations[1] for trial in trials]
+        return trials, n_patches, observe
 
-    def _transform_trials(self, X):
+    def _check_trials(self, X):
         if is_table(X):
             raise ValueError(
                 "X is a table, but fit was given trials; give a collection of trials."
@@ -501,14 +484,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
             n_channels=self._frame_shape,
             names=self._channel_names,
         )
-        return self._sequences(
-            trials,
-            [len(trial) for trial in trials],
-            encode_frames,
-            row_index(X),
-            grids=self.spatial_cells_,
-            **self._patching,
-        )
+        return trials, [len(trial) for trial in trials]
 
     def _check_patch_size(self):
         size = tuple(self.patch_size)

@@ -5,20 +5,14 @@ from typing import Literal, Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils import check_array
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import check_is_fitted
 
 from .._check_trials import check_numbers, check_trials, is_table, transposed_hint
-from .._sequences import row_index
-from .._sklearn import Memory, Names, RandomState, Trials, _fit_context
-from ._dictionary_coder import (
-    _DictionaryCoder,
-    _UnwrappedSequences,
-    draw_observations,
-    encode,
-)
+from .._sklearn import Memory, RandomState, Trials, _fit_context
+from ._dictionary_coder import DictionaryCoder, encode
 
 
 def sliding_windows(trial, window, overlap):
@@ -87,7 +81,7 @@ def encode_windows(
     return codes.reshape(len(windows), -1)
 
 
-class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
+class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
     """Sparse codes over a dictionary learned by K-SVD.
 
     With `window=None` each row of a table is one observation, as in
@@ -197,11 +191,14 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
     """
 
     _parameter_constraints = {  # noqa: RUF012
-        **_DictionaryCoder._parameter_constraints,
+        **DictionaryCoder._parameter_constraints,
         "max_train_windows": [Interval(Integral, 1, None, closed="left"), None],
         "window": [Interval(Integral, 1, None, closed="left"), None],
         "overlap": [Interval(Real, 0, 1, closed="left")],
     }
+
+    _encode_trial = staticmethod(encode_windows)
+    _unit = "windows"
 
     def __init__(
         self,
@@ -250,46 +247,36 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
         self : KSVDTransformer
             The fitted transformer.
         """
-        self._codes_trials = self.window is not None
-        self._windows = {"window": self.window, "overlap": self.overlap}
-        if not self._codes_trials and not is_table(X):
+        self.takes_trials_ = self.window is not None
+        self._trial_coding = {"window": self.window, "overlap": self.overlap}
+        if not self.takes_trials_ and not is_table(X):
             raise ValueError(
                 "X is a collection of trials, but window=None codes the rows of a "
                 "table; set window to the number of time samples a window."
             )
         return self._learn(X, y, self.max_train_windows)
 
-    def get_feature_names_out(
-        self, input_features: Names | None = None
-    ) -> NDArray[np.object_]:
-        """Return the names of the code columns.
+    @property
+    def _blocks(self):
+        return [f"ch{i}" for i in range(self.n_features_in_)]
 
-        Parameters
-        ----------
-        input_features : array-like of str, default=None
-            Ignored, but checked against the columns seen in `fit` for a table.
+    def _fit_trials(self, X):
+        self.window_step_ = window_step(**self._trial_coding)
+        trials, n_windows = self._check_trials(X, reset=True)
+        self.n_features_in_ = trials[0].shape[1]
 
-        Returns
-        -------
-        names : ndarray of str objects
-            ``atom0+``, …, ``atom0-``, … with `sign="split"`, else ``atom0``, …;
-            for trials the same for each channel, as in ``ch0_atom0+``.
+        def observe(trial, indices):
+            windows = sliding_windows(trial, **self._trial_coding)
+            return windows[np.unravel_index(indices, windows.shape[:2])]
+
+        return trials, [n * self.n_features_in_ for n in n_windows], observe
+
+    def _check_trials(self, X, *, reset=False):
+        """Return the trials and their numbers of windows.
+
+        Each row of a table is a trial with one channel.
         """
-        check_is_fitted(self)
-        if not self._codes_trials:
-            return super().get_feature_names_out(input_features)
-        channels = range(self.n_features_in_)
-        return np.asarray(
-            [f"ch{c}_{name}" for c in channels for name in self._code_names],
-            dtype=object,
-        )
-
-    def _check_windowed(self, X, n_channels=None):
-        """Validate what is cut into windows; return the trials and numbers of windows.
-
-        A row of a table is a trial of one channel.
-        """
-        window = self._windows["window"]
+        window = self._trial_coding["window"]
         if is_table(X):
             check_numbers(X, "X")
             X = check_array(X, dtype=[np.float64, np.float32])
@@ -299,6 +286,7 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
                     f"trials, but one window takes {window} time samples; give a "
                     "list of trials or use a shorter window."
                 )
+        n_channels = None if reset else self.n_features_in_
         trials = check_trials(X, n_channels=n_channels, names=self._channel_names)
         for i, trial in enumerate(trials):
             if len(trial) < window:
@@ -307,27 +295,5 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
                     f"takes {window}; remove it or use a shorter window."
                     f"{transposed_hint(trial.shape)}"
                 )
-        step = window_step(**self._windows)
+        step = self.window_step_
         return trials, [(len(trial) - window) // step + 1 for trial in trials]
-
-    def _draw_from_trials(self, X, rng):
-        trials, lengths = self._check_windowed(X)
-        self.n_features_in_ = trials[0].shape[1]
-
-        def observe(trial, indices):
-            windows = sliding_windows(trial, **self._windows)
-            return windows[np.unravel_index(indices, windows.shape[:2])]
-
-        counts = [n * self.n_features_in_ for n in lengths]
-        return draw_observations(trials, counts, self.max_train_windows, observe, rng)
-
-    def _transform_trials(self, X):
-        trials, lengths = self._check_windowed(X, self.n_features_in_)
-        return self._sequences(
-            trials,
-            lengths,
-            encode_windows,
-            row_index(X),
-            unit="windows",
-            **self._windows,
-        )
