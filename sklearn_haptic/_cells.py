@@ -1,10 +1,10 @@
-"""Cells of a pyramid: equal parts of a line of time samples or locations."""
+"""Cells of a pyramid: the parts into which each level divides time or space."""
 
 import numpy as np
 
 
 def cell_bounds(n_items, n_cells, split="balanced"):
-    """Where each of `n_cells` cells of a line of items begins and ends.
+    """Divide a line of items into cells; return where each begins and ends.
 
     Parameters
     ----------
@@ -13,15 +13,15 @@ def cell_bounds(n_items, n_cells, split="balanced"):
     n_cells : int
         Number of cells.
     split : {"balanced", "floor"}, default="balanced"
-        Whether cells differ by one item at most, or all have
-        ``n_items // n_cells`` and the last one also takes the remainder. With fewer
-        items than cells both are the same, and cells overlap: each has the item at its
-        middle and the neighbours of that.
+        "balanced" cells differ by one item at most. With "floor" each has
+        ``n_items // n_cells`` items and the last one also takes the remainder. With
+        fewer items than cells, the cells overlap for either value: each has the item
+        at its middle and the neighbours of that item.
 
     Returns
     -------
     starts, stops : ndarray of shape (n_cells,)
-        Index of the first item of each cell, and one past that of its last.
+        Index of the first item of each cell, and one past the index of its last.
 
     Examples
     --------
@@ -55,6 +55,6 @@ def check_cells(cells, name="cells"):
         or not 0 < len(levels) == len(np.unique(levels))
     ):
         raise ValueError(
-            f"{name}={cells!r} must list distinct positive integers, one a level."
+            f"{name}={cells!r} must list distinct positive integers, one per level."
         )
     return tuple(levels.tolist())

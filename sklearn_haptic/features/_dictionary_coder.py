@@ -1,4 +1,4 @@
-"""What transformers with a dictionary learned by K-SVD share."""
+"""What the transformers share that learn a dictionary by K-SVD and code over it."""
 
 from functools import partial
 from numbers import Integral, Real
@@ -38,12 +38,12 @@ def encode(observations, atoms, n_nonzero_coefs, *, remove_mean=True, sign="spli
     remove_mean : bool, default=True
         Whether to subtract each observation's mean.
     sign : {"split", "absolute", "none"}, default="split"
-        What becomes of signs, see :func:`dense_codes`.
+        How signs are kept, see :func:`dense_codes`.
 
     Returns
     -------
     codes : ndarray of shape (n_obs, n_atoms) or (n_obs, 2 * n_atoms)
-        Columns are the atoms or, with `sign="split"`, the positive parts of all
+        One column per atom or, with `sign="split"`, the positive parts of all atoms
         followed by the negative parts of all.
 
     Examples
@@ -59,9 +59,9 @@ def encode(observations, atoms, n_nonzero_coefs, *, remove_mean=True, sign="spli
 
 
 def centre(observations, remove_mean):
-    """Return observations, mean removed if asked, and their norms before."""
+    """Return observations, less their means if asked, and their norms before that."""
     scale = row_norms(observations)
-    # The norm times sqrt(n) bounds the sum of a row and what mean removal leaves.
+    # sqrt(n) times its norm bounds the sum of a row and the row less its mean.
     limit = np.finfo(observations.dtype).max / np.sqrt(observations.shape[1])
     if not (scale <= limit).all():
         raise ValueError(
@@ -79,21 +79,21 @@ def draw_observations(trials, counts, limit, observe, rng):
     Parameters
     ----------
     trials : list of ndarray
-        What the observations are drawn from.
+        Trials from which to draw.
     counts : list of int
         Number of observations in each trial.
     limit : int or None
         Most observations; None takes all.
     observe : callable
-        Called with a trial and indices, at least one, of its observations; returns
-        these as rows.
+        Takes a trial and the indices of one or more of its observations; returns these
+        observations as rows.
     rng : RandomState
         Source of randomness.
 
     Returns
     -------
     observations : ndarray of shape (n_obs, n_obs_features)
-        The observations drawn, in their order.
+        The observations drawn, in the order of the trials.
     """
     ends = np.cumsum(counts)
     if limit is None or limit >= ends[-1]:
@@ -123,7 +123,7 @@ def learn_dictionary(
     seed,
     callback=None,
 ):
-    """Learn a dictionary.
+    """Learn a dictionary by K-SVD, from given or from drawn initial atoms.
 
     Parameters
     ----------
@@ -132,11 +132,11 @@ def learn_dictionary(
     n_atoms, n_nonzero_coefs, remove_mean, update, max_iter, tol
         As in :class:`KSVDTransformer`.
     dict_init : ndarray of shape (n_atoms, n_obs_features) or None
-        Initial atoms; None draws them.
+        Initial atoms; None draws them from the observations.
     seed : int
         Seed of the initial atoms and of the order of updates.
     callback : callable, default=None
-        Passed on to :func:`ksvd`.
+        See :func:`ksvd`.
 
     Returns
     -------
@@ -145,8 +145,7 @@ def learn_dictionary(
     n_iter : int
         Iterations run.
     error : float
-        Root mean squared error of the observations coded over it.
-
+        Root mean squared error of the observations coded over the dictionary.
     """
     rng = np.random.RandomState(seed)
     signals, scale = centre(observations, remove_mean)

@@ -1,4 +1,4 @@
-"""Temporal pyramid: the maximum of every column within parts of the recording."""
+"""Temporal pyramid: the maximum of every column in every cell of time."""
 
 from collections.abc import Sequence
 from typing import Literal, Self
@@ -43,18 +43,18 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
     Parameters
     ----------
     sequences : sequence of ndarray of shape (n_times_i, n_columns)
-        Sequences of one data type, each with one time sample or more. Each is asked
-        for once, in order.
+        Sequences of one data type, each with one row or more. Each is asked for once,
+        in order.
     cells : sequence of int, default=(16, 8, 4, 2, 1)
         Number of cells of each level of the pyramid.
     split : {"balanced", "floor"}, default="balanced"
-        How a level divides the time samples, see :func:`cell_bounds`.
+        How a level divides the rows, see :func:`cell_bounds`.
 
     Returns
     -------
     pooled : ndarray of shape (n_sequences, sum(cells) * n_columns)
-        Pooled columns: the temporal cell varies slowest (levels in the order
-        given, cells in time order), then the column.
+        Maxima: levels in the order given, the cells of each level in time order, and
+        each cell with all its columns.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
             shape = (len(sequences), level_ends[-1], sequence.shape[1])
             pooled = np.empty(shape, sequence.dtype)
         starts = [cell_bounds(len(sequence), n, split)[0] for n in cells]
-        # One pass over time: every cell, of whatever level, is a run of segments.
+        # One pass over time suffices, since every cell of any level joins segments.
         edges, first = np.unique(np.concatenate(starts), return_inverse=True)
         segments = np.maximum.reduceat(sequence, edges, axis=0)
         for n, end in zip(cells, level_ends):
@@ -77,7 +77,7 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
             out = pooled[i, level]
             if n <= len(sequence):
                 np.maximum.reduceat(segments, first[level], axis=0, out=out)
-            else:  # at most three samples a cell
+            else:  # at most three rows per cell
                 begin, stop = cell_bounds(len(sequence), n)
                 rows = [begin, (begin + stop) // 2, stop - 1]
                 np.maximum.reduce(sequence[rows], axis=0, out=out)
@@ -121,45 +121,49 @@ def coarse_levels(cells, sequences):
 class TemporalMaxPool(
     DocumentedEstimator, CallbackSupportMixin, TransformerMixin, BaseEstimator
 ):
-    """Pool sequences of any length into one row of features a trial.
+    """Pool sequences of any length into one row of features per trial.
 
-    Time is divided into a pyramid of levels, each with its number of cells, and
-    every column gives its maximum in every cell. Fine levels keep when something
-    was felt, coarse levels that it was felt.
+    Each level of a pyramid divides time into a number of cells, and the features are
+    the maxima of every column in every cell. Fine levels tell when something was felt,
+    coarse levels that it was felt at all.
 
     Parameters
     ----------
     cells : sequence of int, default=(16, 8, 4, 2, 1)
         Number of cells of each level.
     split : {"balanced", "floor"}, default="balanced"
-        How a level divides `n_times` samples. "balanced" begins cell `i` of `n`
-        at ``i * n_times // n``, so cells differ by one sample at most. "floor",
-        the rule of the ST-HMP authors, gives every cell ``n_times // n`` samples
-        and the last one the remainder too, up to `n - 1` samples more. Where a
-        sequence has fewer samples than a level has cells, the cells of that level
-        overlap: each takes the sample at its middle and the neighbours of that.
+        How a level divides `n_times` samples. "balanced" begins cell `i` of `n` at
+        ``i * n_times // n``, so that cells differ by one sample at most. "floor", the
+        rule of the authors of ST-HMP, gives every cell ``n_times // n`` samples and the
+        last one the remainder too, up to `n - 1` samples more. If a sequence has fewer
+        samples than a level has cells, the cells of that level overlap: each takes the
+        sample at its middle and the neighbours of that sample.
     drop_fine_levels : bool, default=False
-        Whether to drop, in `fit`, the levels with more cells than the shortest
-        sequence has time samples, as the 2020 paper does. By default features do not
-        depend on the length of the shortest recording. Set it where all recordings are
-        short: cells that hold the same samples weigh more in a penalised model than
-        they tell.
+        Whether `fit` drops the levels with more cells than the shortest sequence has
+        time samples, as the 2020 paper does. Set it if all recordings are short,
+        because cells that hold the same samples get too much weight in a penalised
+        model. By default all levels are kept, so that features do not depend on the
+        shortest recording.
     memory : str or object with the joblib.Memory interface, default=None
-        Where to cache the pooled rows: a folder or a :class:`joblib.Memory`. A search
-        over later steps then codes and pools nothing twice; results are the same, bit
-        for bit. An entry holds the rows of one call of `transform`, found again by
-        the trials, the dictionary and how they are coded and pooled. Clear the cache
-        after an upgrade. By default nothing is cached.
+        Folder or :class:`joblib.Memory` in which to cache the pooled rows, so that a
+        search over later steps codes and pools nothing twice. Results are the same, bit
+        for bit. One entry holds the rows of one call of `transform`; it is found again
+        by the trials, the dictionary, and the settings of coding and pooling. Clear the
+        cache after an upgrade. By default nothing is cached.
 
     Attributes
     ----------
     cells_ : tuple of int
-        The levels: all, unless fine ones were dropped.
+        Number of cells of each level that was not dropped.
+    split_ : {"balanced", "floor"}
+        How levels divide time.
+    takes_trials_ : bool
+        Whether trials or sequences were fitted; else a table.
     n_features_in_ : int
-        Number of columns of the sequences, or of the table.
+        Number of columns of the sequences or of the table.
     feature_names_in_ : ndarray of shape (`n_features_in_`,)
-        Names of the columns. Defined for the sequences that another step
-        returns, which carry names, and for data frames.
+        Names of the columns. Defined for :class:`Sequences` and data frames, which
+        have names.
 
     See Also
     --------
@@ -168,13 +172,13 @@ class TemporalMaxPool(
 
     Notes
     -----
-    `X` may be what a sequence step returns, or any collection of trials of shape
-    `(n_times_i, n_columns)`. In a table, a row is a trial of one column `ch0`, a
-    time sample each feature.
+    `X` may be :class:`Sequences` or any collection of trials of shape
+    `(n_times_i, n_columns)`. Each row of a table is a trial with one column, `ch0`,
+    and one time sample per feature.
 
-    Features are named like `t3of16_ch0`: the third of sixteen cells, then the
-    column. Columns without names are `ch0`, `ch1` and so on. Level after level, and
-    within a level cell after cell, each with all its columns.
+    Features have names like `t3of16_ch0`, which is column `ch0` in the third of sixteen
+    cells. Columns without names are `ch0`, `ch1` and so on. Levels come in the order
+    given, the cells of each level in time order, and each cell with all its columns.
 
     References
     ----------
@@ -234,7 +238,7 @@ class TemporalMaxPool(
         Raises
         ------
         ValueError
-            If `cells` are not positive integers, or all of them are dropped.
+            If `cells` are not distinct positive integers, or all of them are dropped.
         """
         context = self._init_callback_context()
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
@@ -254,7 +258,7 @@ class TemporalMaxPool(
         )
         return self
 
-    @one_blas_thread  # sequences are coded as they are pooled
+    @one_blas_thread  # because sequences are coded as they are pooled
     def transform(self, X: Trials) -> FloatArray:
         """Pool sequences.
 
@@ -272,7 +276,7 @@ class TemporalMaxPool(
         Raises
         ------
         ValueError
-            If a sequence has other columns than those seen in `fit`, or no samples.
+            If a sequence is empty or has other columns than those seen in `fit`.
         """
         check_is_fitted(self)
         if self.takes_trials_:
@@ -280,13 +284,13 @@ class TemporalMaxPool(
             self._check_column_names(sequences)
         else:
             sequences = self._check_rows(X)
-        # Sequences are hashed by their trials and dictionary: a hit codes nothing.
+        # Sequences are hashed by their trials and dictionary, so a hit codes nothing.
         pool = check_memory(self.memory).cache(temporal_max_pool)
         pooled = pool(sequences, self.cells_, self.split_)
         index = row_index(X)
         if index is None or _get_output_config("transform", self)["dense"] != "pandas":
             return pooled
-        # scikit-learn adds the names, but knows no index.
+        # scikit-learn adds the names, but not the index of trials.
         return pd.DataFrame(pooled, index=index)
 
     def get_feature_names_out(
@@ -297,8 +301,7 @@ class TemporalMaxPool(
         Parameters
         ----------
         input_features : array-like of str, default=None
-            Checked against the columns seen in `fit`; ignored if those were
-            trials without names.
+            Checked against the columns seen in `fit`; ignored if these have no names.
 
         Returns
         -------

@@ -23,9 +23,9 @@ def sliding_windows(trial, window, overlap):
     trial : ndarray of shape (n_times, n_channels)
         Recording.
     window : int
-        Time samples a window.
+        Time samples per window.
     overlap : float
-        Fraction of a window shared with the next.
+        Fraction of a window that it shares with the next.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def sliding_windows(trial, window, overlap):
 
 
 def window_step(window, overlap):
-    """Time samples from the start of a window to that of the next, at least one."""
+    """Return the time samples from the start of one window to the start of the next."""
     return max(1, window - round(overlap * window))
 
 
@@ -68,7 +68,7 @@ def encode_windows(
     Returns
     -------
     codes : ndarray of shape (n_windows, n_channels * n_codes)
-        Codes, the channel slowest.
+        All codes of the first channel, then those of the next.
     """
     windows = sliding_windows(trial, window, overlap)
     codes = encode(
@@ -84,77 +84,81 @@ def encode_windows(
 class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
     """Sparse codes over a dictionary learned by K-SVD.
 
-    With `window=None` each row of a table is one observation, as in
-    scikit-learn's dictionary learning. With a window each trial, an array of
-    shape (n_times, n_channels), becomes the sequence of its windows' codes: every
-    channel is cut into overlapping windows, one dictionary is learned from the
-    windows of all channels, and :class:`TemporalMaxPool` can follow.
+    With `window=None` each row of a table is one observation, as in scikit-learn's
+    dictionary learning. With a window each trial, an array of shape (n_times,
+    n_channels), becomes a sequence of codes: every channel is cut into overlapping
+    windows, and one dictionary is learned from the windows of all channels.
+    :class:`TemporalMaxPool` turns these sequences into rows of features.
 
     Parameters
     ----------
     n_atoms : int, default=25
         Number of atoms.
     n_nonzero_coefs : int, default=4
-        Most atoms that one code may use. The 2020 paper does not give it; 4 is
-        what the authors of ST-HMP use.
+        Most atoms that one code may use. The 2020 paper does not give it; the authors
+        of ST-HMP use 4.
     window : int, default=None
-        Time samples a window: 22 in the 2020 paper for vibrations at 2.2 kHz, 50
+        Time samples per window. The 2020 paper has 22 for vibrations at 2.2 kHz and 50
         for pressure and temperature at 100 Hz. None codes the rows of a table.
     overlap : float, default=0.5
-        Fraction of a window shared with the next, in [0, 1). Samples after the
+        Fraction of a window that it shares with the next, in [0, 1). Samples after the
         last whole window are left out.
     remove_mean : bool, default=True
-        Whether to subtract each observation's mean. It is a nuisance in
-        vibrations and in images of electrodes, but carries information in slow
-        channels such as pressure and temperature.
+        Whether to subtract the mean of each observation. The mean carries information
+        in slow channels such as pressure and temperature, but is a nuisance in
+        vibrations and in images of electrodes.
     update : {"approximate", "exact"}, default="approximate"
         Fit an atom by one step of alternating least squares, or by the leading
-        singular pair of what it has to represent. On recordings neither was
-        clearly the more accurate (within 3 % of each other), and an iteration of
-        the exact update took about half as long again.
+        singular pair of the residual that it has to represent. On recordings their
+        errors were within 3 % of each other, and an iteration of the exact update took
+        about 1.5 times as long.
     max_iter : int, default=50
         Most iterations of K-SVD. 0 takes the initial dictionary.
     tol : float, default=1e-3
-        Stop when five iterations lower the training error by less than this
-        fraction. Reaching `max_iter` first is usual and gives no warning; `n_iter_`
-        tells.
+        Stop when five iterations lower the training error by less than this fraction.
+        `max_iter` is often reached first, which gives no warning; see `n_iter_`.
     max_train_windows : int, default=20_000
-        Most observations to learn from, drawn at random; None takes all. On
-        recorded vibrations (25 and 40 atoms) and pressure the defaults took 1 to
-        1.4 s and came within 2 % of the held-out error of 100 iterations with
-        `tol=0`; 20 iterations on 10,000 windows took 0.3 s and were 12 to 15 %
-        worse.
+        Most observations to learn from, drawn at random; None takes all. On recorded
+        vibrations (25 and 40 atoms) and pressure the defaults took 1 to 1.4 s, and the
+        error on other windows was within 2 % of that of 100 iterations with `tol=0`.
+        With 20 iterations on 10,000 windows, learning took 0.3 s and the error was 12
+        to 15 % larger.
     dict_init : array-like of shape (n_atoms, n_obs_features), default=None
-        Initial atoms; with `max_iter=0` they are used exactly as given. By
-        default training observations, no two nearly parallel.
+        Initial atoms; with `max_iter=0` they are used exactly as given. By default
+        training observations are drawn, no two of which are nearly parallel.
     sign : {"split", "absolute", "none"}, default="split"
-        Give positive and negative parts of a coefficient columns of their own,
-        take absolute values, or keep coefficients as they are. The ST-HMP authors
+        Give the positive and the negative part of a coefficient a column each, take
+        absolute values, or keep coefficients as they are. The authors of ST-HMP
         recommend the split.
     memory : str or object with the joblib.Memory interface, default=None
-        Where to cache the dictionary: a folder or a :class:`joblib.Memory`. A search
-        over later steps then learns none twice; results are the same, bit for bit.
-        Give `random_state` an int, and clear the cache after an upgrade. With
-        callbacks the dictionary is learned anew, for them to see every iteration.
-        By default nothing is cached. Codes never are: give :class:`TemporalMaxPool`,
-        whose rows are smaller, a cache too.
+        Folder or :class:`joblib.Memory` in which to cache the dictionary, so that a
+        search over later steps learns none twice. Results are the same, bit for bit.
+        Set `random_state` to an int, and clear the cache after an upgrade. With
+        callbacks the cache is not used, because they have to see every iteration.
+        Codes are not cached; give :class:`TemporalMaxPool` a cache too, since its rows
+        are smaller. By default nothing is cached.
     random_state : int, RandomState instance or None, default=None
-        Draws the training observations, the initial atoms and the order of
+        Seeds the draw of training observations and of initial atoms, and the order of
         updates.
 
     Attributes
     ----------
     components_ : ndarray of shape (n_atoms, n_obs_features)
-        The dictionary. Each atom's largest-magnitude entry is positive.
+        The dictionary. The entry of largest magnitude of each atom is positive.
     n_iter_ : int
         Iterations run.
     reconstruction_error_ : float
         Root mean squared error, per sample and in units of `X`, of the training
         observations coded over `components_`.
+    takes_trials_ : bool
+        Whether trials were fitted; else rows of a table.
+    window_step_ : int
+        Time samples from the start of one window to the start of the next. Defined
+        for trials.
     n_features_in_ : int
-        Columns of a table, or channels of the trials.
+        Number of columns of a table, or of channels of the trials.
     feature_names_in_ : ndarray of shape (`n_features_in_`,)
-        Column names of a table, where it has any.
+        Names of the columns of a table. Defined if it has any.
 
     See Also
     --------
@@ -163,8 +167,8 @@ class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
 
     Notes
     -----
-    An observation that is constant codes to exact zero, whatever rounding the
-    removal of its mean leaves. Codes scale with the observations.
+    The code of a constant observation is exactly zero, whatever rounding leaves when
+    its mean is removed. Codes scale with the observations.
 
     References
     ----------
@@ -252,7 +256,7 @@ class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         if not self.takes_trials_ and not is_table(X):
             raise ValueError(
                 "X is a collection of trials, but window=None codes the rows of a "
-                "table; set window to the number of time samples a window."
+                "table; set window to the number of time samples per window."
             )
         return self._learn(X, y, self.max_train_windows)
 
