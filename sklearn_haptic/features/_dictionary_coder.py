@@ -334,6 +334,9 @@ class DictionaryCoder(DocumentedEstimator, CallbackSupportMixin):
             _check_feature_names_in(self, input_features, generate_names=False)
         return np.asarray(names, dtype=object)
 
+    def __sklearn_is_fitted__(self):
+        return hasattr(self, "_coding")  # which is set last
+
     def _check_dict_init(self, observations):
         if self.dict_init is None:
             return None

@@ -326,6 +326,9 @@ class TemporalMaxPool(
             dtype=object,
         )
 
+    def __sklearn_is_fitted__(self):
+        return hasattr(self, "split_")  # which is set last
+
     def _check_rows(self, X, *, reset=False):
         """Return each row of a table as a sequence with one column."""
         if not is_table(X):
