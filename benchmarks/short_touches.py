@@ -29,8 +29,9 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, KSVDTransformer
+from sklearn_haptic._cells import cell_bounds
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.features._pooling import cell_bounds, temporal_max_pool
+from sklearn_haptic.features._pooling import temporal_max_pool
 from sklearn_haptic.metrics import ranked_probability_score
 
 CELLS = (16, 8, 4, 2, 1)

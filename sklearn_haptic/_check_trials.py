@@ -1,4 +1,10 @@
-"""Checks of trials: recordings of one sensor or of several."""
+"""Checks of trials, of tables, and of the numbers that both hold.
+
+A *trial* is one touch of one object: an array of shape ``(n_times, n_channels)``, or
+``(n_times, height, width)`` for tactile images. Trials differ in length, so a
+collection of them is a sequence of arrays. A *table* is scikit-learn's ordinary
+two-dimensional input. Every transformer takes both.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +21,10 @@ _NO_NUMBERS = (str, bytes, date, timedelta, np.datetime64, np.timedelta64)
 
 
 def is_table(X):
-    """Whether ``X`` is ordinary 2-D input rather than a collection of trials.
+    """Whether ``X`` is a table rather than a collection of trials.
 
-    Anything that is not clearly a collection of trials counts as a table, so
-    that scikit-learn's own validation words the errors.
+    Anything that is not clearly a collection of trials counts as a table, so that
+    scikit-learn's own validation words the errors.
     """
     if isinstance(X, Sequences):
         return False
@@ -48,11 +54,11 @@ def channel_names(X):
 
 
 def transposed_hint(shape):
-    """Return a sentence for errors: a trial has more channels than samples."""
+    """Return a hint for error messages if a trial has more channels than samples."""
     if len(shape) != 2 or shape[1] <= shape[0]:
         return ""
     return (
-        f" Its shape {shape} is taken for {_count(shape[0], 'time samples')} of "
+        f" Its shape {shape} is taken for {count(shape[0], 'time samples')} of "
         f"{_samples(shape[1:])}; transpose it if that is wrong."
     )
 
@@ -63,29 +69,28 @@ def check_trials(X, *, ndims=(2,), n_channels=None, names=None):
     Parameters
     ----------
     X : collection of array-like
-        List, tuple, object array, Series or one-column DataFrame of arrays, or
-        one array with the trials along its first axis. A one-dimensional trial
-        is one channel. Columns of trials that are data frames are put in the
-        order of `names`.
+        List, tuple, object array, Series or one-column DataFrame of arrays, or one
+        array with the trials along its first axis. A one-dimensional trial has one
+        channel. The columns of trials that are data frames are put in the order of
+        `names`.
     ndims : tuple of int, default=(2,)
         Numbers of dimensions that a trial may have.
     n_channels : int or tuple of int, default=None
-        Required shape of one time sample; by default that of the first trial.
+        Required shape of one time sample; by default the shape in the first trial.
     names : list, default=None
-        :func:`channel_names` of the trials given to `fit`; by default of these.
+        The :func:`channel_names` of the trials given to `fit`; by default those of `X`.
 
     Returns
     -------
     trials : list of ndarray of shape (n_times_i, ...)
-        All float32 if every trial is float32, else all float64. Inputs that
-        are already so are not copied.
+        All are float32 if every trial is float32, else all are float64. Trials that
+        already have this data type are not copied.
 
     Raises
     ------
     ValueError
-        If there is no trial, or one is too short, without channels, not finite,
-        not of real numbers or of another shape than the rest; the message names
-        the trial.
+        If there are no trials, or if a trial is empty, holds values that are not finite
+        real numbers, or differs in shape from the others. The message names the trial.
     """
     cells = _cells(X)
     _check_any(cells)
@@ -107,20 +112,20 @@ def check_trials(X, *, ndims=(2,), n_channels=None, names=None):
 
 
 def check_sequences(sequences, *, n_columns=None):
-    """Check what a sequence step returned, without coding any trial.
+    """Check the lengths and columns of sequences without computing any array.
 
     Parameters
     ----------
     sequences : Sequences
-        The codes, which are finite and alike.
+        Sequences to check.
     n_columns : int, default=None
         Required number of columns; by default any.
 
     Raises
     ------
     ValueError
-        If there is no trial, or one is empty or has another number of columns;
-        the message names the trial.
+        If there are no sequences, or if one is empty or has another number of columns.
+        The message names the trial.
     """
     _check_any(sequences)
     for i, length in enumerate(sequences.lengths):
@@ -130,19 +135,19 @@ def check_sequences(sequences, *, n_columns=None):
 
 
 def check_numbers(values, name):
-    """Refuse what is no real number, though NumPy might quietly make it one.
+    """Refuse values that are not real numbers, even if NumPy would convert them.
 
     Parameters
     ----------
     values : array-like
-        Numbers in any container; what scikit-learn refuses is left to it.
+        Numbers in any container. Values that scikit-learn refuses are left to it.
     name : str
         What error messages call ``values``.
 
     Raises
     ------
     ValueError
-        If a value is text, a date, complex or masked, or rows differ in length.
+        If a value is text, a date, complex or masked, or if rows differ in length.
     """
     array = check_regular(values, name)
     if not (hasattr(values, "columns") and hasattr(values, "dtypes")):
@@ -152,7 +157,7 @@ def check_numbers(values, name):
                 "it."
             )
         return
-    # Column by column: an array of them all may make numbers of dates.
+    # Checked column by column, because one array of all may turn dates into numbers.
     for i, dtype in enumerate(values.dtypes):
         if _is_numeric(dtype):
             continue
@@ -165,7 +170,7 @@ def check_numbers(values, name):
 
 
 def check_regular(values, name):
-    """Refuse masked and complex values, rows of unequal length and what is no array."""
+    """Return an array; refuse ragged, masked or complex values and what is no array."""
     if isinstance(values, (Mapping, Set, Iterator)) and not sparse.issparse(values):
         raise ValueError(
             f"{name} is a {type(values).__name__}, which is no array; give a list, an "
@@ -190,24 +195,29 @@ def check_regular(values, name):
 
 
 def check_table(estimator, X, **options):
-    """Validate a table of features: `validate_data` after `check_numbers`.
+    """Validate a table of features by `check_numbers`, then by `validate_data`.
 
-    Its rows are contiguous, so that the same table gives the same sums in any layout.
+    The rows returned are contiguous, so that sums are the same for any memory layout.
     """
     check_numbers(X, "X")
-    with np.errstate(over="ignore", invalid="ignore"):  # of the sum it looks at first
+    with np.errstate(over="ignore", invalid="ignore"):  # in its quick check by a sum
         return validate_data(estimator, X, order="C", **options)
 
 
+def count(n, units):
+    """Return a number with its unit, which is given in the plural."""
+    return f"{n} {units.removesuffix('s') if n == 1 else units}"
+
+
 def _has_columns(X):
-    """Whether X is a DataFrame, a Series or an object array of two dimensions."""
+    """Whether X is a DataFrame, a Series or a two-dimensional array of objects."""
     if hasattr(X, "to_numpy") and hasattr(X, "shape"):
         return True
     return isinstance(X, np.ndarray) and X.dtype == object and X.ndim == 2
 
 
 def _column(X, i):
-    """Return column i of a DataFrame or an array; a Series is its only column."""
+    """Return column i of a DataFrame or an array; a Series has only itself."""
     if len(X.shape) == 1:
         return X
     if hasattr(X, "to_series"):  # polars
@@ -216,7 +226,7 @@ def _column(X, i):
 
 
 def _columns_of_trials(X):
-    """Return the numbers of the columns that hold arrays."""
+    """Return the indices of the columns that hold arrays."""
     n_columns = 1 if len(X.shape) == 1 else X.shape[1]
     dtypes = X.dtypes if hasattr(X, "columns") else [X.dtype] * n_columns
     return [
@@ -227,7 +237,7 @@ def _columns_of_trials(X):
 
 
 def _is_numeric(dtype):
-    """Whether a data type of NumPy, pandas or polars is one of real numbers."""
+    """Whether a data type of NumPy, pandas or polars holds real numbers."""
     if hasattr(dtype, "is_numeric"):
         return dtype.is_numeric()
     return dtype.kind in "biuf"
@@ -240,7 +250,7 @@ def _holds_no_numbers(array):
 
 
 def _cells(X):
-    """Return the trials of a collection as a sequence; refuse several columns."""
+    """Return the trials of a collection as a sequence; refuse more than one column."""
     if not _has_columns(X):
         return X
     if len(X.shape) == 2 and X.shape[1] != 1:
@@ -254,7 +264,7 @@ def _cells(X):
 
 
 def _names(trial):
-    """Return the column names of a data frame that has any, else None."""
+    """Return the column names of a data frame, None if it has none of its own."""
     if not hasattr(trial, "columns"):
         return None
     names = list(trial.columns)
@@ -262,7 +272,7 @@ def _names(trial):
 
 
 def _in_order(trial, i, names, where):
-    """Return a trial with its columns, if they have names, in the order of `names`."""
+    """Return a trial with its named columns in the order of `names`."""
     own = None if names is None else _names(trial)
     if own is None or own == names:
         return trial
@@ -286,14 +296,9 @@ def _ndim(trial):
         return 2
 
 
-def _count(n, units):
-    """Return a number with its unit, given in the plural."""
-    return f"{n} {units.removesuffix('s') if n == 1 else units}"
-
-
 def _samples(shape):
     if len(shape) == 1:
-        return _count(shape[0], "channels")
+        return count(shape[0], "channels")
     return "frames of " + " × ".join(map(str, shape))
 
 

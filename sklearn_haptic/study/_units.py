@@ -26,10 +26,10 @@ from sklearn.model_selection import GroupKFold
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils import check_random_state
 
+from .._biotac import PROCEDURES
 from .._check_ratings import check_ratings
 from .._folds import validation_split
 from .._pipeline import make_haptic_pipeline
-from ..datasets._phac2 import PROCEDURE_STATES
 from ..features._pooling import TemporalMaxPool
 from ..model_selection._contributions import fit_holdouts, score_trials
 from ..models._baselines import DummyDistribution
@@ -47,7 +47,7 @@ _SHARE_OF_VALIDATION = 1 / 9  # of the objects that are not for testing
 
 
 # Name of a unit of models: procedure, adjective and fold.
-NAME_OF_MODELS = rf"({'|'.join(PROCEDURE_STATES)})_.*_\d+"
+NAME_OF_MODELS = rf"({'|'.join(PROCEDURES)})_.*_\d+"
 
 
 # Pure steps -----------------------------------------------------------------
