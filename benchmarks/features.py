@@ -33,12 +33,12 @@ from sklearn_haptic import (
     STHMPTransformer,
     TemporalMaxPool,
 )
+from sklearn_haptic._biotac import biotac_layout
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.features._dictionary_coder import centre, learn_dictionary
 from sklearn_haptic.features._pooling import temporal_max_pool
 from sklearn_haptic.features._sparse_coding import batch_omp
 from sklearn_haptic.features._sthmp import (
-    biotac_layout,
     electrode_images,
     image_patches,
 )

@@ -1,4 +1,10 @@
-"""Checks of trials: recordings of one sensor or of several."""
+"""Checks of trials, of tables, and of the numbers that both hold.
+
+A *trial* is one touch of one object: an array of shape ``(n_times, n_channels)``, or
+``(n_times, height, width)`` for tactile images. Trials differ in length, so a
+collection of them is a sequence of arrays. A *table* is scikit-learn's ordinary
+two-dimensional input. Every transformer takes both.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +18,10 @@ from ._validation import check_numbers, column_of, is_numeric
 
 
 def is_table(X):
-    """Whether ``X`` is ordinary 2-D input rather than a collection of trials.
+    """Whether ``X`` is a table rather than a collection of trials.
 
-    Anything that is not clearly a collection of trials counts as a table, so
-    that scikit-learn's own validation words the errors.
+    Anything that is not clearly a collection of trials counts as a table, so that
+    scikit-learn's own validation words the errors.
     """
     if isinstance(X, Sequences):
         return False
@@ -45,11 +51,11 @@ def channel_names(X):
 
 
 def transposed_hint(shape):
-    """Return a sentence for errors: a trial has more channels than samples."""
+    """Return a hint for error messages if a trial has more channels than samples."""
     if len(shape) != 2 or shape[1] <= shape[0]:
         return ""
     return (
-        f" Its shape {shape} is taken for {_count(shape[0], 'time samples')} of "
+        f" Its shape {shape} is taken for {count(shape[0], 'time samples')} of "
         f"{_samples(shape[1:])}; transpose it if that is wrong."
     )
 
@@ -60,29 +66,28 @@ def check_trials(X, *, ndims=(2,), n_channels=None, names=None):
     Parameters
     ----------
     X : collection of array-like
-        List, tuple, object array, Series or one-column DataFrame of arrays, or
-        one array with the trials along its first axis. A one-dimensional trial
-        is one channel. Columns of trials that are data frames are put in the
-        order of `names`.
+        List, tuple, object array, Series or one-column DataFrame of arrays, or one
+        array with the trials along its first axis. A one-dimensional trial has one
+        channel. The columns of trials that are data frames are put in the order of
+        `names`.
     ndims : tuple of int, default=(2,)
         Numbers of dimensions that a trial may have.
     n_channels : int or tuple of int, default=None
-        Required shape of one time sample; by default that of the first trial.
+        Required shape of one time sample; by default the shape in the first trial.
     names : list, default=None
-        :func:`channel_names` of the trials given to `fit`; by default of these.
+        The :func:`channel_names` of the trials given to `fit`; by default those of `X`.
 
     Returns
     -------
     trials : list of ndarray of shape (n_times_i, ...)
-        All float32 if every trial is float32, else all float64. Inputs that
-        are already so are not copied.
+        All are float32 if every trial is float32, else all are float64. Trials that
+        already have this data type are not copied.
 
     Raises
     ------
     ValueError
-        If there is no trial, or one is too short, without channels, not finite,
-        not of real numbers or of another shape than the rest; the message names
-        the trial.
+        If there are no trials, or if a trial is empty, holds values that are not finite
+        real numbers, or differs in shape from the others. The message names the trial.
     """
     cells = _cells(X)
     _check_any(cells)
@@ -104,20 +109,20 @@ def check_trials(X, *, ndims=(2,), n_channels=None, names=None):
 
 
 def check_sequences(sequences, *, n_columns=None):
-    """Check what a sequence step returned, without coding any trial.
+    """Check the lengths and columns of sequences without computing any array.
 
     Parameters
     ----------
     sequences : Sequences
-        The codes, which are finite and alike.
+        Sequences to check.
     n_columns : int, default=None
         Required number of columns; by default any.
 
     Raises
     ------
     ValueError
-        If there is no trial, or one is empty or has another number of columns;
-        the message names the trial.
+        If there are no sequences, or if one is empty or has another number of columns.
+        The message names the trial.
     """
     _check_any(sequences)
     for i, length in enumerate(sequences.lengths):
@@ -126,15 +131,20 @@ def check_sequences(sequences, *, n_columns=None):
         _check_samples(0, (len(sequences.feature_names),), (n_columns,), "fit")
 
 
+def count(n, units):
+    """Return a number with its unit, which is given in the plural."""
+    return f"{n} {units.removesuffix('s') if n == 1 else units}"
+
+
 def _has_columns(X):
-    """Whether X is a DataFrame, a Series or an object array of two dimensions."""
+    """Whether X is a DataFrame, a Series or a two-dimensional array of objects."""
     if hasattr(X, "to_numpy") and hasattr(X, "shape"):
         return True
     return isinstance(X, np.ndarray) and X.dtype == object and X.ndim == 2
 
 
 def _columns_of_trials(X):
-    """Return the numbers of the columns that hold arrays."""
+    """Return the indices of the columns that hold arrays."""
     n_columns = 1 if len(X.shape) == 1 else X.shape[1]
     dtypes = X.dtypes if hasattr(X, "columns") else [X.dtype] * n_columns
     return [
@@ -145,7 +155,7 @@ def _columns_of_trials(X):
 
 
 def _cells(X):
-    """Return the trials of a collection as a sequence; refuse several columns."""
+    """Return the trials of a collection as a sequence; refuse more than one column."""
     if not _has_columns(X):
         return X
     if len(X.shape) == 2 and X.shape[1] != 1:
@@ -159,7 +169,7 @@ def _cells(X):
 
 
 def _names(trial):
-    """Return the column names of a data frame that has any, else None."""
+    """Return the column names of a data frame, None if it has none of its own."""
     if not hasattr(trial, "columns"):
         return None
     names = list(trial.columns)
@@ -167,7 +177,7 @@ def _names(trial):
 
 
 def _in_order(trial, i, names, where):
-    """Return a trial with its columns, if they have names, in the order of `names`."""
+    """Return a trial with its named columns in the order of `names`."""
     own = None if names is None else _names(trial)
     if own is None or own == names:
         return trial
@@ -191,14 +201,9 @@ def _ndim(trial):
         return 2
 
 
-def _count(n, units):
-    """Return a number with its unit, given in the plural."""
-    return f"{n} {units.removesuffix('s') if n == 1 else units}"
-
-
 def _samples(shape):
     if len(shape) == 1:
-        return _count(shape[0], "channels")
+        return count(shape[0], "channels")
     return "frames of " + " × ".join(map(str, shape))
 
 

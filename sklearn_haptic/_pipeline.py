@@ -1,4 +1,4 @@
-"""A whole model in one call, at a named point between fast and accurate."""
+"""A whole model in one call, with presets from fast to accurate."""
 
 from collections.abc import Sequence
 from typing import Any, Literal
@@ -7,15 +7,13 @@ from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from ._biotac import SENSORS
 from ._sklearn import Memory, RandomState
 from .features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
 from .models import NNPOM, DistributionalOrdinalRegressor
 
-# Window in time samples and number of atoms, as in the 2020 paper.
+# Window in time samples and number of atoms of each sensor in the 2020 paper.
 _WINDOWED = {"pac": (22, 40), "pdc": (50, 25), "tac": (50, 25), "tdc": (50, 10)}
-
-
-_SENSORS = (*_WINDOWED, "electrodes")
 
 
 _PRESETS: dict[str, dict[str, Any]] = {
@@ -34,7 +32,7 @@ _PRESETS: dict[str, dict[str, Any]] = {
 
 
 def make_haptic_pipeline(
-    sensors: Sequence[str] = _SENSORS,
+    sensors: Sequence[str] = tuple(SENSORS),
     *,
     preset: Literal["fast", "balanced", "accurate"] = "fast",
     memory: str | Memory | None = None,
@@ -42,28 +40,29 @@ def make_haptic_pipeline(
 ) -> Pipeline:
     """Build a model of raw recordings of BioTac fingers.
 
-    Every sensor gives sparse codes over a dictionary of its own, pooled over time;
-    the features of all sensors are standardised and feed a linear
-    `DistributionalOrdinalRegressor`. The result is an ordinary Pipeline with the
-    steps ``"features"`` (a ColumnTransformer with a transformer a sensor),
-    ``"scale"`` and ``"model"``, whose parameters can be set and searched.
+    Each sensor is coded over a dictionary of its own, and the codes are pooled over
+    time. The features of all sensors are standardised and given to a linear
+    `DistributionalOrdinalRegressor`. The result is an ordinary Pipeline, whose
+    parameters can be set and searched, with the steps ``"features"`` (a
+    ColumnTransformer with one transformer per sensor), ``"scale"`` and ``"model"``.
 
     Parameters
     ----------
     sensors : sequence of {"pac", "pdc", "tac", "tdc", "electrodes"}
-        The sensors to use: columns of a DataFrame of trials, as `load_phac2` and
-        `make_haptic_corpus` return it. By default all five.
+        The sensors to use, by default all five. They are columns of the DataFrame of
+        trials that `load_phac2` and `make_haptic_corpus` return.
     preset : {"fast", "balanced", "accurate"}, default="fast"
-        How much time the features may take. "accurate" learns the dictionaries by the
-        defaults of the transformers. "balanced" takes about half its time, learning
-        from fewer windows in fewer iterations, and "fast" a third, with two
-        coefficients a code. On generated touches and recorded grips the three were
-        equally accurate; try the slower ones where there are more objects.
+        How much time the features may take. "accurate" learns the dictionaries with
+        the defaults of the transformers. "balanced" learns from fewer windows in fewer
+        iterations and takes about half the time. "fast" also uses only two
+        coefficients per code and takes about a third. On generated touches and on
+        recorded grips the three were equally accurate; try the slower ones if you have
+        more objects.
     memory : str or object with the joblib.Memory interface, default=None
-        Where the transformers cache dictionaries and pooled features, so that a
-        search over the model computes the features once a fold.
+        Where the transformers cache dictionaries and pooled features, so that a search
+        over the model computes the features once per fold.
     random_state : int, RandomState instance or None, default=None
-        For the dictionaries, and for hidden units if the model is given any.
+        Seeds the dictionaries and, if the model is given any, the hidden units.
 
     Returns
     -------
@@ -73,13 +72,13 @@ def make_haptic_pipeline(
     Raises
     ------
     ValueError
-        If a sensor or the preset is unknown, or there is no sensor.
+        If a sensor or the preset is unknown, or if no sensor is named.
 
     Notes
     -----
-    What each setting costs and gains was measured on generated and on recorded touches.
-    Means of windows are kept: the level of a signal is information for pressure and
-    temperature, and did no harm elsewhere.
+    The settings were chosen by measurements on generated and on recorded touches. The
+    means of windows and patches are kept, because the level of pressure and temperature
+    carries information and the level of other signals did no harm.
 
     Examples
     --------
@@ -94,11 +93,11 @@ def make_haptic_pipeline(
     """
     if isinstance(sensors, str):
         sensors = [sensors]
-    unknown = [sensor for sensor in sensors if sensor not in _SENSORS]
+    unknown = [sensor for sensor in sensors if sensor not in SENSORS]
     if unknown or not len(sensors):
         raise ValueError(
-            f"sensors={list(sensors)!r} must name some of {list(_SENSORS)}; for other "
-            "sensors build a Pipeline of KSVDTransformer or STHMPTransformer."
+            f"sensors={list(sensors)!r} must name some of {list(SENSORS)}; for other "
+            "sensors build a Pipeline with KSVDTransformer or STHMPTransformer."
         )
     if preset not in _PRESETS:
         raise ValueError(f"preset={preset!r} must be one of {list(_PRESETS)}.")

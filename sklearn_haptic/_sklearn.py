@@ -21,7 +21,11 @@ from sklearn.utils import _param_validation, _safe_indexing, parallel
 from sklearn.utils._missing import is_pandas_na
 from sklearn.utils._optional_dependencies import check_matplotlib_support
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
-from sklearn.utils._set_output import _get_adapter_from_container, _get_output_config
+from sklearn.utils._set_output import (
+    _get_adapter_from_container,
+    _get_output_config,
+    _wrap_data_with_container,
+)
 from sklearn.utils.validation import (
     _check_feature_names_in,
     _check_method_params,
@@ -52,6 +56,7 @@ __all__ = [
     "_get_output_config",
     "_num_samples",
     "_safe_indexing",
+    "_wrap_data_with_container",
     "check_matplotlib_support",
     "fit_task",
     "is_pandas_na",

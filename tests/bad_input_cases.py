@@ -866,7 +866,7 @@ SETTING_CASES = [
         (
             "dict_init of another shape",
             ValueError,
-            r"^dict_init has shape \(2, 4\), but \(3, 4\) is expected: one row an atom",
+            r"^dict_init has shape \(2, 4\), but \(3, 4\) is expected: one row per",
             lambda _: call(KSVDTransformer(3, 1, dict_init=X[:2]).fit, X),
         ),
         (
@@ -978,7 +978,7 @@ SETTING_CASES = [
             (
                 f"cells={cells!r}",
                 ValueError,
-                r"^cells=.* must list distinct positive integers, one a level",
+                r"^cells=.* must list distinct positive integers, one per level",
                 lambda _, cells=cells: call(TemporalMaxPool(cells).fit, X),
             )
             for cells in [(), (0,), (2, 2), (1.5,), ((1, 2),), ("a",)]

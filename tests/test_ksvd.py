@@ -15,8 +15,10 @@ from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
 from sklearn.datasets import make_sparse_coded_signal
 from sklearn.decomposition import SparseCoder
+from sklearn.exceptions import NotFittedError
 from sklearn.pipeline import make_pipeline
 
+from sklearn_haptic import STHMPTransformer
 from sklearn_haptic._sequences import Sequences
 from sklearn_haptic.features import _windows
 from sklearn_haptic.features._dictionary_coder import draw_observations
@@ -532,3 +534,14 @@ def test_number_of_windows(window, overlap):
     model = KSVDTransformer(1, 1, window=window, overlap=overlap, max_iter=0)
     codes = model.fit(trials).transform(trials)
     assert codes.lengths == [len(each) for each in codes]
+
+
+@pytest.mark.parametrize(
+    "model", [KSVDTransformer(window=5), STHMPTransformer(), TemporalMaxPool()]
+)
+def test_a_fit_that_fails_leaves_an_unfitted_model(model):
+    trials = [np.full((9, 19), np.nan)]
+    with pytest.raises(ValueError, match="NaN"):
+        model.fit(trials)
+    with pytest.raises(NotFittedError):
+        model.transform(trials)

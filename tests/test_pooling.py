@@ -9,10 +9,10 @@ from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from sklearn_haptic._cells import cell_bounds
 from sklearn_haptic._sequences import Sequences
 from sklearn_haptic.features._pooling import (
     TemporalMaxPool,
-    cell_bounds,
     temporal_max_pool,
 )
 

@@ -9,13 +9,13 @@ from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from sklearn_haptic._biotac import biotac_layout
 from sklearn_haptic._sequences import Sequences
 from sklearn_haptic.features import _dictionary_coder, _sthmp
 from sklearn_haptic.features._dictionary_coder import encode
 from sklearn_haptic.features._pooling import TemporalMaxPool
 from sklearn_haptic.features._sthmp import (
     STHMPTransformer,
-    biotac_layout,
     electrode_images,
     image_patches,
     normalise_frames,

@@ -34,9 +34,9 @@ from sklearn_haptic import (
     SensorFusionNNPOM,
     metrics,
 )
+from sklearn_haptic._biotac import PROCEDURES
+from sklearn_haptic._biotac import SENSORS as SENSORS_OF_PHAC2
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.datasets._phac2 import PROCEDURE_STATES
-from sklearn_haptic.datasets._phac2 import SENSORS as SENSORS_OF_PHAC2
 from sklearn_haptic.model_selection import contribution_summary
 from sklearn_haptic.study import read_study, run_study
 from sklearn_haptic.study._choice import fit_best
@@ -988,7 +988,7 @@ def test_pyramid_of_the_paper_at_full_size(procedure, n_windows, cells):
 
 
 def test_pyramid_of_each_sensor_is_that_of_the_paper():
-    short = {(p, s): cells_of(p, s) for p in PROCEDURE_STATES for s in SENSORS_OF_PHAC2}
+    short = {(p, s): cells_of(p, s) for p in PROCEDURES for s in SENSORS_OF_PHAC2}
     fast = {("fast_slide", sensor) for sensor in ("pdc", "tac", "tdc")}
     assert {key for key, cells in short.items() if cells == (8, 4, 2, 1)} == fast
     assert set(short.values()) == {(8, 4, 2, 1), (16, 8, 4, 2, 1)}

@@ -7,12 +7,12 @@ the robot's controller marks which rows belong to which exploratory procedure.
 
 import os
 import re
-from typing import Literal, TypeAlias
 
 import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch
 
+from .._biotac import PROCEDURES, SAMPLING_RATES, SENSORS, Procedure
 from .._sklearn import Names, StrOptions, validate_params
 from .._validation import check_names
 from ._hdf5 import (
@@ -25,7 +25,6 @@ from ._hdf5 import (
 )
 from ._ratings_file import LEVELS, read_ratings
 
-Procedure: TypeAlias = Literal["squeeze", "hold", "slow_slide", "fast_slide"]
 PROCEDURE_STATES = {
     "squeeze": b"SQUEEZE_SET_PRESSURE_SLOW",
     "hold": b"HOLD_FOR_10_SECONDS",
@@ -34,11 +33,6 @@ PROCEDURE_STATES = {
 }
 REST_STATE = b"MOVE_ARM_START_POSITION"
 REST_FRAMES = (100, 110)
-
-FRAME_RATE = 100
-# Samples and channels of one finger in one frame.
-SENSORS = {"pac": (22, 1), "pdc": (1, 1), "tac": (1, 1), "tdc": (1, 1)}
-SENSORS["electrodes"] = (1, 19)
 
 FINGERS = ["finger_0", "finger_1"]
 # Object, id and run; ids of more digits do not fit in 64 bits.
@@ -67,7 +61,7 @@ slide. Twelve people rated each object from 1 to 5 on ten haptic adjectives.
 @validate_params(
     {
         "path": [str, os.PathLike],
-        "procedure": [StrOptions(set(PROCEDURE_STATES))],
+        "procedure": [StrOptions(set(PROCEDURES))],
         "sensors": ["array-like", None],
         "trials": ["array-like", None],
         "ratings_path": [str, os.PathLike, None],
@@ -227,7 +221,7 @@ def load_phac2(
         ratings=ratings,
         rater_ratings=rater_ratings,
         levels=LEVELS.copy(),
-        sampling_rates={sensor: FRAME_RATE * SENSORS[sensor][0] for sensor in sensors},
+        sampling_rates={sensor: SAMPLING_RATES[sensor] for sensor in sensors},
         DESCR=DESCR,
     )
 

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch, check_random_state
 
+from .._biotac import PROCEDURES, SAMPLING_RATES, SENSORS, Procedure
 from .._sklearn import Interval, Names, RandomState, StrOptions, validate_params
 from .._validation import check_names
 from ._crowd import (
@@ -20,8 +21,7 @@ from ._crowd import (
     population,
     rate,
 )
-from ._phac2 import FRAME_RATE, SENSORS, Procedure
-from ._touch import PROCEDURES, draw_conditions, touch
+from ._touch import draw_conditions, touch
 
 # Per material: first digit of its ids, share of the objects, median compression beyond
 # that of the finger itself (mm) and standard deviation of its logarithm, relaxation,
@@ -216,7 +216,7 @@ def make_haptic_corpus(
         object_names=properties["material"][of_object],
         ratings={a: counts[of_object, k] for k, a in enumerate(ADJECTIVES)},
         levels=LEVELS.copy(),
-        sampling_rates={sensor: FRAME_RATE * SENSORS[sensor][0] for sensor in sensors},
+        sampling_rates={sensor: SAMPLING_RATES[sensor] for sensor in sensors},
         rater_ratings=pd.DataFrame(
             answers.reshape(-1, len(ADJECTIVES)),
             index=pd.MultiIndex.from_product(

@@ -10,10 +10,9 @@ Levels are those of recordings of a PR2 with BioTac fingers, above the level at 
 import numpy as np
 from scipy import fft, signal
 
-PROCEDURES = ("squeeze", "hold", "slow_slide", "fast_slide")
-FRAME_RATE = 100  # Hz
-PAC_PER_FRAME = 22
-PAC_RATE = FRAME_RATE * PAC_PER_FRAME
+from .._biotac import ELECTRODE_X, ELECTRODE_Y, FRAME_RATE, SAMPLING_RATES, SENSORS
+
+_PAC_PER_FRAME = SENSORS["pac"][0]
 
 # Rest level of each raw 12-bit channel, and its noise, in counts.
 _REST = {"pac": 2040.0, "pdc": 830.0, "tac": 2040.0, "tdc": 1980.0, "electrodes": 3400}
@@ -41,17 +40,11 @@ _SLIDE = {
     "fast_slide": (2.6, 0.08, 1.25, 4.0),
 }
 
-# Electrode coordinates in mm, x towards the tip, y across the finger.
-_X = np.array([0.993, -2.7, -6.2, -8.0, -10.5, -13.4, 4.763, 3.031, 3.031, 1.299])
-_Y = np.array([-4.855, -3.513, -3.513, -4.956, -3.513, -4.956, 0.0, -1.95, 1.95, 0.0])
-_X = np.concatenate([_X, _X[:6], [-2.8, -9.8, -13.6]])
-_Y = np.concatenate([_Y, -_Y[:6], np.zeros(3)])
-
 # Electronic noise of P_AC at rest: power spectral density against frequency.
 _FLOOR_HZ = [1, 3.5, 7, 14, 28, 57, 113, 226, 452, 800, 1100]
 _FLOOR_DB = [-6, -7, -8.4, -9.5, -11.7, -14.3, -14.5, -21.8, -29.8, -33.7, -35]
 # Each frame's 22 samples also share a fixed pattern, a trace of multiplexing.
-_PATTERN = 4.0 * np.exp(-((np.arange(PAC_PER_FRAME) + 3) % PAC_PER_FRAME) / 2.5)
+_PATTERN = 4.0 * np.exp(-((np.arange(_PAC_PER_FRAME) + 3) % _PAC_PER_FRAME) / 2.5)
 _PATTERN -= _PATTERN.mean()
 
 
@@ -183,8 +176,8 @@ def _pdc(pressure, material, conditions, procedure, rng):
 def _pac(pressure, material, conditions, procedure, rng):
     """Rate of change of pressure, friction noise of a slide, electronic noise."""
     n_frames = len(pressure)
-    n_samples = n_frames * PAC_PER_FRAME
-    frames = np.arange(n_samples) / PAC_PER_FRAME
+    n_samples = n_frames * _PAC_PER_FRAME
+    frames = np.arange(n_samples) / _PAC_PER_FRAME
     rate = np.gradient(pressure, axis=0)
     values = np.stack(
         [-110 * np.interp(frames, np.arange(n_frames), r) for r in rate.T], axis=1
@@ -192,10 +185,10 @@ def _pac(pressure, material, conditions, procedure, rng):
     values += np.tile(_PATTERN, n_frames)[:, None]
 
     n_fft = fft.next_fast_len(n_samples, real=True)
-    hertz = fft.rfftfreq(n_fft, 1 / PAC_RATE)
+    hertz = fft.rfftfreq(n_fft, 1 / SAMPLING_RATES["pac"])
     density = _pac_density(hertz, material, conditions, procedure, rng)
     noise = rng.normal(size=(len(hertz), 2)) + 1j * rng.normal(size=(len(hertz), 2))
-    noise *= np.sqrt(density * n_fft * PAC_RATE / 4)
+    noise *= np.sqrt(density * n_fft * SAMPLING_RATES["pac"] / 4)
     return values + fft.irfft(noise, n_fft, axis=0)[:n_samples]
 
 
@@ -256,13 +249,15 @@ def _electrodes(pressure, material, conditions, procedure, rng):
     progress, fingers = _shear(pressure, material, procedure, rng), []
     for k, (dx, dy) in enumerate(conditions["offset"]):
         width = 4.6 - 1.2 * material["firmness"]
-        distance = ((_X - 2.0 - dx) ** 2 + (_Y - dy) ** 2) / (2 * width**2)
+        distance = ((ELECTRODE_X - 2.0 - dx) ** 2 + (ELECTRODE_Y - dy) ** 2) / (
+            2 * width**2
+        )
         dent = -(30 + 20 * material["firmness"]) * np.exp(-distance)
-        bulge = 10 + 50 * (np.abs(_Y - 0.4 * dy) / 4.9) ** 2
-        bulge = bulge * (0.7 + 0.3 * np.exp(-(((_X - 1) / 6) ** 2)))
-        side = np.sign(_Y) * (1 if k else -1)
-        pull = np.where(side > 0, 1.0, -2.2) * (np.abs(_Y) / 4.86) ** 3
-        pull = pull * (0.3 + 0.7 * np.exp(-(((_X - 1 - dx) / 4) ** 2)))
+        bulge = 10 + 50 * (np.abs(ELECTRODE_Y - 0.4 * dy) / 4.9) ** 2
+        bulge = bulge * (0.7 + 0.3 * np.exp(-(((ELECTRODE_X - 1) / 6) ** 2)))
+        side = np.sign(ELECTRODE_Y) * (1 if k else -1)
+        pull = np.where(side > 0, 1.0, -2.2) * (np.abs(ELECTRODE_Y) / 4.86) ** 3
+        pull = pull * (0.3 + 0.7 * np.exp(-(((ELECTRODE_X - 1 - dx) / 4) ** 2)))
         fingers.append(
             np.outer(load[:, k] ** 1.4, dent)
             + np.outer(load[:, k] ** 0.65, bulge)

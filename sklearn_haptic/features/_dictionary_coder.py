@@ -1,18 +1,17 @@
-"""What transformers with a dictionary learned by K-SVD share."""
+"""What the transformers share that learn a dictionary by K-SVD and code over it."""
 
 from functools import partial
 from numbers import Integral, Real
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.callback import CallbackSupportMixin
 from sklearn.utils import check_array, check_random_state
 from sklearn.utils.random import sample_without_replacement
 from sklearn.utils.validation import check_is_fitted, check_memory
 
 from .._check_trials import channel_names
-from .._sequences import Sequences
+from .._sequences import Sequences, row_index
 from .._sklearn import (
     DocumentedEstimator,
     FloatArray,
@@ -22,6 +21,7 @@ from .._sklearn import (
     StrOptions,
     Trials,
     _check_feature_names_in,
+    _wrap_data_with_container,
     fit_task,
     one_blas_thread,
 )
@@ -44,12 +44,12 @@ def encode(observations, atoms, n_nonzero_coefs, *, remove_mean=True, sign="spli
     remove_mean : bool, default=True
         Whether to subtract each observation's mean.
     sign : {"split", "absolute", "none"}, default="split"
-        What becomes of signs, see :func:`dense_codes`.
+        How signs are kept, see :func:`dense_codes`.
 
     Returns
     -------
     codes : ndarray of shape (n_obs, n_atoms) or (n_obs, 2 * n_atoms)
-        Columns are the atoms or, with `sign="split"`, the positive parts of all
+        One column per atom or, with `sign="split"`, the positive parts of all atoms
         followed by the negative parts of all.
 
     Examples
@@ -65,9 +65,9 @@ def encode(observations, atoms, n_nonzero_coefs, *, remove_mean=True, sign="spli
 
 
 def centre(observations, remove_mean):
-    """Return observations, mean removed if asked, and their norms before."""
+    """Return observations, less their means if asked, and their norms before that."""
     scale = row_norms(observations)
-    # The norm times sqrt(n) bounds the sum of a row and what mean removal leaves.
+    # sqrt(n) times its norm bounds the sum of a row and the row less its mean.
     limit = np.finfo(observations.dtype).max / np.sqrt(observations.shape[1])
     if not (scale <= limit).all():
         raise ValueError(
@@ -85,21 +85,21 @@ def draw_observations(trials, counts, limit, observe, rng):
     Parameters
     ----------
     trials : list of ndarray
-        What the observations are drawn from.
+        Trials from which to draw.
     counts : list of int
         Number of observations in each trial.
     limit : int or None
         Most observations; None takes all.
     observe : callable
-        Called with a trial and indices, at least one, of its observations; returns
-        these as rows.
+        Takes a trial and the indices of one or more of its observations; returns these
+        observations as rows.
     rng : RandomState
         Source of randomness.
 
     Returns
     -------
     observations : ndarray of shape (n_obs, n_obs_features)
-        The observations drawn, in their order.
+        The observations drawn, in the order of the trials.
     """
     ends = np.cumsum(counts)
     if limit is None or limit >= ends[-1]:
@@ -129,7 +129,7 @@ def learn_dictionary(
     seed,
     callback=None,
 ):
-    """Learn a dictionary.
+    """Learn a dictionary by K-SVD, from given or from drawn initial atoms.
 
     Parameters
     ----------
@@ -138,11 +138,11 @@ def learn_dictionary(
     n_atoms, n_nonzero_coefs, remove_mean, update, max_iter, tol
         As in :class:`KSVDTransformer`.
     dict_init : ndarray of shape (n_atoms, n_obs_features) or None
-        Initial atoms; None draws them.
+        Initial atoms; None draws them from the observations.
     seed : int
         Seed of the initial atoms and of the order of updates.
     callback : callable, default=None
-        Passed on to :func:`ksvd`.
+        See :func:`ksvd`.
 
     Returns
     -------
@@ -151,8 +151,7 @@ def learn_dictionary(
     n_iter : int
         Iterations run.
     error : float
-        Root mean squared error of the observations coded over it.
-
+        Root mean squared error of the observations coded over the dictionary.
     """
     rng = np.random.RandomState(seed)
     signals, scale = centre(observations, remove_mean)
@@ -178,65 +177,22 @@ def learn_dictionary(
     return atoms, len(errors), error
 
 
-class _UnwrappedSequences:
-    """Mixin, first among the bases, for transformers that may return sequences.
+class DictionaryCoder(DocumentedEstimator, CallbackSupportMixin):
+    """Mixin for transformers that code trials, or rows of a table, over a dictionary.
 
-    scikit-learn's `set_output` wraps the methods that a `TransformerMixin` class
-    defines itself. This class is none, so what it returns stays as it is; tables
-    go on to the next class's `transform`, which is wrapped.
-    """
+    This mixin is not a TransformerMixin, so `set_output` does not wrap its methods:
+    `transform` wraps the codes of a table itself and leaves sequences as they are.
 
-    def fit_transform(self, X: Trials, y: None = None) -> FloatArray | Sequences:
-        """Fit to `X`, then return its codes.
+    A subclass has the parameters below. Its `fit` sets `takes_trials_`, calls `_learn`
+    and returns the estimator. For trials it provides:
 
-        Parameters
-        ----------
-        X : array-like of shape (n_samples, n_features) or collection of trials
-            Training data.
-        y : None
-            Ignored.
-
-        Returns
-        -------
-        codes : ndarray of shape (n_samples, n_codes) or Sequences
-            Codes, as :meth:`transform` returns them.
-        """
-        return self.fit(X, y).transform(X)  # type: ignore[attr-defined]
-
-    def transform(self, X: Trials) -> FloatArray | Sequences:
-        """Code observations over the dictionary.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_samples, n_features) or collection of trials
-            Data of the kind given to `fit`. Parameters that were set after `fit` take
-            effect with the next one.
-
-        Returns
-        -------
-        codes : ndarray of shape (n_samples, n_codes) or Sequences
-            One row an observation for a table. For trials a sequence of arrays, one
-            a trial, which `set_output` leaves as it is. It refers to the trials and
-            codes one each time its array is asked for, so that the codes of a whole
-            corpus need not fit in memory; `list` codes all and keeps the arrays.
-        """
-        check_is_fitted(self)
-        if self._codes_trials:  # type: ignore[attr-defined]
-            return self._transform_trials(X)  # type: ignore[attr-defined]
-        return super().transform(X)  # type: ignore[misc]
-
-
-class _DictionaryCoder(
-    DocumentedEstimator, CallbackSupportMixin, TransformerMixin, BaseEstimator
-):
-    """What transformers with a learned dictionary share; codes tables.
-
-    A subclass takes the parameters below, puts :class:`_UnwrappedSequences`
-    before this class, sets `_codes_trials` in `fit` (whether it takes trials), and
-    provides `_draw_from_trials`, `_transform_trials` and, for trials, its own
-    `get_feature_names_out`. How observations are coded is settled by `fit` and
-    kept in `_coding`, keyword arguments of :func:`encode`; a subclass keeps what
-    else its codes depend on in the same way.
+    - `_fit_trials(X)`, which validates the trials and returns the arguments `trials`,
+      `counts` and `observe` of :func:`draw_observations`;
+    - `_check_trials(X)`, which validates trials for `transform` and returns them with
+      their numbers of codes;
+    - `_encode_trial`, the function that codes a trial, `_trial_coding`, its keyword
+      arguments beside those of :func:`encode`, and `_unit`, what its rows are;
+    - `_blocks`, the names of the channels or cells, each of which has all codes.
     """
 
     _parameter_constraints = {  # noqa: RUF012
@@ -254,23 +210,22 @@ class _DictionaryCoder(
 
     @one_blas_thread
     def _learn(self, X, y, max_train):
-        """Learn the dictionary from a table or, if `_codes_trials`, from trials."""
+        """Learn the dictionary from trials, if `takes_trials_`, or from a table."""
         with fit_task(self, X, y, max_subtasks=self.max_iter) as task:
             self._learn_from(X, max_train, task.on_iteration)
         return self
 
     def _learn_from(self, X, max_train, on_iteration):
         rng = check_random_state(self.random_state)
-        self._channel_names = None
-        if self._codes_trials:
-            vars(self).pop("feature_names_in_", None)  # of an earlier fit to a table
-            self._channel_names = channel_names(X)
-            observations = self._draw_from_trials(X, rng)
+        for name in ("feature_names_in_", "spatial_cells_", "window_step_"):
+            vars(self).pop(name, None)  # of an earlier fit to another kind of data
+        self._channel_names = channel_names(X)
+        if self.takes_trials_:
+            trials, counts, observe = self._fit_trials(X)
         else:
             rows = check_table(self, X, dtype=[np.float64, np.float32])
-            observations = draw_observations(
-                [rows], [len(rows)], max_train, np.ndarray.__getitem__, rng
-            )
+            trials, counts, observe = [rows], [len(rows)], np.ndarray.__getitem__
+        observations = draw_observations(trials, counts, max_train, observe, rng)
         n_nonzero_coefs = check_sparsity(self.n_nonzero_coefs, self.n_atoms)
         # Callbacks have to see the iterations, and may stop them.
         memory = check_memory(self.memory if on_iteration is None else None)
@@ -288,42 +243,66 @@ class _DictionaryCoder(
             seed=rng.randint(np.iinfo(np.int32).max),
             callback=on_iteration,
         )
-        # What `transform` does is settled here, whatever is set after.
+        # Parameters that are set after `fit` take effect with the next one.
         self._coding = {
             "n_nonzero_coefs": n_nonzero_coefs,
             "remove_mean": self.remove_mean,
             "sign": self.sign,
         }
 
-    def _sequences(
-        self, trials, lengths, encode_trial, index, unit="frames", **options
-    ):
-        """Return trials' codes, each made by `encode_trial` on demand."""
-        encode_trial = partial(
-            encode_trial,
-            atoms=self.components_,
-            **self._coding,
-            **options,
-        )
+    def fit_transform(self, X: Trials, y: None = None) -> FloatArray | Sequences:
+        """Fit to `X`, then return its codes.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_samples, n_features) or collection of trials
+            Training data.
+        y : None
+            Ignored.
+
+        Returns
+        -------
+        codes : ndarray of shape (n_samples, n_codes) or Sequences
+            Codes, as :meth:`transform` returns them.
+        """
+        codes: FloatArray | Sequences = self.fit(X, y).transform(X)
+        return codes
+
+    def transform(self, X: Trials) -> FloatArray | Sequences:
+        """Code observations over the dictionary.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_samples, n_features) or collection of trials
+            Data of the kind given to `fit`. Parameters that were set after `fit` take
+            effect with the next one.
+
+        Returns
+        -------
+        codes : ndarray of shape (n_samples, n_codes) or Sequences
+            For a table, one row per observation. For trials, one array per trial,
+            coded each time it is asked for; `set_output` does not change these.
+        """
+        check_is_fitted(self)
+        if not self.takes_trials_:
+            return _wrap_data_with_container("transform", self._code_rows(X), X, self)
+        trials, lengths = self._check_trials(X)
         return Sequences(
             trials,
             self.get_feature_names_out(),
-            index,
-            encode=encode_trial,
+            row_index(X),
+            encode=partial(
+                self._encode_trial,
+                atoms=self.components_,
+                **self._coding,
+                **self._trial_coding,
+            ),
             lengths=lengths,
-            unit=unit,
+            unit=self._unit,
         )
 
-    @property
-    def _code_names(self):
-        """Names of the columns of :func:`encode`."""
-        suffixes = ["+", "-"] if self._coding["sign"] == "split" else [""]
-        atoms = range(len(self.components_))
-        return [f"atom{j}{suffix}" for suffix in suffixes for j in atoms]
-
     @one_blas_thread
-    def transform(self, X):
-        """Code the rows of a table; see :class:`_UnwrappedSequences`."""
+    def _code_rows(self, X):
         X = check_table(self, X, dtype=[np.float64, np.float32], reset=False)
         return encode(X, self.components_, **self._coding)
 
@@ -335,16 +314,27 @@ class _DictionaryCoder(
         Parameters
         ----------
         input_features : array-like of str, default=None
-            Ignored, but checked against the columns seen in `fit` for a table.
+            Ignored, but for a table checked against the columns seen in `fit`.
 
         Returns
         -------
         names : ndarray of str objects
-            ``atom0+``, …, ``atom0-``, … with `sign="split"`, else ``atom0``, ….
+            For a table ``atom0+``, …, ``atom0-``, … with `sign="split"`, else
+            ``atom0``, …. For trials the same for each channel, as in ``ch0_atom0+``,
+            or for each spatial cell, as in ``s2of9_atom3+``.
         """
         check_is_fitted(self)
-        _check_feature_names_in(self, input_features, generate_names=False)
-        return np.asarray(self._code_names, dtype=object)
+        suffixes = ["+", "-"] if self._coding["sign"] == "split" else [""]
+        atoms = range(len(self.components_))
+        names = [f"atom{j}{suffix}" for suffix in suffixes for j in atoms]
+        if self.takes_trials_:
+            names = [f"{block}_{name}" for block in self._blocks for name in names]
+        else:
+            _check_feature_names_in(self, input_features, generate_names=False)
+        return np.asarray(names, dtype=object)
+
+    def __sklearn_is_fitted__(self):
+        return hasattr(self, "_coding")  # which is set last
 
     def _check_dict_init(self, observations):
         if self.dict_init is None:
@@ -360,7 +350,7 @@ class _DictionaryCoder(
         if atoms.shape != expected:
             raise ValueError(
                 f"dict_init has shape {atoms.shape}, but {expected} is expected: one "
-                "row an atom, one column an entry of an observation."
+                "row per atom, one column per entry of an observation."
             )
         return atoms
 

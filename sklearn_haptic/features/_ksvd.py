@@ -1,4 +1,4 @@
-"""K-SVD: learning the dictionary over which signals have sparse codes.
+"""K-SVD: learn a dictionary over which signals have sparse codes.
 
 Signals and atoms are rows.
 """
@@ -8,7 +8,7 @@ from scipy.linalg import get_blas_funcs
 
 from ._sparse_coding import batch_omp, dense_codes, rounding_level, row_norms, unit_rows
 
-# An atom is replaced if it is as good as parallel to another, or hardly used.
+# An atom is replaced if it is more coherent with another, or has fewer users.
 _MAX_COHERENCE = 0.99
 
 
@@ -33,11 +33,11 @@ def ksvd(
 ):
     """Fit a dictionary to signals by K-SVD.
 
-    Each iteration codes all signals by :func:`batch_omp`, then fits the atoms
-    one by one, in random order and with their coefficients, to what the other
-    atoms leave of the signals that use them. An unused atom becomes the signal
-    represented worst. So does, after each iteration, an atom that is nearly
-    parallel to another or that fewer than four signals use.
+    Each iteration codes all signals by :func:`batch_omp`. Then it fits each atom with
+    its coefficients, in random order, to the residual that the other atoms leave of the
+    signals that use it. An unused atom is replaced by the signal represented worst. So
+    is, after each iteration, an atom that is nearly parallel to another or that fewer
+    than four signals use.
 
     Parameters
     ----------
@@ -57,18 +57,17 @@ def ksvd(
     scale : ndarray of shape (n_signals,), default=None
         Magnitudes passed on to :func:`batch_omp`.
     rng : RandomState
-        Gives the order of the atoms by its method `permutation`.
+        Its method `permutation` gives the order of the atoms.
     callback : callable, default=None
-        Called with the number of iterations so far and the latest error after
-        each iteration; stops if true.
+        Called after each iteration with the number of iterations so far and the latest
+        error. Learning stops if it returns true.
 
     Returns
     -------
     atoms : ndarray of shape (n_atoms, n_features)
-        Unit-norm atoms, each with its largest-magnitude entry positive.
+        Unit-norm atoms. The entry of largest magnitude of each is positive.
     errors : ndarray of shape (n_iter,)
-        Root mean squared error of every iteration, before the replacement of
-        atoms that ends it.
+        Root mean squared error of every iteration, before its last step replaces atoms.
 
     References
     ----------
@@ -87,7 +86,7 @@ def ksvd(
     >>> atoms.round(3), errors[-1].round(3)
     (array([[0.6, 0.8]]), np.float64(0.0))
     """
-    # A common power of two brings squares into range and changes no digit.
+    # Scaling by a power of two brings squares into range and changes no digit.
     exponent = int(np.frexp(np.abs(signals).max(initial=0))[1])
     signals = np.ldexp(signals, -exponent)
     scale = None if scale is None else np.ldexp(scale, -exponent)
@@ -123,7 +122,7 @@ def ksvd(
 def initial_atoms(signals, n_atoms, rng, *, scale=None):
     """Draw unit-norm training signals, no two nearly parallel, as a dictionary.
 
-    Where there are not enough such signals, random directions fill the rest.
+    If there are not enough such signals, random directions fill the rest.
 
     Parameters
     ----------
@@ -134,8 +133,8 @@ def initial_atoms(signals, n_atoms, rng, *, scale=None):
     rng : RandomState
         Source of randomness.
     scale : ndarray of shape (n_signals,), default=None
-        Signals at rounding level relative to this are not drawn; by default
-        all-zero ones.
+        Signals at rounding level relative to this are not drawn; by default only
+        all-zero signals are not.
 
     Returns
     -------
@@ -162,7 +161,7 @@ def _users_of_atoms(support, coefs, n_atoms):
 
 
 def _update_atom(atoms, j, coefs, users, residual, update):
-    """Fit atom `j`, in place, with its coefficients to what the others leave."""
+    """Fit atom `j` with its coefficients, in place, to what the other atoms leave."""
     (add_outer,) = get_blas_funcs(("ger",), (residual,))
     rows = users % len(residual)
     gains = coefs.reshape(-1)[users]
@@ -181,14 +180,14 @@ def _update_atom(atoms, j, coefs, users, residual, update):
 
 
 def _leading_direction(rows):
-    """Return a leading right singular vector, by the smaller Gram matrix."""
+    """Return a leading right singular vector by way of the smaller Gram matrix."""
     if len(rows) < rows.shape[1]:
         return np.linalg.eigh(rows @ rows.T)[1][:, -1] @ rows
     return np.linalg.eigh(rows.T @ rows)[1][:, -1]
 
 
 def _replace_atom(atoms, j, signals, residual, available):
-    """Make atom `j` the available signal represented worst; tell if there is one."""
+    """Replace atom `j` by the available signal represented worst, if there is one."""
     errors = np.where(available, np.einsum("ij,ij->i", residual, residual), 0)
     worst = errors.argmax()
     if errors[worst] == 0:
@@ -199,20 +198,20 @@ def _replace_atom(atoms, j, signals, residual, available):
 
 
 def _coherence(atoms, j):
-    """Return the largest |cosine| of atom `j` and another."""
+    """Return the largest |cosine| between atom `j` and another."""
     cosines = np.abs(atoms @ atoms[j])
     cosines[j] = 0
     return cosines.max()
 
 
 def _converged(errors, tol):
-    """Tell whether the latest iterations lowered the error by less than `tol`."""
+    """Whether the latest iterations lowered the error by a fraction less than `tol`."""
     latest, before = errors[-_PATIENCE:], errors[:-_PATIENCE]
     return len(before) > 0 and min(latest) >= (1 - tol) * min(before)
 
 
 def _informative(signals, scale):
-    """Tell which signals are more than rounding noise."""
+    """Return which signals are more than rounding noise."""
     norms = row_norms(signals)
     scale = norms if scale is None else scale
     return norms > scale * rounding_level(signals.dtype)

@@ -1,4 +1,4 @@
-"""Temporal pyramid: the maximum of every column within parts of the recording."""
+"""Temporal pyramid: the maximum of every column in every cell of time."""
 
 from collections.abc import Sequence
 from typing import Literal, Self
@@ -10,7 +10,14 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.callback import CallbackSupportMixin
 from sklearn.utils.validation import check_is_fitted, check_memory
 
-from .._check_trials import channel_names, check_sequences, check_trials, is_table
+from .._cells import cell_bounds, check_cells
+from .._check_trials import (
+    channel_names,
+    check_sequences,
+    check_trials,
+    count,
+    is_table,
+)
 from .._sequences import Sequences, row_index
 from .._sklearn import (
     DocumentedEstimator,
@@ -29,66 +36,24 @@ from .._sklearn import (
 from .._validation import check_table
 
 
-def cell_bounds(n_items, n_cells, split="balanced"):
-    """Where each of `n_cells` cells of a line of items begins and ends.
-
-    Parameters
-    ----------
-    n_items : int
-        Number of items, at least one.
-    n_cells : int
-        Number of cells.
-    split : {"balanced", "floor"}, default="balanced"
-        Whether cells differ by one item at most, or all have
-        ``n_items // n_cells`` and the last one also takes the remainder. With fewer
-        items than cells both are the same, and cells overlap: each has the item at its
-        middle and the neighbours of that.
-
-    Returns
-    -------
-    starts, stops : ndarray of shape (n_cells,)
-        Index of the first item of each cell, and one past that of its last.
-
-    Examples
-    --------
-    >>> from sklearn_haptic.features._pooling import cell_bounds
-    >>> cell_bounds(11, 4)
-    (array([0, 2, 5, 8]), array([ 2,  5,  8, 11]))
-    >>> cell_bounds(11, 4, "floor")
-    (array([0, 2, 4, 6]), array([ 2,  4,  6, 11]))
-    >>> cell_bounds(3, 4)
-    (array([0, 0, 0, 1]), array([2, 3, 3, 3]))
-    """
-    edges = np.arange(n_cells + 1)
-    if n_items < n_cells:
-        middle = (2 * edges[:-1] + 1) * n_items // (2 * n_cells)
-        return np.maximum(middle - 1, 0), np.minimum(middle + 2, n_items)
-    if split == "floor":
-        edges *= n_items // n_cells
-        edges[-1] = n_items
-    else:
-        edges = edges * n_items // n_cells
-    return edges[:-1], edges[1:]
-
-
 def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
     """Pool each sequence over time: the maximum of every column in every cell.
 
     Parameters
     ----------
     sequences : sequence of ndarray of shape (n_times_i, n_columns)
-        Sequences of one data type, each with one time sample or more. Each is asked
-        for once, in order.
+        Sequences of one data type, each with one row or more. Each is asked for once,
+        in order.
     cells : sequence of int, default=(16, 8, 4, 2, 1)
         Number of cells of each level of the pyramid.
     split : {"balanced", "floor"}, default="balanced"
-        How a level divides the time samples, see :func:`cell_bounds`.
+        How a level divides the rows, see :func:`cell_bounds`.
 
     Returns
     -------
     pooled : ndarray of shape (n_sequences, sum(cells) * n_columns)
-        Pooled columns: the temporal cell varies slowest (levels in the order
-        given, cells in time order), then the column.
+        Maxima: levels in the order given, the cells of each level in time order, and
+        each cell with all its columns.
 
     Examples
     --------
@@ -103,7 +68,7 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
             shape = (len(sequences), level_ends[-1], sequence.shape[1])
             pooled = np.empty(shape, sequence.dtype)
         starts = [cell_bounds(len(sequence), n, split)[0] for n in cells]
-        # One pass over time: every cell, of whatever level, is a run of segments.
+        # One pass over time suffices, since every cell of any level joins segments.
         edges, first = np.unique(np.concatenate(starts), return_inverse=True)
         segments = np.maximum.reduceat(sequence, edges, axis=0)
         for n, end in zip(cells, level_ends):
@@ -111,55 +76,93 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
             out = pooled[i, level]
             if n <= len(sequence):
                 np.maximum.reduceat(segments, first[level], axis=0, out=out)
-            else:  # at most three samples a cell
+            else:  # at most three rows per cell
                 begin, stop = cell_bounds(len(sequence), n)
                 rows = [begin, (begin + stop) // 2, stop - 1]
                 np.maximum.reduce(sequence[rows], axis=0, out=out)
     return pooled.reshape(len(sequences), -1)
 
 
+def coarse_levels(cells, sequences):
+    """Keep the levels of a pyramid that have no more cells than any sequence has rows.
+
+    Parameters
+    ----------
+    cells : sequence of int
+        Number of cells of each level.
+    sequences : Sequences or list of ndarray
+        Sequences to pool.
+
+    Returns
+    -------
+    cells : tuple of int
+        The levels kept.
+
+    Raises
+    ------
+    ValueError
+        If no level is left.
+    """
+    if isinstance(sequences, Sequences):  # whose arrays are not coded for this
+        lengths, unit = sequences.lengths, sequences.unit
+    else:
+        lengths, unit = [len(sequence) for sequence in sequences], "time samples"
+    kept = tuple(n for n in cells if n <= min(lengths))
+    if not kept:
+        raise ValueError(
+            f"No level of cells={cells} fits trial {np.argmin(lengths)} of X, which "
+            f"has {count(min(lengths), unit)}; add a level with fewer cells or set "
+            "drop_fine_levels=False."
+        )
+    return kept
+
+
 class TemporalMaxPool(
     DocumentedEstimator, CallbackSupportMixin, TransformerMixin, BaseEstimator
 ):
-    """Pool sequences of any length into one row of features a trial.
+    """Pool sequences of any length into one row of features per trial.
 
-    Time is divided into a pyramid of levels, each with its number of cells, and
-    every column gives its maximum in every cell. Fine levels keep when something
-    was felt, coarse levels that it was felt.
+    Each level of a pyramid divides time into a number of cells, and the features are
+    the maxima of every column in every cell. Fine levels tell when something was felt,
+    coarse levels that it was felt at all.
 
     Parameters
     ----------
     cells : sequence of int, default=(16, 8, 4, 2, 1)
         Number of cells of each level.
     split : {"balanced", "floor"}, default="balanced"
-        How a level divides `n_times` samples. "balanced" begins cell `i` of `n`
-        at ``i * n_times // n``, so cells differ by one sample at most. "floor",
-        the rule of the ST-HMP authors, gives every cell ``n_times // n`` samples
-        and the last one the remainder too, up to `n - 1` samples more. Where a
-        sequence has fewer samples than a level has cells, the cells of that level
-        overlap: each takes the sample at its middle and the neighbours of that.
+        How a level divides `n_times` samples. "balanced" begins cell `i` of `n` at
+        ``i * n_times // n``, so that cells differ by one sample at most. "floor", the
+        rule of the authors of ST-HMP, gives every cell ``n_times // n`` samples and the
+        last one the remainder too, up to `n - 1` samples more. If a sequence has fewer
+        samples than a level has cells, the cells of that level overlap: each takes the
+        sample at its middle and the neighbours of that sample.
     drop_fine_levels : bool, default=False
-        Whether to drop, in `fit`, the levels with more cells than the shortest
-        sequence has time samples, as the 2020 paper does. By default features do not
-        depend on the length of the shortest recording. Set it where all recordings are
-        short: cells that hold the same samples weigh more in a penalised model than
-        they tell.
+        Whether `fit` drops the levels with more cells than the shortest sequence has
+        time samples, as the 2020 paper does. Set it if all recordings are short,
+        because cells that hold the same samples get too much weight in a penalised
+        model. By default all levels are kept, so that features do not depend on the
+        shortest recording.
     memory : str or object with the joblib.Memory interface, default=None
-        Where to cache the pooled rows: a folder or a :class:`joblib.Memory`. A search
-        over later steps then codes and pools nothing twice; results are the same, bit
-        for bit. An entry holds the rows of one call of `transform`, found again by
-        the trials, the dictionary and how they are coded and pooled. Clear the cache
-        after an upgrade. By default nothing is cached.
+        Folder or :class:`joblib.Memory` in which to cache the pooled rows, so that a
+        search over later steps codes and pools nothing twice. Results are the same, bit
+        for bit. One entry holds the rows of one call of `transform`; it is found again
+        by the trials, the dictionary, and the settings of coding and pooling. Clear the
+        cache after an upgrade. By default nothing is cached.
 
     Attributes
     ----------
     cells_ : tuple of int
-        The levels: all, unless fine ones were dropped.
+        Number of cells of each level that was not dropped.
+    split_ : {"balanced", "floor"}
+        How levels divide time.
+    takes_trials_ : bool
+        Whether trials or sequences were fitted; else a table.
     n_features_in_ : int
-        Number of columns of the sequences, or of the table.
+        Number of columns of the sequences or of the table.
     feature_names_in_ : ndarray of shape (`n_features_in_`,)
-        Names of the columns. Defined for the sequences that another step
-        returns, which carry names, and for data frames.
+        Names of the columns. Defined for :class:`Sequences` and data frames, which
+        have names.
 
     See Also
     --------
@@ -168,13 +171,13 @@ class TemporalMaxPool(
 
     Notes
     -----
-    `X` may be what a sequence step returns, or any collection of trials of shape
-    `(n_times_i, n_columns)`. In a table, a row is a trial of one column `ch0`, a
-    time sample each feature.
+    `X` may be :class:`Sequences` or any collection of trials of shape
+    `(n_times_i, n_columns)`. Each row of a table is a trial with one column, `ch0`,
+    and one time sample per feature.
 
-    Features are named like `t3of16_ch0`: the third of sixteen cells, then the
-    column. Columns without names are `ch0`, `ch1` and so on. Level after level, and
-    within a level cell after cell, each with all its columns.
+    Features have names like `t3of16_ch0`, which is column `ch0` in the third of sixteen
+    cells. Columns without names are `ch0`, `ch1` and so on. Levels come in the order
+    given, the cells of each level in time order, and each cell with all its columns.
 
     References
     ----------
@@ -234,17 +237,23 @@ class TemporalMaxPool(
         Raises
         ------
         ValueError
-            If `cells` are not positive integers, or all of them are dropped.
+            If `cells` are not distinct positive integers, or all of them are dropped.
         """
         with fit_task(self, X, y):
-            sequences = self._check_sequences(X, reset=True)
+            self.takes_trials_ = not is_table(X)
+            self._channel_names = channel_names(X)
+            if self.takes_trials_:
+                sequences = self._check_trials(X)
+                self._record_columns(sequences)
+            else:
+                sequences = self._check_rows(X, reset=True)
             self.cells_ = check_cells(self.cells)
             if self.drop_fine_levels:
-                self._drop_fine_levels(sequences)
-            self._split = self.split
+                self.cells_ = coarse_levels(self.cells_, sequences)
+            self.split_ = self.split
         return self
 
-    @one_blas_thread  # sequences are coded as they are pooled
+    @one_blas_thread  # because sequences are coded as they are pooled
     def transform(self, X: Trials) -> FloatArray:
         """Pool sequences.
 
@@ -262,17 +271,21 @@ class TemporalMaxPool(
         Raises
         ------
         ValueError
-            If a sequence has other columns than those seen in `fit`, or no samples.
+            If a sequence is empty or has other columns than those seen in `fit`.
         """
         check_is_fitted(self)
-        sequences = self._check_sequences(X, reset=False)
-        # Sequences are hashed by their trials and dictionary: a hit codes nothing.
+        if self.takes_trials_:
+            sequences = self._check_trials(X, self.n_features_in_)
+            self._check_column_names(sequences)
+        else:
+            sequences = self._check_rows(X)
+        # Sequences are hashed by their trials and dictionary, so a hit codes nothing.
         pool = check_memory(self.memory).cache(temporal_max_pool)
-        pooled = pool(sequences, self.cells_, self._split)
+        pooled = pool(sequences, self.cells_, self.split_)
         index = row_index(X)
         if index is None or _get_output_config("transform", self)["dense"] != "pandas":
             return pooled
-        # scikit-learn adds the names, but knows no index.
+        # scikit-learn adds the names, but not the index of trials.
         return pd.DataFrame(pooled, index=index)
 
     def get_feature_names_out(
@@ -283,8 +296,7 @@ class TemporalMaxPool(
         Parameters
         ----------
         input_features : array-like of str, default=None
-            Checked against the columns seen in `fit`; ignored if those were
-            trials without names.
+            Checked against the columns seen in `fit`; ignored if these have no names.
 
         Returns
         -------
@@ -292,11 +304,12 @@ class TemporalMaxPool(
             Names like `t3of16_ch0`.
         """
         check_is_fitted(self)
-        if self._takes_table or hasattr(self, "feature_names_in_"):
+        named = hasattr(self, "feature_names_in_")
+        if named or not self.takes_trials_:
             columns = _check_feature_names_in(self, input_features)
-        if self._takes_table:
+        if not self.takes_trials_:
             columns = ["ch0"]
-        elif not hasattr(self, "feature_names_in_"):
+        elif not named:
             columns = [f"ch{i}" for i in range(self.n_features_in_)]
         return np.asarray(
             [
@@ -308,74 +321,45 @@ class TemporalMaxPool(
             dtype=object,
         )
 
-    def _drop_fine_levels(self, sequences):
-        """Keep the levels that have a sample for every cell of every sequence."""
-        known = isinstance(sequences, Sequences)
-        lengths = sequences.lengths if known else [len(each) for each in sequences]
-        cells = self.cells_
-        self.cells_ = tuple(n for n in cells if n <= min(lengths))
-        if not self.cells_:
-            raise ValueError(
-                f"No level of cells={cells} fits trial {np.argmin(lengths)} of X, "
-                f"which has {min(lengths)} time samples; add a level with fewer cells "
-                "or set drop_fine_levels=False."
-            )
+    def __sklearn_is_fitted__(self):
+        return hasattr(self, "split_")  # which is set last
 
-    def _check_sequences(self, X, *, reset):
-        """Validate `X`; return its arrays of shape (n_times_i, n_columns)."""
-        if reset:
-            self._takes_table = is_table(X)
-            self._channel_names = None if self._takes_table else channel_names(X)
-        if self._takes_table:
-            if not is_table(X):
-                raise ValueError(
-                    "X is a collection of trials, but fit was given a table; give "
-                    "both in the same form."
-                )
-            X = check_table(self, X, dtype=[np.float64, np.float32], reset=reset)
-            return list(X[:, :, np.newaxis])
-        n_columns = None if reset else self.n_features_in_
+    def _check_rows(self, X, *, reset=False):
+        """Return each row of a table as a sequence with one column."""
+        if not is_table(X):
+            raise ValueError(
+                "X is a collection of trials, but fit was given a table; give both in "
+                "the same form."
+            )
+        X = check_table(self, X, dtype=[np.float64, np.float32], reset=reset)
+        return list(X[:, :, np.newaxis])
+
+    def _check_trials(self, X, n_columns=None):
         if isinstance(X, Sequences):
             check_sequences(X, n_columns=n_columns)
-        else:
-            X = check_trials(X, n_channels=n_columns, names=self._channel_names)
-        if reset:
-            named = isinstance(X, Sequences)
-            self.n_features_in_ = len(X.feature_names) if named else X[0].shape[1]
-        self._check_column_names(X, reset=reset)
-        return X
+            return X
+        return check_trials(X, n_channels=n_columns, names=self._channel_names)
 
-    def _check_column_names(self, X, *, reset):
-        if reset:
-            vars(self).pop("feature_names_in_", None)
-        if not isinstance(X, Sequences):
+    def _record_columns(self, sequences):
+        vars(self).pop("feature_names_in_", None)  # of an earlier fit
+        if isinstance(sequences, Sequences):
+            self.feature_names_in_ = sequences.feature_names
+            self.n_features_in_ = len(sequences.feature_names)
+        else:
+            self.n_features_in_ = sequences[0].shape[1]
+
+    def _check_column_names(self, sequences):
+        names = getattr(sequences, "feature_names", None)
+        known = getattr(self, "feature_names_in_", names)
+        if names is None or np.array_equal(known, names):
             return
-        if reset:
-            self.feature_names_in_ = X.feature_names
-        known = getattr(self, "feature_names_in_", X.feature_names)
-        if not np.array_equal(known, X.feature_names):
-            i = np.argmax(known != X.feature_names)
-            raise ValueError(
-                f"Column {i} of X is named {X.feature_names[i]!r}, but {known[i]!r} in "
-                "fit; give sequences from the step that fit was given."
-            )
+        i = np.argmax(known != names)
+        raise ValueError(
+            f"Column {i} of X is named {names[i]!r}, but {known[i]!r} in fit; give "
+            "sequences from the step that fit was given."
+        )
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.transformer_tags.preserves_dtype = ["float64", "float32"]
         return tags
-
-
-def check_cells(cells, name="cells"):
-    """Return the levels of a pyramid as a tuple of distinct positive integers."""
-    levels = np.asarray(cells)
-    if (
-        levels.ndim != 1
-        or levels.dtype.kind not in "iu"
-        or levels.min(initial=1) < 1
-        or not 0 < len(levels) == len(np.unique(levels))
-    ):
-        raise ValueError(
-            f"{name}={cells!r} must list distinct positive integers, one a level."
-        )
-    return tuple(levels.tolist())

@@ -1,19 +1,19 @@
-"""Batch orthogonal matching pursuit: many signals coded over one dictionary.
+"""Batch orthogonal matching pursuit: code many signals over one dictionary.
 
 Signals and atoms are rows. Inside, signals lie on the last axis, so that every
-operation runs over contiguous memory, and the pursuit works on the correlations
-of atoms with signals and with each other, never on the signals themselves.
+operation runs over contiguous memory. The pursuit works on the correlations of atoms
+with signals and with each other, never on the signals themselves.
 """
 
 import numpy as np
 
-# Signals coded at a time, at least, where there are as many: NumPy broadcasts rows
-# as long as its buffer, or longer, without copying them.
+# Least number of signals coded at a time if there are as many. NumPy broadcasts rows
+# without copying them if they are at least as long as its buffer.
 _CHUNK_SIZE = 8192
 
 
-# Dictionaries with a larger |cosine| between atoms are worked in double precision:
-# the pursuit loses as many digits as the Gram matrix is ill-conditioned.
+# With a larger |cosine| between atoms the pursuit works in double precision, because
+# it loses more digits the worse the Gram matrix is conditioned.
 _COHERENT = 0.99
 
 
@@ -22,26 +22,25 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
 
     Each step takes the atom with the largest absolute correlation with the
     residual and fits the signal to all atoms taken so far by least squares.
-    A signal's pursuit ends early when that correlation is at rounding level
-    relative to `scale`, or when the atom is a linear combination of those
-    already taken. Thresholds are relative, so multiplying signals by a power of
-    two multiplies their coefficients by it, exactly.
+    The pursuit of a signal ends early when that correlation is at rounding level
+    relative to `scale`, or when the atom is a linear combination of those already
+    taken. Thresholds are relative, so multiplying signals by a power of two multiplies
+    their coefficients by exactly that power.
 
     Parameters
     ----------
     signals : ndarray of shape (n_signals, n_features)
-        Signals, float32 or float64, which is also the precision of the pursuit
-        unless atoms are so coherent that it takes float64.
+        Signals, float32 or float64. The pursuit works in this precision unless atoms
+        are so coherent that it needs float64.
     atoms : ndarray of shape (n_atoms, n_features)
-        Dictionary. Atoms of any norm compete as directions; all-zero atoms are
-        never taken.
+        Dictionary. Atoms compete as directions, whatever their norms; all-zero atoms
+        are never taken.
     n_nonzero_coefs : int
         Most atoms that one code may use.
     scale : ndarray of shape (n_signals,), default=None
-        Magnitude below whose rounding level a correlation is noise. By default
-        the norm of each signal. Pass the norm before mean removal for signals
-        whose mean was removed, so that what rounding leaves of a constant
-        signal codes to zero.
+        A correlation at the rounding level of this magnitude is noise. By default the
+        norm of each signal. If means were removed, pass the norms before that, so that
+        the code of a constant signal is zero whatever rounding leaves of it.
 
     Returns
     -------
@@ -60,10 +59,10 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
 
     Notes
     -----
-    The error of a coefficient, relative to the largest of its code, stayed below
-    8 eps times the condition number of the Gram matrix of the atoms taken; eps is the
-    spacing of the precision worked in. No atom is taken that lies within 4 √eps of
-    the span of those before it.
+    In tests the error of a coefficient, relative to the largest of its code, stayed
+    below 8 eps times the condition number of the Gram matrix of the atoms taken, where
+    eps is that of the precision of the pursuit. An atom within 4 √eps of the span of
+    those before it is not taken.
 
     References
     ----------
@@ -126,7 +125,7 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
 
 
 def dense_codes(support, coefs, n_atoms, *, sign="none"):
-    """Write sparse codes as a dense array, with one or two columns an atom.
+    """Write sparse codes as a dense array, with one or two columns per atom.
 
     Parameters
     ----------
@@ -135,8 +134,8 @@ def dense_codes(support, coefs, n_atoms, *, sign="none"):
     n_atoms : int
         Number of atoms in the dictionary.
     sign : {"none", "absolute", "split"}, default="none"
-        Keep coefficients, take their absolute values, or give the positive
-        parts of all atoms followed by the negative parts of all atoms.
+        Keep coefficients, take their absolute values, or give the positive parts of all
+        atoms followed by the negative parts of all.
 
     Returns
     -------
@@ -150,14 +149,15 @@ def dense_codes(support, coefs, n_atoms, *, sign="none"):
     if sign != "none":
         coefs = np.abs(coefs)
     first = np.arange(len(codes)) * n_columns
-    # Last slots first: an unneeded slot never overwrites a coefficient of atom 0.
+    # Last slots come first, so that no unneeded slot overwrites the coefficient of
+    # atom 0.
     for columns, values in zip(support[::-1], coefs[::-1]):
         codes.reshape(-1)[first + columns] = values
     return codes
 
 
 def row_norms(signals):
-    """Euclidean norms of rows in float64, without overflow or underflow of squares.
+    """Return the norms of rows in float64; no square overflows or underflows.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def row_norms(signals):
     Returns
     -------
     norms : ndarray of shape (n_signals,)
-        Their norms, infinite above the largest number.
+        Their Euclidean norms, infinite if larger than any number.
     """
     _, norms, units = _scaled(signals.astype(np.float64, copy=False))
     with np.errstate(over="ignore"):
@@ -175,21 +175,21 @@ def row_norms(signals):
 
 
 def rounding_level(dtype):
-    """Return the size, relative to a signal, below which a correlation is noise."""
+    """Return the size, relative to a signal, at which a correlation is noise."""
     return 16 * np.finfo(dtype).eps
 
 
 def unit_rows(rows):
-    """Divide rows by their norms; all-zero rows stay."""
+    """Divide rows by their norms, computed in float64; all-zero rows stay."""
     scaled, norms, _ = _scaled(rows.astype(np.float64, copy=False))
     norms[norms == 0] = 1
     return (scaled / norms[:, None]).astype(rows.dtype, copy=False)
 
 
 def _scaled(signals):
-    """Divide signals by powers of two where squares might leave the floating range.
+    """Divide signals by powers of two if their squares might overflow or underflow.
 
-    Returns the signals, their norms and the powers, which are 1 in the usual range.
+    Return the signals, their norms and the powers, which are 1 in the usual range.
     """
     limits = np.finfo(signals.dtype)
     squares = np.einsum("ij,ij->i", signals, signals)
@@ -205,10 +205,10 @@ def _scaled(signals):
 
 
 def _pursue(buffers, gram, pairs, thresholds, support, coefs):
-    """Run the pursuit in Gram space, all signals in step.
+    """Run the pursuit of all signals in step, on correlations alone.
 
-    Gram–Schmidt orthogonalises each atom taken against those before it, so the
-    correlations with the residual are updated without solving anything.
+    Gram–Schmidt orthogonalises each atom taken against those before it, so that the
+    correlations with the residual are updated without solving a system of equations.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def _pursue(buffers, gram, pairs, thresholds, support, coefs):
     gram : ndarray of shape (n_atoms, n_atoms)
         Products of the atoms with each other.
     pairs : ndarray of shape (n_atoms, n_atoms ** 2, 2) or None
-        :func:`_pairs_of_columns` of `gram`, or None to do without.
+        :func:`_pairs_of_columns` of `gram`, or None to take columns one by one.
     thresholds : ndarray of shape (n_signals,)
         Correlations up to these are noise.
     support, coefs : ndarray of shape (n_slots, n_signals)
@@ -259,9 +259,9 @@ def _pursue(buffers, gram, pairs, thresholds, support, coefs):
 
 
 def _argmax(values):
-    """Return the row index and the value of each column's first maximum.
+    """Return the row index and the value of the first maximum of each column.
 
-    Equal to argmax over axis 0, but in reductions that run along rows.
+    This equals argmax over axis 0, but is faster because it reduces along rows.
     """
     n_rows = len(values)
     peak = values.max(axis=0)
@@ -272,7 +272,7 @@ def _argmax(values):
 
 
 def _pairs_of_columns(gram):
-    """Return columns a and b side by side, for all a and b, at a * n_atoms + b."""
+    """Return all pairs of columns a and b, at index a * n_atoms + b."""
     n_atoms = len(gram)
     pairs = np.empty((n_atoms, n_atoms, n_atoms, 2), dtype=gram.dtype)
     pairs[..., 0] = gram[:, :, None]
@@ -281,7 +281,7 @@ def _pairs_of_columns(gram):
 
 
 def _take_columns(gram, pairs, atoms, out):
-    """Take a column of the Gram matrix a signal; in pairs it takes half the time."""
+    """Take a column of the Gram matrix per signal; in pairs it takes half the time."""
     if pairs is None:
         np.take(gram, atoms, axis=1, out=out, mode="clip")
         return
@@ -289,4 +289,4 @@ def _take_columns(gram, pairs, atoms, out):
     here = atoms[: 2 * n_pairs : 2] * n_atoms + atoms[1::2]
     paired = out[:, : 2 * n_pairs].reshape(n_atoms, n_pairs, 2)
     np.take(pairs, here, axis=1, out=paired, mode="clip")
-    out[:, -1] = gram[:, atoms[-1]]  # the odd one, if there is one
+    out[:, -1] = gram[:, atoms[-1]]  # the last of an odd number

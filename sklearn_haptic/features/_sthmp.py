@@ -5,69 +5,26 @@ from numbers import Integral
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils import check_array
-from sklearn.utils.validation import check_is_fitted
 
+from .._biotac import biotac_layout
+from .._cells import cell_bounds, check_cells
 from .._check_trials import check_trials, is_table, transposed_hint
-from .._sequences import row_index
 from .._sklearn import (
     Interval,
     Memory,
-    Names,
     RandomState,
     StrOptions,
     Trials,
     _fit_context,
 )
 from .._validation import check_numbers
-from ._dictionary_coder import (
-    _DictionaryCoder,
-    _UnwrappedSequences,
-    draw_observations,
-    encode,
-)
-from ._pooling import cell_bounds, check_cells
+from ._dictionary_coder import DictionaryCoder, encode
 
-# Electrodes whose mean is each pixel: rows from the tip of the finger to its base,
-# columns left, middle, right.
-_BIOTAC_ROWS = [
-    [[8], [7], [9]],
-    [[1], [10], [11]],
-    [[2], [17], [12]],
-    [[3], [2, 17, 12, 3, 13, 4, 14], [13]],
-    [[4], [3, 13, 4, 14, 5, 18, 15], [14]],
-    [[5], [18], [15]],
-    [[6], [19], [16]],
-]
-
-
-# Most patches coded at a time: their codes stay in the cache until they are pooled.
+# Most patches coded at a time, so that their codes stay in the cache until pooled.
 _CHUNK_SIZE = 8192
-
-
-def biotac_layout():
-    """Arrange the 19 electrodes of a BioTac finger as an image.
-
-    Returns
-    -------
-    layout : ndarray of shape (7, 3, 19)
-        Weight of each electrode in each pixel. The two pixels without an
-        electrode, the middle of rows 3 and 4, are the means of their neighbours
-        that have one; the 2020 paper interpolates them in a way that is not
-        published.
-
-    Examples
-    --------
-    >>> from sklearn_haptic.features._sthmp import biotac_layout
-    >>> biotac_layout()[0].argmax(axis=1) + 1
-    array([8, 7, 9])
-    """
-    layout = np.zeros((7, 3, 19))
-    for row, pixels in enumerate(_BIOTAC_ROWS):
-        for column, electrodes in enumerate(pixels):
-            layout[row, column, np.array(electrodes) - 1] = 1 / len(electrodes)
-    return layout
 
 
 def electrode_images(trial, layout):
@@ -76,19 +33,20 @@ def electrode_images(trial, layout):
     Parameters
     ----------
     trial : ndarray of shape (n_times, n_fingers * n_electrodes)
-        Readings, one finger after the other.
+        Readings of one finger after the other.
     layout : ndarray of shape (height, width, n_electrodes)
         Weight of each of a finger's electrodes in each pixel.
 
     Returns
     -------
     images : ndarray of shape (n_times, height, n_fingers * width)
-        Images of the dtype of `trial`. In memory time runs fastest.
+        Images of the dtype of `trial`. Time is contiguous in memory.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from sklearn_haptic.features._sthmp import biotac_layout, electrode_images
+    >>> from sklearn_haptic._biotac import biotac_layout
+    >>> from sklearn_haptic.features._sthmp import electrode_images
     >>> electrode_images(np.arange(1.0, 20.0)[np.newaxis], biotac_layout())[0, :3]
     array([[ 8.,  7.,  9.],
            [ 1., 10., 11.],
@@ -96,7 +54,7 @@ def electrode_images(trial, layout):
     """
     height, width, n_electrodes = layout.shape
     weights = layout.reshape(-1, n_electrodes).T.astype(trial.dtype)
-    readings = np.ascontiguousarray(trial)  # the same sums in any layout
+    readings = np.ascontiguousarray(trial)  # so that sums are the same in any layout
     pixels = (readings.reshape(-1, n_electrodes) @ weights).reshape(
         len(trial), -1, height, width
     )
@@ -133,21 +91,21 @@ def image_patches(images, patch_size, step=1):
     return windows[:, ::step, ::step]
 
 
-def spatial_grids(positions, cells):
-    """Grids of cells of a pyramid over the positions of patches.
+def spatial_grids(locations, cells):
+    """Lay the levels of a pyramid as grids over the locations of patches.
 
     Parameters
     ----------
-    positions : tuple of int (n_rows, n_columns)
-        Positions of patches.
+    locations : tuple of int (n_rows, n_columns)
+        Numbers of rows and of columns of patches.
     cells : sequence of int
-        Cells along a side, a number each level.
+        Number of cells along a side, one per level.
 
     Returns
     -------
     grids : tuple of tuple of int (n_rows, n_columns)
-        A grid a level, no side with more cells than positions. A grid that comes again
-        is left out.
+        Cells along both sides, one pair per level. No side has more cells than
+        locations. A grid equal to one before it is left out.
 
     Examples
     --------
@@ -155,26 +113,26 @@ def spatial_grids(positions, cells):
     >>> spatial_grids((5, 4), (3, 2, 1)), spatial_grids((5, 1), (3, 2, 1))
     (((3, 3), (2, 2), (1, 1)), ((3, 1), (2, 1), (1, 1)))
     """
-    n_rows, n_columns = positions
+    n_rows, n_columns = locations
     return tuple(dict.fromkeys((min(n, n_rows), min(n, n_columns)) for n in cells))
 
 
 def spatial_max_pool(codes, grids):
     """Pool codes over a pyramid of grids of cells.
 
-    Position x of W along a side, counted from 1, belongs to cell ceil(x s / W) of s.
+    Location x of W along a side, counted from 1, belongs to cell ceil(x s / W) of s.
 
     Parameters
     ----------
     codes : ndarray of shape (n_rows, n_columns, n_codes, n_times)
-        Codes by patch position.
+        Codes of the patch at each location.
     grids : sequence of tuple of int (n_rows, n_columns)
-        Cells along either side, a pair each level.
+        Cells along both sides, one pair per level.
 
     Returns
     -------
     pooled : ndarray of shape (n_cells, n_codes, n_times)
-        Maxima, level by level in the order given, cells row by row.
+        Maxima: levels in the order given, and within each the cells row by row.
 
     Examples
     --------
@@ -197,17 +155,20 @@ def spatial_max_pool(codes, grids):
 
 
 def normalise_frames(frames):
-    """Divide each row by its Euclidean norm, in place; all-zero rows stay.
+    """Divide rows by their norms; all-zero rows stay.
+
+    It does what :func:`unit_rows` does, but in place and in the precision of the codes,
+    which is faster for many frames.
 
     Parameters
     ----------
     frames : ndarray of shape (n_times, n_features)
-        Rows of any magnitude; overwritten.
+        Rows of any magnitude, which are overwritten.
 
     Returns
     -------
     frames : ndarray of shape (n_times, n_features)
-        Rows of norm 1, or all zero.
+        The same array.
 
     Examples
     --------
@@ -258,7 +219,7 @@ def encode_frames(
     Returns
     -------
     frames : ndarray of shape (n_times, n_cells * n_codes)
-        A row a frame, of norm 1 or all zero. In memory time runs fastest.
+        One row per frame, of norm 1 or all zero. Time is contiguous in memory.
     """
     images = trial if layout is None else electrode_images(trial, layout)
     patches = image_patches(images, patch_size, step)
@@ -267,7 +228,7 @@ def encode_frames(
     n_chunks = -(-len(trial) * n_rows * n_columns // _CHUNK_SIZE)
     frames = []
     for chunk in np.array_split(patches, min(n_chunks, len(trial))):
-        # Time last, so that every operation runs over contiguous memory.
+        # With time last, every operation runs over contiguous memory.
         by_pixel = chunk.transpose(3, 4, 1, 2, 0).reshape(n_pixels, -1)
         codes = encode(
             by_pixel.T, atoms, n_nonzero_coefs, remove_mean=remove_mean, sign=sign
@@ -278,83 +239,89 @@ def encode_frames(
     return np.concatenate(frames, axis=1).T
 
 
-class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
+class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
     """Sparse codes of tactile images, pooled over space and normalised by frame.
 
-    The spatial half of spatio-temporal hierarchical matching pursuit [1]_: every
-    frame is an image, its overlapping patches are coded over a dictionary
-    learned by K-SVD, the codes are max-pooled over a pyramid of cells, and each
-    frame is scaled to norm 1. :class:`TemporalMaxPool` is the temporal half.
+    This is the spatial half of spatio-temporal hierarchical matching pursuit [1]_.
+    Every frame is an image. Its overlapping patches are coded over a dictionary learned
+    by K-SVD, the codes are max-pooled over a pyramid of cells, and each frame is scaled
+    to norm 1. :class:`TemporalMaxPool` is the temporal half.
 
     Parameters
     ----------
     n_atoms : int, default=10
         Number of atoms.
     n_nonzero_coefs : int, default=4
-        Most atoms that the code of a patch may use. The 2020 paper does not give
-        it; 4 is what the authors of ST-HMP use.
+        Most atoms that the code of a patch may use. The 2020 paper does not give it;
+        the authors of ST-HMP use 4.
     layout : "biotac", None or array-like of shape (height, width, n_electrodes), \
             default="biotac"
-        How the electrodes of a finger form an image: the weight of each in each
-        pixel. "biotac" is the 7 × 3 arrangement of the 19 electrodes of a
-        BioTac. The images of all fingers are joined side by side. None takes
-        trials that are images already.
+        How the electrodes of a finger form an image: the weight of each electrode in
+        each pixel. "biotac" arranges the 19 electrodes of a BioTac in 7 × 3 pixels. The
+        images of all fingers are joined side by side. None takes trials that are
+        images already.
     patch_size : tuple of int, default=(3, 3)
         Height and width of a patch in pixels.
     step : int, default=1
         Pixels from one patch to the next.
     spatial_cells : sequence of int, default=(3, 2, 1)
-        Cells along either side, a number each level of the pyramid: 9 + 4 + 1 cells.
-        A side has at most as many cells as positions of patches: a BioTac alone has
-        5 × 1 positions, hence 3 + 2 + 1 cells. A level like one before it is left out.
+        Number of cells along both sides, one per level of the pyramid. The default
+        gives 9 + 4 + 1 cells. A side has no more cells than locations of patches: one
+        BioTac has 5 × 1 locations, hence 3 + 2 + 1 cells. A level equal to one before
+        it is left out.
     remove_mean : bool, default=True
-        Whether to subtract each patch's mean, as the authors of ST-HMP do.
+        Whether to subtract the mean of each patch, as the authors of ST-HMP do.
     update : {"approximate", "exact"}, default="approximate"
         Fit an atom by one step of alternating least squares, or by the leading
-        singular pair.
+        singular pair of the residual that it has to represent.
     max_iter : int, default=50
         Most iterations of K-SVD. 0 takes the initial dictionary.
     tol : float, default=1e-3
-        Stop when five iterations lower the training error by less than this
-        fraction.
+        Stop when five iterations lower the training error by less than this fraction.
     max_train_patches : int, default=20_000
         Most patches to learn from, drawn at random; None takes all.
     dict_init : array-like of shape (n_atoms, n_patch_pixels), default=None
-        Initial atoms, pixels row by row; with `max_iter=0` they are used exactly
-        as given. By default training patches, no two nearly parallel.
+        Initial atoms, pixels row by row; with `max_iter=0` they are used exactly as
+        given. By default training patches are drawn, no two of which are nearly
+        parallel.
     sign : {"split", "absolute", "none"}, default="split"
-        Give positive and negative parts of a coefficient columns of their own,
-        take absolute values, or keep coefficients as they are. The authors
+        Give the positive and the negative part of a coefficient a column each, take
+        absolute values, or keep coefficients as they are. The authors of ST-HMP
         recommend the split.
     memory : str or object with the joblib.Memory interface, default=None
-        Where to cache the dictionary: a folder or a :class:`joblib.Memory`. A search
-        over later steps then learns none twice; results are the same, bit for bit.
-        Give `random_state` an int, and clear the cache after an upgrade. With
-        callbacks the dictionary is learned anew, for them to see every iteration.
-        By default nothing is cached. Codes never are: give :class:`TemporalMaxPool`,
-        whose rows are smaller, a cache too.
+        Folder or :class:`joblib.Memory` in which to cache the dictionary, so that a
+        search over later steps learns none twice. Results are the same, bit for bit.
+        Set `random_state` to an int, and clear the cache after an upgrade. With
+        callbacks the cache is not used, because they have to see every iteration.
+        Codes are not cached; give :class:`TemporalMaxPool` a cache too, since its rows
+        are smaller. By default nothing is cached.
     random_state : int, RandomState instance or None, default=None
-        Draws the training patches, the initial atoms and the order of updates.
+        Seeds the draw of training patches and of initial atoms, and the order of
+        updates.
 
     Attributes
     ----------
     components_ : ndarray of shape (n_atoms, n_patch_pixels)
-        The dictionary. Each atom's largest-magnitude entry is positive.
+        The dictionary. The entry of largest magnitude of each atom is positive.
     n_iter_ : int
         Iterations run.
     reconstruction_error_ : float
         Root mean squared error, per pixel and in units of `X`, of the training
         patches coded over `components_`.
     layout_ : ndarray of shape (height, width, n_electrodes) or None
-        The weight of each of a finger's electrodes in each pixel; None for images.
-        ``layout_ @ finger.T`` turns a finger's readings, of shape (n_times,
+        The weight of each electrode of a finger in each pixel; None for images.
+        ``layout_ @ finger.T`` turns the readings of a finger, of shape (n_times,
         n_electrodes), into images of shape (height, width, n_times).
+    patch_size_ : tuple of int
+        Height and width of a patch in pixels.
     spatial_cells_ : tuple of tuple of int (n_rows, n_columns)
         Rows and columns of cells of each level. Defined for trials.
+    takes_trials_ : bool
+        Whether trials were fitted; else rows of a table.
     n_features_in_ : int
-        Values a time sample, or columns of a table.
+        Number of columns of a table, or of values per time sample of the trials.
     feature_names_in_ : ndarray of shape (`n_features_in_`,)
-        Column names of a table, where it has any.
+        Names of the columns of a table. Defined if it has any.
 
     See Also
     --------
@@ -363,16 +330,16 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
 
     Notes
     -----
-    The columns of a trial's array are named like `s2of9_atom3+`, the second of nine
-    cells. The cell varies slowest, levels in the order given and cells row by row;
-    then come the codes, all positive parts before all negative ones. The rows of a
-    table are taken for patches and coded without pooling.
+    The array of a trial has columns with names like `s2of9_atom3+`, the second of nine
+    cells. Levels come in the order given, the cells of each level row by row, and each
+    cell has all codes, positive parts before negative ones. The rows of a table are
+    taken for patches and coded without pooling.
 
-    A frame without contrast gives exact zeros, whatever rounding the removal of
-    means leaves. Any other frame is scaled to norm 1, so faintly touched ones count
-    as much as firmly touched ones. Multiplying recordings by a power of two changes
-    no digit of the codes. The authors add 2.2e-16 to each norm, and stop a pursuit at
-    an absolute correlation of 1e-7, so their codes depend on the unit of measurement.
+    A frame without contrast gives exact zeros, whatever rounding leaves when means are
+    removed. Any other frame is scaled to norm 1, so that a light touch counts as much
+    as a firm one. Multiplying recordings by a power of two changes no digit of the
+    codes. The authors of ST-HMP add 2.2e-16 to each norm and stop a pursuit at an
+    absolute correlation of 1e-7, so their codes depend on the unit of measurement.
 
     References
     ----------
@@ -394,13 +361,16 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
     """
 
     _parameter_constraints = {  # noqa: RUF012
-        **_DictionaryCoder._parameter_constraints,
+        **DictionaryCoder._parameter_constraints,
         "max_train_patches": [Interval(Integral, 1, None, closed="left"), None],
         "layout": [StrOptions({"biotac"}), "array-like", None],
         "patch_size": [tuple, list],
         "step": [Interval(Integral, 1, None, closed="left")],
         "spatial_cells": ["array-like"],
     }
+
+    _encode_trial = staticmethod(encode_frames)
+    _unit = "frames"
 
     def __init__(
         self,
@@ -457,45 +427,32 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
         Raises
         ------
         ValueError
-            If the channels are no multiple of the layout's electrodes, or the
-            images are too small for a patch.
+            If the number of channels is not a multiple of the number of electrodes of
+            the layout, or if the images are smaller than a patch.
         """
-        self._codes_trials = not is_table(X)
-        if hasattr(self, "spatial_cells_"):
-            del self.spatial_cells_
+        self.takes_trials_ = not is_table(X)
         self.layout_ = self._check_layout()
+        self.patch_size_ = self._check_patch_size()
         return self._learn(X, y, self.max_train_patches)
 
-    def get_feature_names_out(
-        self, input_features: Names | None = None
-    ) -> NDArray[np.object_]:
-        """Return the names of the code columns.
+    @property
+    def _blocks(self):
+        return [
+            f"s{i}of{rows * columns}"
+            for rows, columns in self.spatial_cells_
+            for i in range(1, rows * columns + 1)
+        ]
 
-        Parameters
-        ----------
-        input_features : array-like of str, default=None
-            Ignored, but checked against the columns seen in `fit` for a table.
+    @property
+    def _trial_coding(self):
+        return {
+            "layout": self.layout_,
+            "patch_size": self.patch_size_,
+            "step": self._step,
+            "grids": self.spatial_cells_,
+        }
 
-        Returns
-        -------
-        names : ndarray of str objects
-            Cell and code, as in ``s2of9_atom3+``: the second of nine cells.
-        """
-        check_is_fitted(self)
-        if not self._codes_trials:
-            return super().get_feature_names_out(input_features)
-        return np.asarray(
-            [
-                f"s{i}of{rows * columns}_{name}"
-                for rows, columns in self.spatial_cells_
-                for i in range(1, rows * columns + 1)
-                for name in self._code_names
-            ],
-            dtype=object,
-        )
-
-    def _draw_from_trials(self, X, rng):
-        vars(self).pop("feature_names_in_", None)
+    def _fit_trials(self, X):
         layout = self.layout_
         trials = check_trials(X, ndims=(2,) if layout is not None else (3,))
         self._frame_shape = trials[0].shape[1:]
@@ -507,7 +464,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
                 "channels or give the layout of your sensor."
                 f"{transposed_hint(trials[0].shape)}"
             )
-        patch_size, step = self._check_patch_size(), self.step
+        patch_size, step = self.patch_size_, self.step
 
         def patches(trial):
             images = trial if layout is None else electrode_images(trial, layout)
@@ -519,21 +476,20 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
                 )
             return image_patches(images, patch_size, step)
 
-        positions = patches(trials[0][:1]).shape[1:3]
+        locations = patches(trials[0][:1]).shape[1:3]
         cells = check_cells(self.spatial_cells, "spatial_cells")
-        self.spatial_cells_ = spatial_grids(positions, cells)
-        self._patching = {"layout": layout, "patch_size": patch_size, "step": step}
+        self.spatial_cells_ = spatial_grids(locations, cells)
+        self._step = step
 
         def observe(trial, indices):
-            frame, row, column = np.unravel_index(indices, (len(trial), *positions))
+            frame, row, column = np.unravel_index(indices, (len(trial), *locations))
             drawn = patches(trial[frame])[np.arange(len(indices)), row, column]
             return drawn.reshape(len(indices), -1)
 
-        n_positions = positions[0] * positions[1]
-        counts = [len(trial) * n_positions for trial in trials]
-        return draw_observations(trials, counts, self.max_train_patches, observe, rng)
+        n_patches = [len(trial) * locations[0] * locations[1] for trial in trials]
+        return trials, n_patches, observe
 
-    def _transform_trials(self, X):
+    def _check_trials(self, X):
         if is_table(X):
             raise ValueError(
                 "X is a table, but fit was given trials; give a collection of trials."
@@ -544,14 +500,7 @@ class STHMPTransformer(_UnwrappedSequences, _DictionaryCoder):
             n_channels=self._frame_shape,
             names=self._channel_names,
         )
-        return self._sequences(
-            trials,
-            [len(trial) for trial in trials],
-            encode_frames,
-            row_index(X),
-            grids=self.spatial_cells_,
-            **self._patching,
-        )
+        return trials, [len(trial) for trial in trials]
 
     def _check_patch_size(self):
         size = tuple(self.patch_size)

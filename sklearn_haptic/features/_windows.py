@@ -5,20 +5,14 @@ from typing import Literal, Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils import check_array
-from sklearn.utils.validation import check_is_fitted
 
 from .._check_trials import check_trials, is_table, transposed_hint
-from .._sequences import row_index
-from .._sklearn import Interval, Memory, Names, RandomState, Trials, _fit_context
+from .._sklearn import Interval, Memory, RandomState, Trials, _fit_context
 from .._validation import check_numbers
-from ._dictionary_coder import (
-    _DictionaryCoder,
-    _UnwrappedSequences,
-    draw_observations,
-    encode,
-)
+from ._dictionary_coder import DictionaryCoder, encode
 
 
 def sliding_windows(trial, window, overlap):
@@ -29,9 +23,9 @@ def sliding_windows(trial, window, overlap):
     trial : ndarray of shape (n_times, n_channels)
         Recording.
     window : int
-        Time samples a window.
+        Time samples per window.
     overlap : float
-        Fraction of a window shared with the next.
+        Fraction of a window that it shares with the next.
 
     Returns
     -------
@@ -51,7 +45,7 @@ def sliding_windows(trial, window, overlap):
 
 
 def window_step(window, overlap):
-    """Time samples from the start of a window to that of the next, at least one."""
+    """Return the time samples from the start of one window to the start of the next."""
     return max(1, window - round(overlap * window))
 
 
@@ -74,7 +68,7 @@ def encode_windows(
     Returns
     -------
     codes : ndarray of shape (n_windows, n_channels * n_codes)
-        Codes, the channel slowest.
+        All codes of the first channel, then those of the next.
     """
     windows = sliding_windows(trial, window, overlap)
     codes = encode(
@@ -87,80 +81,84 @@ def encode_windows(
     return codes.reshape(len(windows), -1)
 
 
-class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
+class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
     """Sparse codes over a dictionary learned by K-SVD.
 
-    With `window=None` each row of a table is one observation, as in
-    scikit-learn's dictionary learning. With a window each trial, an array of
-    shape (n_times, n_channels), becomes the sequence of its windows' codes: every
-    channel is cut into overlapping windows, one dictionary is learned from the
-    windows of all channels, and :class:`TemporalMaxPool` can follow.
+    With `window=None` each row of a table is one observation, as in scikit-learn's
+    dictionary learning. With a window each trial, an array of shape (n_times,
+    n_channels), becomes a sequence of codes: every channel is cut into overlapping
+    windows, and one dictionary is learned from the windows of all channels.
+    :class:`TemporalMaxPool` turns these sequences into rows of features.
 
     Parameters
     ----------
     n_atoms : int, default=25
         Number of atoms.
     n_nonzero_coefs : int, default=4
-        Most atoms that one code may use. The 2020 paper does not give it; 4 is
-        what the authors of ST-HMP use.
+        Most atoms that one code may use. The 2020 paper does not give it; the authors
+        of ST-HMP use 4.
     window : int, default=None
-        Time samples a window: 22 in the 2020 paper for vibrations at 2.2 kHz, 50
+        Time samples per window. The 2020 paper has 22 for vibrations at 2.2 kHz and 50
         for pressure and temperature at 100 Hz. None codes the rows of a table.
     overlap : float, default=0.5
-        Fraction of a window shared with the next, in [0, 1). Samples after the
+        Fraction of a window that it shares with the next, in [0, 1). Samples after the
         last whole window are left out.
     remove_mean : bool, default=True
-        Whether to subtract each observation's mean. It is a nuisance in
-        vibrations and in images of electrodes, but carries information in slow
-        channels such as pressure and temperature.
+        Whether to subtract the mean of each observation. The mean carries information
+        in slow channels such as pressure and temperature, but is a nuisance in
+        vibrations and in images of electrodes.
     update : {"approximate", "exact"}, default="approximate"
         Fit an atom by one step of alternating least squares, or by the leading
-        singular pair of what it has to represent. On recordings neither was
-        clearly the more accurate (within 3 % of each other), and an iteration of
-        the exact update took about half as long again.
+        singular pair of the residual that it has to represent. On recordings their
+        errors were within 3 % of each other, and an iteration of the exact update took
+        about 1.5 times as long.
     max_iter : int, default=50
         Most iterations of K-SVD. 0 takes the initial dictionary.
     tol : float, default=1e-3
-        Stop when five iterations lower the training error by less than this
-        fraction. Reaching `max_iter` first is usual and gives no warning; `n_iter_`
-        tells.
+        Stop when five iterations lower the training error by less than this fraction.
+        `max_iter` is often reached first, which gives no warning; see `n_iter_`.
     max_train_windows : int, default=20_000
-        Most observations to learn from, drawn at random; None takes all. On
-        recorded vibrations (25 and 40 atoms) and pressure the defaults took 1 to
-        1.4 s and came within 2 % of the held-out error of 100 iterations with
-        `tol=0`; 20 iterations on 10,000 windows took 0.3 s and were 12 to 15 %
-        worse.
+        Most observations to learn from, drawn at random; None takes all. On recorded
+        vibrations (25 and 40 atoms) and pressure the defaults took 1 to 1.4 s, and the
+        error on other windows was within 2 % of that of 100 iterations with `tol=0`.
+        With 20 iterations on 10,000 windows, learning took 0.3 s and the error was 12
+        to 15 % larger.
     dict_init : array-like of shape (n_atoms, n_obs_features), default=None
-        Initial atoms; with `max_iter=0` they are used exactly as given. By
-        default training observations, no two nearly parallel.
+        Initial atoms; with `max_iter=0` they are used exactly as given. By default
+        training observations are drawn, no two of which are nearly parallel.
     sign : {"split", "absolute", "none"}, default="split"
-        Give positive and negative parts of a coefficient columns of their own,
-        take absolute values, or keep coefficients as they are. The ST-HMP authors
+        Give the positive and the negative part of a coefficient a column each, take
+        absolute values, or keep coefficients as they are. The authors of ST-HMP
         recommend the split.
     memory : str or object with the joblib.Memory interface, default=None
-        Where to cache the dictionary: a folder or a :class:`joblib.Memory`. A search
-        over later steps then learns none twice; results are the same, bit for bit.
-        Give `random_state` an int, and clear the cache after an upgrade. With
-        callbacks the dictionary is learned anew, for them to see every iteration.
-        By default nothing is cached. Codes never are: give :class:`TemporalMaxPool`,
-        whose rows are smaller, a cache too.
+        Folder or :class:`joblib.Memory` in which to cache the dictionary, so that a
+        search over later steps learns none twice. Results are the same, bit for bit.
+        Set `random_state` to an int, and clear the cache after an upgrade. With
+        callbacks the cache is not used, because they have to see every iteration.
+        Codes are not cached; give :class:`TemporalMaxPool` a cache too, since its rows
+        are smaller. By default nothing is cached.
     random_state : int, RandomState instance or None, default=None
-        Draws the training observations, the initial atoms and the order of
+        Seeds the draw of training observations and of initial atoms, and the order of
         updates.
 
     Attributes
     ----------
     components_ : ndarray of shape (n_atoms, n_obs_features)
-        The dictionary. Each atom's largest-magnitude entry is positive.
+        The dictionary. The entry of largest magnitude of each atom is positive.
     n_iter_ : int
         Iterations run.
     reconstruction_error_ : float
         Root mean squared error, per sample and in units of `X`, of the training
         observations coded over `components_`.
+    takes_trials_ : bool
+        Whether trials were fitted; else rows of a table.
+    window_step_ : int
+        Time samples from the start of one window to the start of the next. Defined
+        for trials.
     n_features_in_ : int
-        Columns of a table, or channels of the trials.
+        Number of columns of a table, or of channels of the trials.
     feature_names_in_ : ndarray of shape (`n_features_in_`,)
-        Column names of a table, where it has any.
+        Names of the columns of a table. Defined if it has any.
 
     See Also
     --------
@@ -169,8 +167,8 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
 
     Notes
     -----
-    An observation that is constant codes to exact zero, whatever rounding the
-    removal of its mean leaves. Codes scale with the observations.
+    The code of a constant observation is exactly zero, whatever rounding leaves when
+    its mean is removed. Codes scale with the observations.
 
     References
     ----------
@@ -197,11 +195,14 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
     """
 
     _parameter_constraints = {  # noqa: RUF012
-        **_DictionaryCoder._parameter_constraints,
+        **DictionaryCoder._parameter_constraints,
         "max_train_windows": [Interval(Integral, 1, None, closed="left"), None],
         "window": [Interval(Integral, 1, None, closed="left"), None],
         "overlap": [Interval(Real, 0, 1, closed="left")],
     }
+
+    _encode_trial = staticmethod(encode_windows)
+    _unit = "windows"
 
     def __init__(
         self,
@@ -250,46 +251,36 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
         self : KSVDTransformer
             The fitted transformer.
         """
-        self._codes_trials = self.window is not None
-        self._windows = {"window": self.window, "overlap": self.overlap}
-        if not self._codes_trials and not is_table(X):
+        self.takes_trials_ = self.window is not None
+        self._trial_coding = {"window": self.window, "overlap": self.overlap}
+        if not self.takes_trials_ and not is_table(X):
             raise ValueError(
                 "X is a collection of trials, but window=None codes the rows of a "
-                "table; set window to the number of time samples a window."
+                "table; set window to the number of time samples per window."
             )
         return self._learn(X, y, self.max_train_windows)
 
-    def get_feature_names_out(
-        self, input_features: Names | None = None
-    ) -> NDArray[np.object_]:
-        """Return the names of the code columns.
+    @property
+    def _blocks(self):
+        return [f"ch{i}" for i in range(self.n_features_in_)]
 
-        Parameters
-        ----------
-        input_features : array-like of str, default=None
-            Ignored, but checked against the columns seen in `fit` for a table.
+    def _fit_trials(self, X):
+        self.window_step_ = window_step(**self._trial_coding)
+        trials, n_windows = self._check_trials(X, reset=True)
+        self.n_features_in_ = trials[0].shape[1]
 
-        Returns
-        -------
-        names : ndarray of str objects
-            ``atom0+``, …, ``atom0-``, … with `sign="split"`, else ``atom0``, …;
-            for trials the same for each channel, as in ``ch0_atom0+``.
+        def observe(trial, indices):
+            windows = sliding_windows(trial, **self._trial_coding)
+            return windows[np.unravel_index(indices, windows.shape[:2])]
+
+        return trials, [n * self.n_features_in_ for n in n_windows], observe
+
+    def _check_trials(self, X, *, reset=False):
+        """Return the trials and their numbers of windows.
+
+        Each row of a table is a trial with one channel.
         """
-        check_is_fitted(self)
-        if not self._codes_trials:
-            return super().get_feature_names_out(input_features)
-        channels = range(self.n_features_in_)
-        return np.asarray(
-            [f"ch{c}_{name}" for c in channels for name in self._code_names],
-            dtype=object,
-        )
-
-    def _check_windowed(self, X, n_channels=None):
-        """Validate what is cut into windows; return the trials and numbers of windows.
-
-        A row of a table is a trial of one channel.
-        """
-        window = self._windows["window"]
+        window = self._trial_coding["window"]
         if is_table(X):
             check_numbers(X, "X")
             X = check_array(X, dtype=[np.float64, np.float32])
@@ -299,6 +290,7 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
                     f"trials, but one window takes {window} time samples; give a "
                     "list of trials or use a shorter window."
                 )
+        n_channels = None if reset else self.n_features_in_
         trials = check_trials(X, n_channels=n_channels, names=self._channel_names)
         for i, trial in enumerate(trials):
             if len(trial) < window:
@@ -307,27 +299,5 @@ class KSVDTransformer(_UnwrappedSequences, _DictionaryCoder):
                     f"takes {window}; remove it or use a shorter window."
                     f"{transposed_hint(trial.shape)}"
                 )
-        step = window_step(**self._windows)
+        step = self.window_step_
         return trials, [(len(trial) - window) // step + 1 for trial in trials]
-
-    def _draw_from_trials(self, X, rng):
-        trials, lengths = self._check_windowed(X)
-        self.n_features_in_ = trials[0].shape[1]
-
-        def observe(trial, indices):
-            windows = sliding_windows(trial, **self._windows)
-            return windows[np.unravel_index(indices, windows.shape[:2])]
-
-        counts = [n * self.n_features_in_ for n in lengths]
-        return draw_observations(trials, counts, self.max_train_windows, observe, rng)
-
-    def _transform_trials(self, X):
-        trials, lengths = self._check_windowed(X, self.n_features_in_)
-        return self._sequences(
-            trials,
-            lengths,
-            encode_windows,
-            row_index(X),
-            unit="windows",
-            **self._windows,
-        )

@@ -10,10 +10,9 @@ from sklearn.base import BaseEstimator
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
+from .._cells import cell_bounds
 from .._sklearn import FloatArray, Names, Trials
 from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
-from ..features._pooling import cell_bounds
-from ..features._windows import window_step
 from ._display import Display
 from ._signals import check_rate
 from ._style import BLUE, label_blocks
@@ -125,14 +124,14 @@ class AtomsDisplay(Display):
         if X is not None:
             codes = coder.transform(X)
             usage = _usage(
-                codes if coder._codes_trials else [codes],
+                codes if coder.takes_trials_ else [codes],
                 len(atoms),
-                split=coder._coding["sign"] == "split",
+                split=coder.get_feature_names_out()[0].endswith("+"),
             )
             order = np.argsort(-usage, kind="stable")
             usage = usage[order]
-        if isinstance(coder, STHMPTransformer) and coder._codes_trials:
-            atoms = atoms.reshape(-1, *coder._patching["patch_size"])
+        if isinstance(coder, STHMPTransformer) and coder.takes_trials_:
+            atoms = atoms.reshape(-1, *coder.patch_size_)
         return cls(
             atoms[order], names=order, usage=usage, sampling_rate=sampling_rate
         ).plot(ax)
@@ -318,7 +317,7 @@ class FeatureMapDisplay(Display):
             If matplotlib is not installed.
         """
         coder, pool = _coder_and_pool(estimator)
-        if not coder._codes_trials:
+        if not coder.takes_trials_:
             raise ValueError(
                 "estimator codes the rows of a table, which have no order in time; "
                 "fit it to trials."
@@ -328,8 +327,8 @@ class FeatureMapDisplay(Display):
         codes = sequences[0]
         first, step, code_unit = 0.0, 1, "no unit; each frame has norm 1"
         if isinstance(coder, KSVDTransformer):
-            window, overlap = coder._windows.values()
-            step = window_step(window, overlap)
+            step = coder.window_step_
+            window = coder.components_.shape[1]
             first = (window - step) / 2  # so that codes lie at their windows
             code_unit = "unit of the signal × √samples"
         edges = (first + step * np.arange(len(codes) + 1)) / rate
@@ -337,7 +336,7 @@ class FeatureMapDisplay(Display):
         if pool is not None:
             cells = pool.transform(sequences).reshape(-1, codes.shape[1])
             pooled = np.split(cells, np.cumsum(pool.cells_)[:-1])
-            level_edges = [_cell_edges(edges, n, pool._split) for n in pool.cells_]
+            level_edges = [_cell_edges(edges, n, pool.split_) for n in pool.cells_]
         return cls(
             codes,
             pooled,

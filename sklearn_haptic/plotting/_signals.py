@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from .._biotac import SAMPLING_RATES, SENSORS
 from .._check_trials import check_trials
 from .._sklearn import FloatArray
-from ..datasets._phac2 import FRAME_RATE, SENSORS
 from ._display import Display
 from ._style import colours_of, label_blocks, legend_beside
 
@@ -245,10 +245,9 @@ def _check_signals(sensor, signals):
 
 def _rate_of(sensor, sampling_rate):
     """Return the sampling rate of a sensor, as given or, of a BioTac, as known."""
-    known = {name: n_samples * FRAME_RATE for name, (n_samples, _) in SENSORS.items()}
     rate = sampling_rate
     if rate is None or isinstance(rate, Mapping):
-        rate = (known | dict(rate or {})).get(sensor)
+        rate = (SAMPLING_RATES | dict(rate or {})).get(sensor)
         if rate is None:
             raise ValueError(
                 f"sampling_rate of the sensor {sensor!r} is unknown; give it in "

@@ -6,11 +6,11 @@ from pathlib import Path
 import pandas as pd
 from sklearn.utils import Bunch
 
-from ..datasets._phac2 import PROCEDURE_STATES
+from .._biotac import PROCEDURES
 from ._store import read_finished, read_settings
 
 # Name of a unit of models: procedure, adjective and fold.
-_NAME_OF_MODELS = rf"({'|'.join(PROCEDURE_STATES)})_.*_\d+"
+_NAME_OF_MODELS = rf"({'|'.join(PROCEDURES)})_.*_\d+"
 
 
 def read_study(folder: str | PathLike[str]) -> Bunch:

@@ -18,6 +18,7 @@ from sklearn.metrics import check_scoring
 from sklearn.utils import Bunch
 from sklearn.utils.parallel import Parallel, delayed
 
+from .._biotac import PROCEDURES, SENSORS
 from .._sklearn import (
     Interval,
     Names,
@@ -27,7 +28,6 @@ from .._sklearn import (
     validate_params,
 )
 from .._validation import check_names
-from ..datasets._phac2 import PROCEDURE_STATES, SENSORS
 from ..models import NNPOM, DistributionalOrdinalRegressor
 from ._features import compute_features
 from ._models import check_models, compute_models
@@ -263,7 +263,7 @@ def run_study(
         scoring=scoring,
         random_state=int(random_state),
     )
-    procedures = check_names(procedures, list(PROCEDURE_STATES), "procedure", "PHAC-2")
+    procedures = check_names(procedures, list(PROCEDURES), "procedure", "PHAC-2")
     open_study(study.folder, study.settings)
 
     trials = list(product(["trials"], procedures))

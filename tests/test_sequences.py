@@ -1,0 +1,59 @@
+"""Sequences that a user makes."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sklearn_haptic import Sequences, TemporalMaxPool
+
+ARRAYS = [[[1.0, 2.0]], [[3.0, 4.0], [5.0, 6.0]]]
+NAMES = ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("trials", "names", "options", "message"),
+    [
+        (3, NAMES, {}, "trials is a int; give a list with one array per trial"),
+        ("ab", NAMES, {}, "trials is a str"),
+        ({0: ARRAYS[0]}, NAMES, {}, "trials is a dict"),
+        ([[1.0, 2.0]], NAMES, {}, "Trial 0 has shape (2,); it must be (n_times, 2)"),
+        (ARRAYS, ["a"], {}, "Trial 0 has shape (1, 2); it must be (n_times, 1)"),
+        ([[[1.0], [1.0, 2.0]]], NAMES, {}, "trials holds rows of unequal length"),
+        ([[["x", "y"]]], NAMES, {}, "Trial 0 holds values that are not finite real"),
+        ([[[1j, 2.0]]], NAMES, {}, "Trial 0 holds values that are not finite real"),
+        ([*ARRAYS, [[0, np.nan]]], NAMES, {}, "Trial 2 holds values that are not"),
+        (ARRAYS, "ab", {}, "feature_names='ab' must list one name per column"),
+        (ARRAYS, NAMES, {"encode": 3}, "encode=3 cannot be called"),
+        (ARRAYS, NAMES, {"lengths": [1]}, "lengths has 1 entries, but there are 2"),
+        (ARRAYS, NAMES, {"row_index": pd.Index([*"xyz"])}, "row_index has 3 entries"),
+    ],
+)
+def test_bad_input(trials, names, options, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        Sequences(trials, names, **options)
+
+
+@pytest.mark.parametrize(
+    ("dtypes", "expected"),
+    [
+        (["float32", "float32"], "float32"),
+        (["float32", "float64"], "float64"),
+        (["int64", "float32"], "float64"),
+    ],
+)
+def test_arrays_share_a_data_type(dtypes, expected):
+    arrays = [np.array(array, dtype) for array, dtype in zip(ARRAYS, dtypes)]
+    sequences = Sequences(arrays, NAMES)
+    assert {array.dtype.name for array in sequences} == {expected}
+    pooled = TemporalMaxPool(cells=(1,)).fit_transform(sequences)
+    assert pooled.dtype == expected
+    np.testing.assert_array_equal(pooled, [[1, 2], [5, 6]])
+
+
+def test_levels_are_dropped_in_the_unit_of_the_sequences():
+    sequences = Sequences(ARRAYS, NAMES, unit="windows")
+    pool = TemporalMaxPool(cells=(8,), drop_fine_levels=True)
+    with pytest.raises(ValueError, match="trial 0 of X, which has 1 window; add"):
+        pool.fit(sequences)
