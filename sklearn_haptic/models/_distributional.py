@@ -31,7 +31,8 @@ from .._sklearn import DocumentedEstimator, RandomState, _fit_context
 from .._validation import check_groups, check_weights
 from ._early_stopping import hold_out_trials, validates_on_rows
 from ._frozen import check_frozen, unfrozen
-from ._nnpom import NNPOM, relative_weights
+from ._nnpom import NNPOM
+from ._observations import relative_weights
 from ._ordinal import OrdinalClassifierMixin
 from ._quantile_positions import (
     crossing_positions,

@@ -33,7 +33,8 @@ from .._sklearn import (
 from .._validation import check_groups, check_weights
 from ._early_stopping import hold_out_trials
 from ._frozen import check_frozen, unfrozen
-from ._nnpom import NNPOM, single_ratings
+from ._nnpom import NNPOM
+from ._observations import single_ratings
 from ._ordinal import OrdinalClassifierMixin
 
 _Network: TypeAlias = NNPOM | FrozenEstimator

@@ -1,6 +1,7 @@
 """The neural-network proportional odds model as an estimator."""
 
 import warnings
+from functools import partial
 from numbers import Integral, Real
 from typing import Literal, Self
 
@@ -13,9 +14,8 @@ from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
-from .._check_ratings import validate_rated_trials, weighted
+from .._check_ratings import validate_rated_trials
 from .._check_trials import check_table
-from .._distributions import _macro_mae
 from .._sklearn import (
     DocumentedEstimator,
     FloatArray,
@@ -26,106 +26,12 @@ from .._sklearn import (
     with_callbacks,
 )
 from .._validation import check_groups, check_weights
-from ._conditioning import EvenedFeatures, change_weights, feature_means, total_spread
-from ._early_stopping import hold_out_trials
-from ._network import (
-    NetworkLoss,
-    SharedLoss,
-    forward,
-    initial_params,
-    level_probabilities,
-    monotone_bounds,
-    split_heads,
-    thresholds_from,
-    unpack,
-)
+from ._conditioning import Conditioning
+from ._early_stopping import Monitor, hold_out_trials, validation_error
+from ._network import Layout, Network, NetworkLoss, initial_params, monotone_bounds
+from ._observations import rank_levels, scaled_to_unit_weight, single_ratings
 from ._ordinal import OrdinalClassifierMixin
-from ._solvers import Monitor, irprop_plus, lbfgs
-
-# In units of the total weight; more would make no difference but overflow.
-_LARGEST_PENALTY = 1e300
-
-
-# Differences between latent responses and thresholds stay finite.
-_LARGEST_LATENT = 1e300
-
-
-def relative_weights(sample_weight):
-    """Weights of trials in units of the largest; all stay above 0."""
-    relative = sample_weight / sample_weight.max()
-    return np.maximum(relative, np.finfo(np.float64).tiny)
-
-
-def single_ratings(X, counts, groups, sample_weight):
-    """Turn counts into observations without positions: one for each level of a trial.
-
-    Parameters
-    ----------
-    X : ndarray of shape (n_trials, n_features)
-    counts : ndarray of shape (n_trials, ..., n_levels)
-    groups : ndarray of shape (n_trials,), or None
-    sample_weight : ndarray of shape (n_trials,)
-        Trials of weight 0 are left out of all that is returned.
-
-    Returns
-    -------
-    X, groups
-    level, weight : ndarray of the shape of `counts`
-        What `NNPOM.fit_with_positions` trains on.
-    validation_weight : ndarray of the shape of `counts`
-        In place of `weight` where it validates: a trial counts by its own weight, by
-        however many people it was rated.
-    """
-    used = sample_weight > 0
-    X, counts, sample_weight = X[used], counts[used], sample_weight[used]
-    groups = None if groups is None else groups[used]
-    level = np.broadcast_to(np.arange(counts.shape[-1]), counts.shape)
-    validation_weight = ((counts > 0).T * relative_weights(sample_weight)).T
-    return X, groups, level, weighted(counts, sample_weight), validation_weight
-
-
-def attributes_of(positions, level, weight):
-    """Return positions, level and weight of each attribute."""
-    if weight.ndim == 2:
-        return [(positions, level, weight)]
-    return [
-        (None if positions is None else positions[:, i], level[:, i], weight[:, i])
-        for i in range(weight.shape[1])
-    ]
-
-
-def rank_levels(positions, level, weight, n_levels):
-    """Rank the levels that ratings have, for each attribute from 0 without gaps.
-
-    Parameters
-    ----------
-    positions, level, weight : ndarray
-        As `NNPOM.fit_with_positions` takes them.
-    n_levels : int
-        Number of all levels.
-
-    Returns
-    -------
-    present : list of ndarray of int
-        The levels that ratings of each attribute have.
-    observations : list of (positions, rank, weight)
-        Of each attribute with more than one such level; ranks are indices into it.
-    level_weights : list of ndarray
-        Weight of each of the levels of these attributes.
-    """
-    all_present, observations, level_weights = [], [], []
-    for positions_of, level_of, weight_of in attributes_of(positions, level, weight):
-        level_weight = np.bincount(
-            level_of.ravel(), weight_of.ravel(), minlength=n_levels
-        )
-        present = np.flatnonzero(level_weight)
-        all_present.append(present)
-        if len(present) > 1:
-            rank = np.searchsorted(present, level_of)
-            rank = np.minimum(rank, len(present) - 1)  # where the weight is zero
-            observations.append((positions_of, rank, weight_of))
-            level_weights.append(level_weight[present])
-    return all_present, observations, level_weights
+from ._solvers import SOLVERS
 
 
 class NNPOM(
@@ -317,20 +223,19 @@ class NNPOM(
         self : NNPOM
             The fitted network.
         """
-        X, counts, self.levels_ = validate_rated_trials(self, X, y, self.levels)
+        X, counts, levels = validate_rated_trials(self, X, y, self.levels)
         groups = check_groups(groups, X)
         sample_weight = check_weights(sample_weight, X)
-        X, groups, level, weight, counted = single_ratings(
+        X, groups, level, weight, validation_weight = single_ratings(
             X, counts, groups, sample_weight
         )
         rng = check_random_state(self.random_state)
         if not self.early_stopping:
-            return self._fit(X, None, level, weight, None, rng)
-        train, held_out = hold_out_trials(
-            self, len(X), groups, self.validation_fraction, rng
-        )
-        validation = X[held_out], None, level[held_out], counted[held_out]
-        return self._fit(X[train], None, level[train], weight[train], validation, rng)
+            return self._fit((X, None, level, weight), None, levels, rng)
+        t, v = hold_out_trials(self, len(X), groups, self.validation_fraction, rng)
+        train = X[t], None, level[t], weight[t]
+        validation = X[v], None, level[v], validation_weight[v]
+        return self._fit(train, validation, levels, rng)
 
     @with_callbacks
     def fit_with_positions(
@@ -384,168 +289,112 @@ class NNPOM(
             The fitted network; the position is the last of its inputs.
         """
         self._validate_params()
-        self.n_features_in_ = X.shape[-1] + (positions is not None)
-        if feature_names is not None:
-            self.feature_names_in_ = np.append(feature_names, "position")
-        self.levels_ = levels
         rng = check_random_state(self.random_state)
+        n_inputs = X.shape[-1] + (positions is not None)
         if X.ndim == 3:  # each observation is a trial of its own
             used = weight > 0
             X, level, weight = X[used], level[used][:, None], weight[used][:, None]
             positions = None if positions is None else positions[used][:, None]
-        return self._fit(X, positions, level, weight, validation, rng, monotone)
-
-    def _fit(self, X, positions, level, weight, validation, rng, monotone=False):
-        context = self._init_callback_context(max_subtasks=self.max_iter)
-        context.call_on_fit_task_begin(estimator=self, X=X)
-        self._minimise(X, positions, level, weight, validation, rng, monotone, context)
-        context.call_on_fit_task_end(estimator=self, X=X, reconstruction_attributes={})
+        self._fit((X, positions, level, weight), validation, levels, rng, monotone)
+        self.n_features_in_ = n_inputs
+        if feature_names is not None:
+            self.feature_names_in_ = np.append(feature_names, "position")
         return self
 
-    @one_blas_thread
-    def _minimise(
-        self, X, positions, level, weight, validation, rng, monotone, context
-    ):
+    def _fit(self, train, validation, levels, rng, monotone=False):
+        """Fit to validated observations; attributes are set once the fit is over."""
         if monotone and self.solver != "lbfgs":
             raise ValueError(
                 f"monotone=True requires solver='lbfgs', but solver={self.solver!r}; "
                 "set one of the two."
             )
-        self.classes_ = self.levels_
-        n_hidden, n_inputs = self.n_hidden, self.n_features_in_
-        self._several = weight.ndim == 3
-        if self._several and n_hidden == 0:
+        X, _, _, weight = train
+        several = weight.ndim == 3
+        if several and self.n_hidden == 0:
             raise ValueError(
-                "n_hidden=0 leaves nothing that several attributes could share; set it "
-                "to at least 1, or fit a model to each attribute."
+                "n_hidden=0 leaves nothing that several adjectives could share; set it "
+                "to at least 1, or fit a model to each adjective."
             )
-        # Only their ratio matters; a power of four is exact, also under the root.
-        exponent = 2 * (np.frexp(weight.sum())[1] // 2)
-        with np.errstate(over="ignore"):
-            alpha = min(np.ldexp(self.alpha, -exponent), _LARGEST_PENALTY)
-        weight = np.ldexp(weight, -exponent)
-        self._present, observations, level_weights = rank_levels(
-            positions, level, weight, len(self.levels_)
+        context = self._init_callback_context(max_subtasks=self.max_iter)
+        context.call_on_fit_task_begin(estimator=self, X=X)
+        end_iteration = None
+        if hasattr(self, "_skl_callbacks"):
+            end_iteration = partial(self._end_iteration, context)
+        network, self.loss_, self.loss_curve_, self.n_iter_ = self._minimise(
+            train, validation, len(levels), rng, monotone, end_iteration
         )
-        if not observations:
-            self._store_constant()
-            return
-        n_levels = [len(each) for each in level_weights]
-        params = initial_params(n_inputs, n_hidden, level_weights, rng)
+        self.levels_ = self.classes_ = levels
+        self.intercepts_, self.thresholds_ = network.bias, network.thresholds
+        self.coefs_ = [network.coef, network.output][: 1 + (self.n_hidden > 0)]
+        if not several:
+            self.coefs_[1:] = [output[:, 0] for output in self.coefs_[1:]]
+            self.thresholds_ = self.thresholds_[0]
+        context.call_on_fit_task_end(estimator=self, X=X, reconstruction_attributes={})
+        return self
+
+    def _end_iteration(self, context, iteration):
+        """Tell the callbacks of an iteration; return whether one of them stops."""
+        task = context.subcontext(task_name=f"iteration {iteration}")
+        task.call_on_fit_task_begin(estimator=self)
+        return task.call_on_fit_task_end(estimator=self)
+
+    @one_blas_thread
+    def _minimise(self, train, validation, n_levels, rng, monotone, end_iteration):
+        """Return the network, its cost, the cost after each iteration, their number."""
+        X, positions, level, weight = train
+        weight, alpha = scaled_to_unit_weight(weight, self.alpha)
+        adjectives = rank_levels(positions, level, weight, n_levels)
+        present = [each.present for each in adjectives]
+        learned = [each for each in adjectives if len(each.present) > 1]
+        n_inputs = X.shape[1] + (positions is not None)
+        n_present = tuple(len(each.present) for each in learned)
+        layout = Layout(n_inputs, self.n_hidden, n_present)
+        if not learned:  # every adjective has one level, which is always predicted
+            network = layout.network(np.zeros(layout.size), present, n_levels)
+            return network, 0.0, [], 0
+        start = initial_params(layout, [each.level_weight for each in learned], rng)
         trial_weight = weight.reshape(len(weight), -1).sum(axis=1)
-        X = np.ascontiguousarray(X)  # the same sums in any layout
-        centre, spread = np.zeros(X.shape[1]), 1.0
-        if self.scale_features:
-            centre = feature_means(X, trial_weight)
-            X = X - centre
-            spread = total_spread(X, trial_weight) or 1.0
-            X = X / spread
-        evened = None
-        if self.solver == "lbfgs":
-            evened = EvenedFeatures(X, alpha, trial_weight)
-            params = change_weights(
-                params, evened.to_inputs, X.shape[1], n_hidden, n_inputs
-            )
-            X = evened.inputs
-            n_inputs = X.shape[1] + (positions is not None)
-            n_others = n_inputs + 1 - X.shape[1]  # the position and the output
-            alpha = np.append(evened.alpha, np.full(n_others, alpha))
-        if len(observations) == 1:
-            fun = NetworkLoss(X, *observations[0], n_hidden, alpha)
-        else:
-            fun = SharedLoss(X, observations, n_hidden, alpha)
+        scale, rotate = self.scale_features, self.solver == "lbfgs"
+        features = Conditioning(X, layout, alpha, trial_weight, scale, rotate)
+        observations = [each.observations for each in learned]
+        loss = NetworkLoss(
+            features.layout, features.inputs, observations, features.alpha
+        )
 
-        def to_features(weights):
-            weights = weights if evened is None else evened.to_features(weights)
-            return weights / spread
+        def network_of(params):
+            return layout.network(features.invert(params), present, n_levels)
 
-        def of_features(params):
-            params = change_weights(params, to_features, X.shape[1], n_hidden, n_inputs)
-            coef, bias, _, first, _ = unpack(params, self.n_features_in_, n_hidden)
-            at_centre = centre @ coef[: len(centre)]
-            if n_hidden:
-                bias -= at_centre
-            else:
-                first += at_centre
-            return params
-
-        def validation_error(params):
-            self._store(of_features(params), n_levels)
-            X_val, *observed = validation
-            errors = []
-            for i, (at, true, counted) in enumerate(attributes_of(*observed)):
-                latent = forward(X_val, at, *self._weights)[0]
-                latent = latent[..., i] if self._several else latent
-                predicted = self._proba_of(latent, i).argmax(axis=-1)
-                error = _macro_mae(predicted, true, counted > 0)
-                errors.append(np.average(error, weights=counted.max(axis=1)))
-            return np.mean(errors)
-
-        def end_iteration():
-            task = context.subcontext(task_name=f"iteration {len(monitor.costs)}")
-            task.call_on_fit_task_begin(estimator=self)
-            return task.call_on_fit_task_end(estimator=self)
+        def error_of(params):
+            return validation_error(network_of(params), *validation)
 
         monitor = Monitor(
-            None if validation is None else validation_error,
+            None if validation is None else error_of,
             self.n_iter_no_change,
-            end_iteration if hasattr(self, "_skl_callbacks") else None,
+            end_iteration,
         )
+        params, n_iter = self._search(loss, features.apply(start), monitor, monotone)
+        return network_of(params), float(loss(params)[0]), monitor.costs, n_iter
+
+    def _search(self, loss, start, monitor, monotone):
+        """Return the parameters that cost least, or validate best, and the iterations.
+
+        A search that did not converge warns, unless validation chose the parameters.
+        """
         options = {"max_iter": self.max_iter, "tol": self.tol, "callback": monitor}
-        if self.solver == "lbfgs":
-            bounds = None
-            if monotone:
-                bounds = monotone_bounds(len(params), n_inputs, n_hidden, n_levels)
-                params = np.clip(params, *bounds.T)
-            result = lbfgs(fun, params, bounds=bounds, **options)
-        else:
-            result = irprop_plus(fun, params, **options)
-        params, self.n_iter_, converged = result
+        if monotone:
+            options["bounds"] = monotone_bounds(loss.layout)
+        params, n_iter, converged = SOLVERS[self.solver](loss, start, **options)
         if monitor.best_params is not None:
-            params = monitor.best_params
-        elif not converged:
+            return monitor.best_params, n_iter
+        if not converged:
             warnings.warn(
-                f"NNPOM did not converge ({self.n_iter_} iterations, "
+                f"NNPOM did not converge ({n_iter} iterations, "
                 f"max_iter={self.max_iter}); increase max_iter or alpha, unless alpha "
                 "is huge, or use early_stopping=True.",
                 ConvergenceWarning,
                 stacklevel=3,
             )
-        self.loss_ = float(fun(params)[0])
-        self.loss_curve_ = monitor.costs
-        self._store(of_features(params), n_levels)
-
-    def _store(self, params, n_levels):
-        coef, bias, heads = split_heads(
-            params, self.n_features_in_, self.n_hidden, n_levels
-        )
-        heads = iter(heads)
-        outputs, thresholds, self._present_thresholds = [], [], []
-        for present in self._present:
-            output, between = np.zeros(self.n_hidden), np.empty(0)
-            if len(present) > 1:
-                output, first, gap_logits = next(heads)
-                between = thresholds_from(first[0], gap_logits)
-            # Infinite or equal around levels that no rating has.
-            edges = np.concatenate(([-np.inf], between, [np.inf]))
-            upper = np.arange(len(self.levels_) - 1)
-            thresholds.append(edges[np.searchsorted(present, upper, side="right")])
-            self._present_thresholds.append(between)
-            outputs.append(output)
-        self.intercepts_ = bias
-        self.coefs_ = [coef]
-        self.thresholds_ = np.stack(thresholds)
-        if self.n_hidden:
-            self.coefs_.append(np.stack(outputs, axis=1))
-        if not self._several:
-            self.coefs_[1:] = [output[:, 0] for output in self.coefs_[1:]]
-            self.thresholds_ = self.thresholds_[0]
-
-    def _store_constant(self):
-        """Fit the model that always predicts the only level there is."""
-        n_hidden = self.n_hidden
-        self._store(np.zeros(self.n_features_in_ * max(n_hidden, 1) + n_hidden), [])
-        self.loss_, self.loss_curve_, self.n_iter_ = 0.0, [], 0
+        return params, n_iter
 
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
         """Predict the probability of each level.
@@ -562,7 +411,7 @@ class NNPOM(
             if several attributes were learnt, they are a further axis behind that of
             the trials.
         """
-        return np.ascontiguousarray(self._proba(self.predict_latent(X)))
+        return np.ascontiguousarray(self._probabilities(self._forward(X)[0])[:, 0])
 
     def predict_proba_with_positions(
         self, X: FloatArray, positions: FloatArray
@@ -580,7 +429,7 @@ class NNPOM(
         -------
         proba : ndarray of shape (n_trials, n_positions, n_levels)
         """
-        return self._proba(self.predict_latent_with_positions(X, positions))
+        return self._probabilities(self._apply(X, positions)[0])
 
     def predict_latent_with_positions(
         self, X: FloatArray, positions: FloatArray
@@ -599,7 +448,7 @@ class NNPOM(
         latent : ndarray of shape (n_trials, n_positions)
             What `thresholds_` cut into levels.
         """
-        return self._forward_with_positions(X, positions)[0]
+        return self._of_adjectives(self._apply(X, positions)[0], -1)
 
     def hidden_activations_with_positions(
         self, X: FloatArray, positions: FloatArray
@@ -618,10 +467,7 @@ class NNPOM(
         hidden : ndarray of shape (n_trials, n_positions, n_hidden)
             Values in [0, 1].
         """
-        return self._forward_with_positions(X, positions)[1]
-
-    def _forward_with_positions(self, X, positions):
-        return self._apply(X, np.atleast_2d(positions))
+        return self._apply(X, positions)[1]
 
     def predict(self, X: ArrayLike) -> np.ndarray:
         """Predict the most probable level.
@@ -650,7 +496,7 @@ class NNPOM(
         -------
         latent : ndarray of shape (n_trials,)
         """
-        return self._forward(X)[0][:, 0]
+        return self._of_adjectives(self._forward(X)[0], -1)[:, 0]
 
     def hidden_activations(self, X: ArrayLike) -> NDArray[np.float64]:
         """Activations of the hidden units, the network's own features.
@@ -665,35 +511,29 @@ class NNPOM(
         hidden : ndarray of shape (n_trials, n_hidden)
             Values in [0, 1]; no columns for the linear model.
         """
-        latent, hidden = self._forward(X)
-        return np.empty((len(latent), 0)) if hidden is None else hidden[:, 0]
+        return self._forward(X)[1][:, 0]
 
     def _forward(self, X):
         check_is_fitted(self)
         X = check_table(self, X, dtype=np.float64, reset=False)
         return self._apply(X, None)
 
-    @property
-    def _weights(self):
-        output = self.coefs_[1] if len(self.coefs_) > 1 else self.intercepts_
-        return self.coefs_[0], self.intercepts_, output
-
     @one_blas_thread
     def _apply(self, X, positions):
-        latent, hidden = forward(X, positions, *self._weights)
-        return np.clip(latent, -_LARGEST_LATENT, _LARGEST_LATENT), hidden
+        positions = None if positions is None else np.atleast_2d(positions)
+        return self._network.forward(X, positions)
 
-    def _proba(self, latent):
-        if not self._several:
-            return self._proba_of(latent, 0)
-        each = [self._proba_of(f, i) for i, f in enumerate(np.moveaxis(latent, -1, 0))]
-        return np.stack(each, axis=-2)
+    def _probabilities(self, latent):
+        return self._of_adjectives(self._network.probabilities(latent), -2)
 
-    def _proba_of(self, latent, attribute):
-        levels = self._present[attribute]
-        present = level_probabilities(latent, self._present_thresholds[attribute])
-        if len(levels) == len(self.levels_):
-            return present
-        proba = np.zeros((*latent.shape, len(self.levels_)))
-        proba[..., levels] = present
-        return proba
+    def _of_adjectives(self, predicted, axis):
+        """Drop the axis of the adjectives if the network was fitted to one alone."""
+        return predicted if self.thresholds_.ndim == 2 else predicted.squeeze(axis)
+
+    @property
+    def _network(self):
+        """The fitted attributes as a network."""
+        thresholds = np.atleast_2d(self.thresholds_)
+        output = self.coefs_[1] if len(self.coefs_) > 1 else np.empty(0)
+        output = output.reshape(len(self.intercepts_), len(thresholds))
+        return Network(self.coefs_[0], self.intercepts_, output, thresholds)
