@@ -443,6 +443,26 @@ def test_callbacks_see_every_iteration_and_may_stop(solver):
     assert recorder.tasks[-1] == "teardown"
 
 
+class Failing(Recorder):
+    def on_fit_task_end(self, estimator, context):
+        if context.task_name == "iteration 12":
+            raise RuntimeError("out of memory")
+
+
+@pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
+def test_a_fit_that_fails_leaves_the_fitted_model(solver):
+    """It fails after the first validation."""
+    rng = np.random.default_rng(8)
+    X, y, objects = rng.normal(size=(40, 3)), rng.integers(0, 3, 40), np.arange(40)
+    model = NNPOM(4, solver=solver, tol=0, early_stopping=True, random_state=0)
+    before = dict(vars(model.fit(X, y, groups=objects)))
+    model.set_callbacks(Failing())
+    with pytest.raises(RuntimeError, match="out of memory"):
+        model.fit(-X, y[::-1] + 1, groups=objects)
+    for name in before:
+        assert getattr(model, name) is before[name]
+
+
 @pytest.mark.parametrize("exponent", [-300, -160, 0, 160, 300])
 @pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
 @pytest.mark.parametrize("n_hidden", [0, 2])

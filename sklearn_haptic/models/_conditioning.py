@@ -146,9 +146,9 @@ class Conditioning:
             self._axes = EvenedFeatures(X, alpha, trial_weight)
             X, input_alpha = self._axes.inputs, self._axes.alpha
         self.inputs = X
-        n_positions = layout.n_inputs - self._n_features
-        self.alpha = np.append(input_alpha, np.full(n_positions + 1, alpha))
-        self.layout = replace(layout, n_inputs=X.shape[1] + n_positions)
+        has_position = layout.n_inputs - self._n_features  # 0 or 1
+        self.alpha = np.append(input_alpha, np.full(has_position + 1, alpha))
+        self.layout = replace(layout, n_inputs=X.shape[1] + has_position)
 
     def apply(self, params):
         """Return start values for the inputs from start values for scaled features."""

@@ -127,10 +127,10 @@ def ordinal_loss(latent, level, weight, first, raw_gaps, gaps=SoftplusGaps):
 def level_probabilities(latent, thresholds):
     """Return P(level) as products of positive factors, on a new last axis.
 
-    Against arithmetic of 60 digits each is off by less than a rounding error (2.2e-16)
+    Against arithmetic of 60 digits, each is off by less than a rounding error (2.2e-16)
     times the largest of 1, the latent response and the thresholds in size; they sum to
-    1 within 4 rounding errors. Those below 1e-300 may come out as 0; levels between
-    equal thresholds, or beyond an infinite one, have exactly 0.
+    1 within 4 rounding errors. Those below 1e-300 may be returned as 0; a level between
+    equal thresholds, or beyond an infinite one, has exactly 0.
     """
     lower = np.concatenate(([-np.inf], thresholds))
     upper = np.concatenate((thresholds, [np.inf]))
@@ -315,10 +315,10 @@ class Network:
 
 
 def linear_response(X, coef):
-    """Return X @ coef; where it overflows, infinite with the sign of the exact sum.
+    """Return X @ coef; where it overflows, infinity with the sign of the exact sum.
 
-    Terms that overflow one by one may cancel, and kernels with a fused multiply-add
-    then leave an infinity of either sign, depending on the order of their sums.
+    Terms that overflow one by one may cancel. Kernels with a fused multiply-add then
+    return an infinity of either sign, depending on the order in which they add.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         response = X @ coef
@@ -340,9 +340,9 @@ def sigmoid_of_sums(a, b, spread_a=np.asarray, spread_b=np.asarray, out=None):
     a, b : ndarray
         Summands; overwritten.
     spread_a, spread_b : callable
-        Take `a` and `b`, or arrays like them, to shapes that broadcast.
+        Bring `a` and `b`, or arrays of their shapes, to shapes that broadcast.
     out : ndarray, default=None
-        Where to put the result.
+        Receives the result.
     """
     largest = max(extreme for x in (a, b) for extreme in (-x.min(), x.max()))
     if largest > _LARGEST_EXPONENT / 2:  # a product of exponentials may overflow
@@ -450,9 +450,9 @@ class NetworkLoss:
     W``; hidden biases and thresholds are not penalised. A weight of 2 therefore
     equals the same row given twice. Observations of weight zero cost nothing.
 
-    Against arithmetic of hundreds of digits, for parameters up to 250 in size, which
-    saturate most units, the cost was off by less than 1e-15 of its size, the gradient
-    by less than 1e-14 of its largest component, or of 1 if that is smaller.
+    The cost is off by less than 1e-15 of its size, and the gradient by less than 1e-14
+    of the larger of 1 and its largest component, against arithmetic of hundreds of
+    digits and for parameters up to 250 in size, which saturate most units.
 
     Parameters
     ----------

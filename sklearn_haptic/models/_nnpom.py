@@ -44,45 +44,46 @@ class NNPOM(
     ratings or on the counts of many people's ratings, which equals training on
     each rating in turn. ``n_hidden=0`` is the linear proportional odds model.
 
-    Features in different units are best brought to one first
-    (`sklearn.preprocessing.StandardScaler`): what varies less than 1e-13 times as much
-    as the rest counts as rounding and gets no weight. The unit itself and an offset do
-    not matter with ``scale_features=True``; an offset of 1e8 spreads costs
-    probabilities eight of their sixteen digits.
+    Bring features in different units to a common one first, for example with
+    `sklearn.preprocessing.StandardScaler`: a feature that varies less than 1e-13 times
+    as much as the others cannot be told from rounding and gets no weight. With
+    ``scale_features=True`` neither the common unit nor an offset matters, except that
+    an offset of 1e8 times the spread costs the probabilities eight of their sixteen
+    digits.
 
     Parameters
     ----------
     n_hidden : int, default=10
         Number of hidden units; 0 for the linear model.
     alpha : float, default=1.0
-        L2 penalty (lambda in the paper) of all weights but the hidden biases
-        and thresholds, beside the *sum* of the observations' negative
-        log-likelihoods: repeating every observation weakens it. Search it on a
-        log scale.
+        L2 penalty (lambda in the paper) of all weights, but not of the hidden biases
+        and thresholds. It is added to the *sum* of the observations' negative
+        log-likelihoods, so repeating every observation weakens it. Search it on a log
+        scale.
     scale_features : bool, default=True
         Centre the features and divide all by the square root of their total
         variance, so that the same alpha and the same start values suit any number
-        of features in any unit; `coefs_` are for the features as given. False is
-        the paper's.
+        of features in any unit; `coefs_` are for the features as given. The paper
+        does not scale.
     solver : {"lbfgs", "irprop+"}, default="lbfgs"
-        "irprop+" is the paper's. "lbfgs" reaches the same cost in fewer
-        iterations; it works on the features' principal directions, as many as the
-        trials span, whatever the number of features.
+        The paper uses "irprop+". "lbfgs" reaches the same cost in fewer iterations;
+        it works on the features' principal directions, of which there are at most as
+        many as trials, whatever the number of features.
     max_iter : int, default=500
-        Most iterations of the solver.
+        Largest number of iterations of the solver.
     tol : float, default=1e-4
-        Largest component of the gradient of the mean cost at convergence, for
-        "lbfgs" in its own coordinates.
+        The solver has converged when no component of the gradient of the mean cost
+        exceeds this; "lbfgs" measures the gradient in its own coordinates.
     early_stopping : bool, default=False
-        Hold out some trials, measure their error every 10 iterations, stop when
-        it has not decreased in ``n_iter_no_change`` iterations, and keep the
-        best model. The error is the per-trial macro-averaged absolute error of
-        the most probable level. Give `fit` the trials' objects as ``groups``, so
-        that whole objects are held out.
+        Set validation trials aside, measure their error every 10 iterations, stop when
+        it has not decreased in ``n_iter_no_change`` iterations, and keep the best
+        model. The error is the absolute error of the most probable level,
+        macro-averaged per trial. Give `fit` the trials' objects as ``groups``, so that
+        whole objects validate.
     n_iter_no_change : int, default=150
         Patience of early stopping, in iterations.
     validation_fraction : float, default=0.1
-        Share of the trials (of the groups, if ``fit`` is given any) held out
+        Share of the trials (of the groups, if ``fit`` is given any) that validate
         for early stopping.
     levels : array-like of shape (n_levels,), default=None
         All ordered levels, so that one absent from the training data keeps its
@@ -91,8 +92,8 @@ class NNPOM(
         words in the order of the columns. Without labels they are 1, 2, … for counts
         and the sorted ratings that occur.
     random_state : int, RandomState instance or None, default=None
-        Start values of the weights and the validation trials. Without hidden
-        units and early stopping nothing is random.
+        Draws the start values of the weights and the validation trials. Without
+        hidden units and early stopping nothing is random.
 
     Attributes
     ----------
@@ -100,13 +101,13 @@ class NNPOM(
         The ordered levels.
     coefs_ : list of ndarray
         Weights of shape (n_features, n_hidden) into the hidden units and of
-        shape (n_hidden,) out of them, (n_hidden, n_attributes) if several were learnt;
-        one array of shape (n_features,) if there are no units.
+        shape (n_hidden,) out of them, or (n_hidden, n_adjectives) if several were
+        learned; one array of shape (n_features,) if there are no units.
     intercepts_ : ndarray of shape (n_hidden,)
         Biases of the hidden units.
-    thresholds_ : ndarray of shape (n_levels - 1,), or (n_attributes, n_levels - 1)
-        Thresholds between the levels; infinite or equal around levels that no
-        training rating has.
+    thresholds_ : ndarray of shape (n_levels - 1,), or (n_adjectives, n_levels - 1)
+        Thresholds between the levels; infinite or equal around levels without a
+        training rating.
     loss_ : float
         Final cost: penalised mean negative log-likelihood.
     loss_curve_ : list of float
@@ -204,18 +205,18 @@ class NNPOM(
         X : array-like of shape (n_trials, n_features)
             Features of each trial.
         y : array-like of shape (n_trials,) or (n_trials, n_levels)
-            One rating a trial, or how many people gave each rating. Such counts of
-            several attributes, as an array of shape (n_trials, n_attributes,
-            n_levels), are learnt together: the attributes share the hidden units.
+            One rating per trial, or how many people gave each rating. Such counts of
+            several adjectives, as an array of shape (n_trials, n_adjectives,
+            n_levels), are learned together: the adjectives share the hidden units.
         sample_weight : array-like of shape (n_trials,), default=None
-            Weight of each trial, also among those held out for early stopping. 2
-            equals the trial given twice, if groups keep both on one side. Penalties
-            are beside the weighted sum: a factor of all weights acts like its inverse
-            on ``alpha``.
+            Weight of each trial, in training and in validation. A weight of 2 equals
+            the trial given twice, if groups keep both on one side. The penalty is added
+            to the weighted sum: multiplying all weights by a factor acts like dividing
+            ``alpha`` by it.
         groups : array-like of shape (n_trials,), default=None
-            The object of each trial; early stopping holds out whole objects, and
-            warns if it has to do without. In a search or cross-validation they reach
-            `fit` after ``sklearn.set_config(enable_metadata_routing=True)`` and
+            The object of each trial. Early stopping validates on whole objects, and
+            warns without groups. In a search or cross-validation they reach `fit`
+            after ``sklearn.set_config(enable_metadata_routing=True)`` and
             ``NNPOM(...).set_fit_request(groups=True)``.
 
         Returns
@@ -253,9 +254,9 @@ class NNPOM(
         """Fit as if each trial were repeated with one more feature, its position.
 
         The cost, its gradient and the fitted model are those of `fit` on the
-        repeated rows ``[x, position]``, which are never built. This is what
-        `DistributionalOrdinalRegressor` calls on an estimator that has it; the
-        input has been validated.
+        repeated rows ``[x, position]``, which are never built.
+        `DistributionalOrdinalRegressor` calls this, with validated input, on an
+        estimator that has it.
 
         Parameters
         ----------
@@ -263,8 +264,8 @@ class NNPOM(
             Features of each trial; of shape (n_trials, n_observations, n_features)
             if its observations do not share them.
         positions : ndarray of shape (n_trials, n_observations), or None
-            The last feature of each observation, if there is one. Of several
-            attributes, this and the next two have the shape (n_trials, n_attributes,
+            The last feature of each observation, if there is one. For several
+            adjectives, this and the next two have the shape (n_trials, n_adjectives,
             n_observations).
         level : ndarray of int of shape (n_trials, n_observations)
             Index into ``levels`` of each observation's rating.
@@ -273,12 +274,12 @@ class NNPOM(
         levels : ndarray of shape (n_levels,)
             The ordered levels.
         monotone : bool, default=False
-            Keep the latent response from falling as the position grows, by
-            non-negative weights of the position and out of the hidden units;
-            for the "lbfgs" solver.
+            Keep the latent response from falling as the position grows: the weights
+            of the position and those out of the hidden units are not negative. For
+            the "lbfgs" solver only.
         validation : tuple of (X, positions, level, weight), default=None
-            Trials for early stopping; None for no early stopping. Observations of
-            zero weight do not count; those of a trial share its weight.
+            Validation trials; None for no early stopping. Observations of zero weight
+            do not count; all others of a trial have the trial's weight.
         feature_names : ndarray of shape (n_features,), default=None
             Names of the features, if they have any; the last feature is named
             ``"position"``.
@@ -323,12 +324,12 @@ class NNPOM(
         network, self.loss_, self.loss_curve_, self.n_iter_ = self._minimise(
             train, validation, len(levels), rng, monotone, end_iteration
         )
-        self.levels_ = self.classes_ = levels
-        self.intercepts_, self.thresholds_ = network.bias, network.thresholds
-        self.coefs_ = [network.coef, network.output][: 1 + (self.n_hidden > 0)]
+        output, thresholds = network.output, network.thresholds
         if not several:
-            self.coefs_[1:] = [output[:, 0] for output in self.coefs_[1:]]
-            self.thresholds_ = self.thresholds_[0]
+            output, thresholds = output[:, 0], thresholds[0]
+        self.coefs_ = [network.coef, output] if self.n_hidden else [network.coef]
+        self.intercepts_, self.thresholds_ = network.bias, thresholds
+        self.levels_ = self.classes_ = levels
         context.call_on_fit_task_end(estimator=self, X=X, reconstruction_attributes={})
         return self
 
@@ -407,9 +408,9 @@ class NNPOM(
         Returns
         -------
         proba : ndarray of shape (n_trials, n_levels)
-            Rows sum to 1; columns as in ``levels_``. Here and in all that is predicted,
-            if several attributes were learnt, they are a further axis behind that of
-            the trials.
+            Rows sum to 1; columns as in ``levels_``. If several adjectives were
+            learned, every prediction has a further axis for them behind that of the
+            trials.
         """
         return np.ascontiguousarray(self._probabilities(self._forward(X)[0])[:, 0])
 
@@ -446,14 +447,14 @@ class NNPOM(
         Returns
         -------
         latent : ndarray of shape (n_trials, n_positions)
-            What `thresholds_` cut into levels.
+            The response that `thresholds_` divide into levels.
         """
         return self._of_adjectives(self._apply(X, positions)[0], -1)
 
     def hidden_activations_with_positions(
         self, X: FloatArray, positions: FloatArray
     ) -> NDArray[np.float64]:
-        """Activations of the hidden units for each trial at each position.
+        """Return the activations of the hidden units for each trial at each position.
 
         Parameters
         ----------
@@ -485,7 +486,7 @@ class NNPOM(
         return self.levels_[proba.argmax(axis=-1)]
 
     def predict_latent(self, X: ArrayLike) -> NDArray[np.float64]:
-        """Predict the latent response f, which the thresholds cut into levels.
+        """Predict the latent response f, which the thresholds divide into levels.
 
         Parameters
         ----------
@@ -499,7 +500,7 @@ class NNPOM(
         return self._of_adjectives(self._forward(X)[0], -1)[:, 0]
 
     def hidden_activations(self, X: ArrayLike) -> NDArray[np.float64]:
-        """Activations of the hidden units, the network's own features.
+        """Return the activations of the hidden units, the network's own features.
 
         Parameters
         ----------
