@@ -188,6 +188,7 @@ def test_levels_that_an_attribute_never_has():
     assert not proba[:, 0, [1, 4]].any() and proba[:, 0, [0, 2, 3]].all()
     np.testing.assert_array_equal(proba[:, 1], [[0, 0, 0, 1, 0]] * len(X))
     assert proba[:, 2].all()
+    assert (np.ptp(proba[:, 2], axis=0) > 0.01).all()
     all_agree = np.zeros_like(counts)
     all_agree[..., 2] = 8
     proba = model.fit(X, all_agree).predict_proba(X)

@@ -16,6 +16,7 @@ from sklearn.utils._testing import ignore_warnings
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNNPOM
 from sklearn_haptic.metrics import ranked_probability_score
+from sklearn_haptic.models._conditioning import Conditioning
 from sklearn_haptic.models._early_stopping import Monitor
 from sklearn_haptic.models._network import (
     Layout,
@@ -173,6 +174,30 @@ def test_row_space_rotation_reaches_the_same_minimum(n_hidden):
     assert np.abs(grad).max() < 1e-6
 
 
+@pytest.mark.parametrize("n_hidden", [0, 3])
+@pytest.mark.parametrize("scale", [False, True])
+@pytest.mark.parametrize("rotate", [False, True])
+def test_conditioning_and_back(n_hidden, scale, rotate):
+    """One network, told in scaled features, the solver's inputs and given features."""
+    rng = np.random.default_rng(2)
+    X, positions = 5 + 3 * rng.normal(size=(30, 4)), rng.normal(size=(30, 2))
+    layout = Layout(5, n_hidden, (4,))
+    params = rng.normal(size=layout.size)
+    features = Conditioning(X, layout, 0.7, np.ones(30), scale, rotate)
+    start = features.apply(params)
+    scaled = (X - X.mean(axis=0)) / np.sqrt(X.var(axis=0).sum()) if scale else X
+    expected, *others = (
+        each.network(values, [np.arange(4)], 4).predict_proba(seen, positions)
+        for each, values, seen in [
+            (layout, params, scaled),
+            (features.layout, start, features.inputs),
+            (layout, features.invert(start), X),
+        ]
+    )
+    for proba in others:
+        np.testing.assert_allclose(proba, expected, rtol=1e-9)
+
+
 def test_features_that_are_principal_axes_already():
     """After PCA the same model, with no axes to find."""
     rng = np.random.default_rng(2)
@@ -266,6 +291,19 @@ def test_fit_with_positions_equals_repeated_rows():
             model.predict_proba(at_grid),
             rtol=1e-12,
         )
+
+
+def test_observations_that_share_no_features_are_trials_of_their_own():
+    rng = np.random.default_rng(3)
+    X, positions = rng.normal(size=(25, 6, 4)), rng.normal(size=(25, 6))
+    level, weight = rng.integers(0, 4, (25, 6)), rng.integers(0, 3, (25, 6)) * 1.0
+    rows = np.dstack((X, positions)).reshape(-1, 5)
+    model = NNPOM(0, scale_features=False, tol=1e-9)
+    flat = clone(model).fit(rows, level.ravel(), weight.ravel())
+    model.fit_with_positions(X, positions, level, weight, levels=np.arange(4))
+    np.testing.assert_allclose(
+        model.predict_proba(rows), flat.predict_proba(rows), rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize("n_duplicates", [15, 50])

@@ -82,7 +82,8 @@ class RankedRatings(NamedTuple):
     """Total weight of the ratings of each of these levels."""
 
     observations: tuple[FloatArray | None, NDArray[np.intp], FloatArray]
-    """Positions, ranks and weights; a rank is an index into `present`."""
+    """Positions, ranks and weights; where the weight is not zero, a rank is an index
+    into `present`."""
 
 
 def rank_levels(positions, level, weight, n_levels):
@@ -107,8 +108,6 @@ def rank_levels(positions, level, weight, n_levels):
             level_of.ravel(), weight_of.ravel(), minlength=n_levels
         )
         present = np.flatnonzero(level_weight)
-        rank = np.searchsorted(present, level_of)
-        rank = np.minimum(rank, len(present) - 1)  # where the weight is zero
-        observations = positions_of, rank, weight_of
+        observations = positions_of, np.searchsorted(present, level_of), weight_of
         ranked.append(RankedRatings(present, level_weight[present], observations))
     return ranked

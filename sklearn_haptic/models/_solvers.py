@@ -76,9 +76,8 @@ def lbfgs(fun, x0, *, max_iter, tol, callback, bounds=None):
     Parameters
     ----------
     bounds : ndarray of shape (n_params, 2), default=None
-        Smallest and largest value of each parameter.
+        Smallest and largest value of each parameter; `x0` is brought within them.
     """
-    lower, upper = (-np.inf, np.inf) if bounds is None else bounds.T
 
     def stop(intermediate_result):
         if callback(intermediate_result.x, intermediate_result.fun):
@@ -86,7 +85,7 @@ def lbfgs(fun, x0, *, max_iter, tol, callback, bounds=None):
 
     result = optimize.minimize(
         fun,
-        np.clip(x0, lower, upper),
+        x0,
         jac=True,
         method="L-BFGS-B",
         bounds=bounds,
@@ -100,6 +99,7 @@ def lbfgs(fun, x0, *, max_iter, tol, callback, bounds=None):
             "ftol": np.finfo(float).eps,
         },
     )
+    lower, upper = (-np.inf, np.inf) if bounds is None else bounds.T
     downhill = np.clip(result.x - result.jac, lower, upper) - result.x
     flat = np.max(np.abs(downhill)) <= max(tol, _ROUNDING)
     return result.x, result.nit, flat or result.status == _STOPPED
