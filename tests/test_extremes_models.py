@@ -460,6 +460,16 @@ def test_prediction_far_from_the_training_features(n_trials, order):
     assert_distributions(network.predict_proba(X * 1e305))
 
 
+@pytest.mark.parametrize("decode", ["mixture", "quantile"])
+def test_a_response_that_overflows_beside_levels_never_used(decode):
+    X, counts = touches()
+    counts[:, [0, 4]] = 0
+    model = DistributionalOrdinalRegressor(NNPOM(0), decode=decode)
+    away = 1e250 * np.sign(model.fit(X * 1e-150, counts).estimator_.coefs_[0][:-1])
+    proba = model.predict_proba([-away, away])
+    np.testing.assert_allclose(proba, np.eye(5)[[1, 3]], atol=1e-300)
+
+
 # The distributional regressor
 
 CROWDS = {
