@@ -33,7 +33,7 @@ from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import NNPOM, KSVDTransformer
 from sklearn_haptic.metrics import ranked_probability_score
-from sklearn_haptic.models._network import NetworkLoss, level_probabilities, unpack
+from sklearn_haptic.models._network import Layout, NetworkLoss, level_probabilities
 
 if find_spec("spams"):
     import spams
@@ -348,8 +348,9 @@ def costs(case):
         (layer[:, 1:].T.ravel(), layer[:, 0], output, t[:1], gap_logits)
     )
     level, weight = y[:, None] - 1, np.ones((len(y), 1))
-    cost, grad = NetworkLoss(X, None, level, weight, n_hidden, penalty)(ours)
-    coef, bias, output, first, gaps = unpack(grad, n_features, n_hidden)
+    layout = Layout(n_features, n_hidden, (len(t) + 1,))
+    cost, grad = NetworkLoss(layout, X, [(None, level, weight)], penalty)(ours)
+    coef, bias, [(output, first, gaps)] = layout.split(grad)
     gaps = gaps * 2 * t[1:] / -np.expm1(-(t[1:] ** 2))
     layer = np.column_stack((bias, coef.T)).ravel(order="F")
     yield OURS, cost, np.concatenate((layer, output, first, gaps))

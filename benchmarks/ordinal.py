@@ -34,8 +34,8 @@ from skordinal.datasets import load_era, load_esl, load_lev, load_swd
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
 from sklearn_haptic._distributions import quantile_grid
-from sklearn_haptic.models._conditioning import EvenedFeatures, change_weights
-from sklearn_haptic.models._network import NetworkLoss
+from sklearn_haptic.models._conditioning import Conditioning
+from sklearn_haptic.models._network import Layout, NetworkLoss
 from sklearn_haptic.models._quantile_positions import training_observations
 from sklearn_haptic.models._solvers import lbfgs
 
@@ -81,17 +81,15 @@ def start_of_peer(seed, n_features, n_hidden, n_levels):
 
 def descend(X, level, n_hidden, alpha, params, target):
     """What `NNPOM.fit` does, from given parameters down to a cost."""
-    evened = EvenedFeatures(X, alpha, trial_weight=1.0)
-    n_features = X.shape[1]
-    params = change_weights(params, evened.to_inputs, n_features, n_hidden, n_features)
-    penalty = np.append(evened.alpha, alpha)
     level = level[:, None]
     weight = np.ones(level.shape)
-    cost = NetworkLoss(evened.inputs, None, level, weight, n_hidden, penalty)
+    layout = Layout(X.shape[1], n_hidden, (level.max() + 1,))
+    features = Conditioning(X, layout, alpha, weight[:, 0], scale=False, rotate=True)
+    observed = None, level, weight
+    cost = NetworkLoss(features.layout, features.inputs, [observed], features.alpha)
     params, _, _ = lbfgs(
         cost,
-        params,
-        bounds=None,
+        features.apply(params),
         max_iter=500,
         tol=1e-5,
         callback=lambda _, value: value <= target,

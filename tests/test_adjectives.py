@@ -18,7 +18,7 @@ from sklearn_haptic.metrics import (
     neg_rps_scorer,
     ranked_probability_score,
 )
-from sklearn_haptic.models._network import SharedLoss, softplus, split_heads
+from sklearn_haptic.models._network import Layout, NetworkLoss, softplus
 
 
 def touches(n_objects=12, n_trials=2, n_adjectives=3, seed=0):
@@ -35,12 +35,11 @@ def touches(n_objects=12, n_trials=2, n_adjectives=3, seed=0):
     return X, counts[objects].astype(float), objects
 
 
-def by_hand(X, observations, n_hidden, alpha, params, n_levels, number=float):
+def by_hand(layout, X, observations, alpha, params, number=float):
     """Cost of the joint network, observation by observation."""
     sigmoid = expit if number is float else lambda x: 1 / (1 + mp.exp(-x))
     log, plus = (np.log, softplus) if number is float else (mp.log, _mp_softplus)
-    n_inputs = X.shape[1] + 1
-    coef, bias, heads = split_heads(params, n_inputs, n_hidden, n_levels)
+    coef, bias, heads = layout.split(params)
     penalty = sum(number(w) ** 2 for w in coef.ravel())
     loss, total = number(0), number(0)
     for (positions, level, weight), (output, first, gaps) in zip(observations, heads):
@@ -51,7 +50,7 @@ def by_hand(X, observations, n_hidden, alpha, params, n_levels, number=float):
         for t, j in np.ndindex(weight.shape):
             row = [*map(number, X[t]), number(positions[t, j])]
             f = number(0)
-            for h in range(n_hidden):
+            for h in range(layout.n_hidden):
                 drive = number(bias[h])
                 for x, w in zip(row, coef[:, h]):
                     drive += x * number(w)
@@ -79,17 +78,17 @@ def random_problem(seed, n_trials=5, n_features=3, n_hidden=2):
         for k in n_levels
     ]
     X = rng.normal(size=(n_trials, n_features))
-    n_params = (n_features + 2) * n_hidden + sum(n_hidden + k - 1 for k in n_levels)
-    return X, observations, n_hidden, n_levels, rng.normal(size=n_params)
+    layout = Layout(n_features + 1, n_hidden, tuple(n_levels))
+    return layout, X, observations, rng.normal(size=layout.size)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_cost_and_gradient(seed):
-    X, observations, n_hidden, n_levels, params = random_problem(seed)
-    loss = SharedLoss(X, observations, n_hidden, 0.7)
+    layout, X, observations, params = random_problem(seed)
+    loss = NetworkLoss(layout, X, observations, 0.7)
     cost, gradient = loss(params)
     with mp.workdps(60):
-        exact = by_hand(X, observations, n_hidden, 0.7, params, n_levels, mpf)
+        exact = by_hand(layout, X, observations, 0.7, params, mpf)
         assert abs(cost / exact - 1) < 1e-14
     numeric = approx_fprime(params, lambda x: loss(x)[0], 1e-7)
     np.testing.assert_allclose(gradient, numeric, atol=1e-6)
@@ -117,7 +116,7 @@ def test_the_fit_is_a_minimum_of_the_cost_written_out():
             for a, h in enumerate(heads)
         ]
         flat = np.concatenate((coef.ravel(), bias, *own))
-        return by_hand(X, observations, 2, 0.5, flat, [5] * 3)
+        return by_hand(Layout(4, 2, (5, 5, 5)), X, observations, 0.5, flat)
 
     fitted = np.concatenate(
         [
@@ -189,6 +188,7 @@ def test_levels_that_an_adjective_never_has():
     assert not proba[:, 0, [1, 4]].any() and proba[:, 0, [0, 2, 3]].all()
     np.testing.assert_array_equal(proba[:, 1], [[0, 0, 0, 1, 0]] * len(X))
     assert proba[:, 2].all()
+    assert (np.ptp(proba[:, 2], axis=0) > 0.01).all()
     all_agree = np.zeros_like(counts)
     all_agree[..., 2] = 8
     proba = model.fit(X, all_agree).predict_proba(X)

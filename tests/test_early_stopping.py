@@ -17,6 +17,9 @@ from sklearn_haptic import (
     SensorFusionNNPOM,
 )
 from sklearn_haptic.models._conditioning import EvenedFeatures
+from sklearn_haptic.models._early_stopping import validation_error
+from sklearn_haptic.models._network import Network
+from sklearn_haptic.models._observations import single_ratings
 
 STOPPING = NNPOM(3, early_stopping=True, n_iter_no_change=20, random_state=0)
 FUSION = SensorFusionNNPOM({"a": [0, 1], "b": [2]}, STOPPING, STOPPING, random_state=0)
@@ -202,6 +205,27 @@ def test_validation_errors_are_weighted():
         errors[scale] = model.predict_proba(X)
     np.testing.assert_array_equal(errors[1.0], unweighted.predict_proba(X))
     assert not np.allclose(errors[1.0], errors[1e-12], atol=1e-3)
+
+
+@pytest.mark.parametrize("tiny", [1e-3, 1e-300])
+def test_validation_errors_by_plain_loops(tiny):
+    """Trials count by their weights, relative to which none is lost, not by raters."""
+    rng = np.random.default_rng(0)
+    X, counts = rng.normal(size=(12, 2)), rng.poisson(2, size=(12, 4)) + np.eye(12, 4)
+    weight = tiny * np.array([1, 2] * 6)
+    weight[0] = 1 / tiny
+    network = Network(
+        np.array([2.0, -1.0]), np.empty(0), np.empty((0, 1)), np.array([[-1, 0, 1.0]])
+    )
+    X, _, level, _, counted = single_ratings(X, counts, None, weight)
+    errors = []
+    for x, row in zip(X[1:], counts[1:]):
+        below = 1 / (1 + np.exp(x @ [2.0, -1.0] - np.array([-1, 0, 1.0])))
+        predicted = np.diff(below, prepend=0, append=1).argmax()
+        errors.append(np.mean([abs(predicted - k) for k in range(4) if row[k]]))
+    expected = np.average(errors, weights=weight[1:] if tiny > 1e-9 else None)
+    found = validation_error(network, X[1:], None, level[1:], counted[1:])
+    assert found == pytest.approx(expected, rel=1e-12)
 
 
 def test_the_basis_of_the_solver_is_that_of_repeated_trials():

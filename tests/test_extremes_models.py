@@ -20,7 +20,6 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import LogisticRegression
 from sklearn.utils._testing import ignore_warnings
 
-import sklearn_haptic.models._nnpom
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, DummyDistribution
 from sklearn_haptic._distributions import level_at
 from sklearn_haptic.metrics import (
@@ -32,6 +31,7 @@ from sklearn_haptic.metrics import (
     ranked_probability_score,
 )
 from sklearn_haptic.models._network import (
+    Layout,
     NetworkLoss,
     initial_params,
     level_probabilities,
@@ -39,7 +39,6 @@ from sklearn_haptic.models._network import (
     sigmoid_of_sums,
     softplus,
     thresholds_from,
-    unpack,
 )
 from sklearn_haptic.models._quantile_positions import share_below, training_observations
 from sklearn_haptic.models._solvers import irprop_plus
@@ -89,13 +88,12 @@ def assert_distributions(proba):
 # The network's cost and gradient
 
 
-def exact_cost(params, X, positions, level, weight, n_hidden, alpha):
+def exact_cost(params, layout, X, positions, level, weight, alpha):
     """The cost by its definition, with differences of cumulative probabilities."""
-    n_inputs = X.shape[1] + (positions is not None)
-    coef, bias, output, first, gap_logits = unpack(
-        np.array(params, dtype=object), n_inputs, n_hidden
+    coef, bias, [(output, first, raw_gaps)] = layout.split(
+        np.array(params, dtype=object)
     )
-    gaps = [mpmath.log(1 + mpmath.exp(gap)) for gap in gap_logits]
+    gaps = [mpmath.log(1 + mpmath.exp(gap)) for gap in raw_gaps]
     cuts = [-mpmath.inf, *accumulate([first[0], *gaps]), mpmath.inf]
 
     def sigmoid(z):
@@ -105,7 +103,7 @@ def exact_cost(params, X, positions, level, weight, n_hidden, alpha):
     for i, j in np.ndindex(weight.shape):
         inputs = np.append(X[i], [] if positions is None else positions[i, j])
         latent = np.array([mpmath.mpf(x) for x in inputs]) @ coef
-        if n_hidden:
+        if layout.n_hidden:
             latent = np.array([sigmoid(z) for z in latent + bias]) @ output
         proba = sigmoid(cuts[level[i, j] + 1] - latent)
         proba -= sigmoid(cuts[level[i, j]] - latent)
@@ -141,11 +139,11 @@ def test_cost_and_gradient_where_units_saturate(
     X, level = rng.normal(size=(2, 2)), rng.integers(0, 4, (2, 2))
     positions = rng.normal(size=(2, 2)) if shared else None
     weight = 10 ** rng.uniform(-weight_digits, weight_digits, (2, 2))
-    n_params = (2 + shared) * max(n_hidden, 1) + 2 * n_hidden + 3
-    params = size * rng.uniform(-1, 1, n_params)
-    data = X, positions, level, weight, n_hidden, 0.7
-    cost, grad = NetworkLoss(*data)(params)
-    exact, exact_grad = exact_cost_and_gradient(params, *data)
+    layout = Layout(2 + shared, n_hidden, (4,))
+    params = size * rng.uniform(-1, 1, layout.size)
+    observed = positions, level, weight
+    cost, grad = NetworkLoss(layout, X, [observed], 0.7)(params)
+    exact, exact_grad = exact_cost_and_gradient(params, layout, X, *observed, 0.7)
     assert cost == pytest.approx(exact, rel=1e-14)
     atol = 1e-13 * max(1, np.abs(exact_grad).max())
     np.testing.assert_allclose(grad, exact_grad, rtol=0, atol=atol)
@@ -197,7 +195,8 @@ def test_softplus_and_sigmoids_at_the_ends_of_the_numbers():
 )
 def test_linear_start_has_the_frequencies_of_the_levels(weight):
     """To full precision, where one rating stands among 1e200."""
-    params = initial_params(1, 0, [np.array(weight)], None)
+    layout = Layout(1, 0, (len(weight),))
+    params = initial_params(layout, [np.array(weight)], None)
     with mpmath.workdps(300):
         cuts = [mpmath.mpf(params[1])]
         for gap in params[2:]:
@@ -334,15 +333,15 @@ def test_weights_of_zero_and_of_a_million_million(model):
         )
 
 
+class LargeDraws(np.random.RandomState):
+    def uniform(self, *args, **kwargs):
+        return 100 * super().uniform(*args, **kwargs)
+
+
 @pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
-def test_start_values_a_hundred_times_as_large(solver, monkeypatch):
+def test_start_values_a_hundred_times_as_large(solver):
     X, counts = touches()
-
-    def large(*args):
-        return 100 * initial_params(*args)
-
-    monkeypatch.setattr(sklearn_haptic.models._nnpom, "initial_params", large)
-    model = NNPOM(3, solver=solver, random_state=0)
+    model = NNPOM(3, solver=solver, random_state=LargeDraws(0))
     proba = fit_quietly(model.fit)(X, counts).predict_proba(X)
     assert_distributions(proba)
     assert model.loss_ < model.loss_curve_[0]
@@ -388,14 +387,11 @@ def test_order_of_trials(n_hidden):
     """Sums in another order: the last digits of the cost, then those of the model."""
     X, counts = touches()
     order = np.random.default_rng(1).permutation(len(X))
-    params = np.random.default_rng(2).normal(
-        size=4 * max(n_hidden, 1) + 2 * n_hidden + 4
-    )
+    layout = Layout(4, n_hidden, (5,))
+    params = np.random.default_rng(2).normal(size=layout.size)
     level = np.arange(5)[None]
     (cost, grad), (other_cost, other_grad) = (
-        NetworkLoss(X[rows], None, level, counts[rows].astype(float), n_hidden, 1.0)(
-            params
-        )
+        NetworkLoss(layout, X[rows], [(None, level, counts[rows] * 1.0)], 1.0)(params)
         for rows in (np.arange(30), order)
     )
     assert cost == pytest.approx(other_cost, rel=1e-14)
@@ -462,6 +458,16 @@ def test_prediction_far_from_the_training_features(n_trials, order):
             np.testing.assert_allclose(proba, [expected] * n_trials, atol=1e-300)
     network = NNPOM(3, random_state=0).fit(X, counts)
     assert_distributions(network.predict_proba(X * 1e305))
+
+
+@pytest.mark.parametrize("decode", ["mixture", "quantile"])
+def test_a_response_that_overflows_beside_levels_never_used(decode):
+    X, counts = touches()
+    counts[:, [0, 4]] = 0
+    model = DistributionalOrdinalRegressor(NNPOM(0), decode=decode)
+    away = 1e250 * np.sign(model.fit(X * 1e-150, counts).estimator_.coefs_[0][:-1])
+    proba = model.predict_proba([-away, away])
+    np.testing.assert_allclose(proba, np.eye(5)[[1, 3]], atol=1e-300)
 
 
 # The distributional regressor

@@ -16,17 +16,19 @@ from sklearn.utils._testing import ignore_warnings
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNNPOM
 from sklearn_haptic.metrics import ranked_probability_score
+from sklearn_haptic.models._conditioning import Conditioning
+from sklearn_haptic.models._early_stopping import Monitor
 from sklearn_haptic.models._network import (
+    Layout,
     NetworkLoss,
     initial_params,
     level_probabilities,
     ordinal_loss,
     sigmoid_of_sums,
     thresholds_from,
-    unpack,
 )
 from sklearn_haptic.models._quantile_positions import training_observations
-from sklearn_haptic.models._solvers import Monitor, irprop_plus
+from sklearn_haptic.models._solvers import irprop_plus
 
 REFERENCE_CASES = [
     f"{data}_{case}"
@@ -47,30 +49,26 @@ def _from_orca(case):
     flat = np.concatenate(
         (layer[:, 1:].T.ravel(), layer[:, 0], output, t[:1], gap_logits)
     )
-    return flat, n_hidden, n_features, t
+    return flat, Layout(n_features, n_hidden, (len(t) + 1,)), t
 
 
 @pytest.mark.parametrize("name", REFERENCE_CASES)
 def test_cost_and_gradient_equal_sixty_digit_arithmetic(shared_data, name):
     case = np.load(shared_data / "nnpom_reference" / f"{name}.npz")
-    params, n_hidden, n_features, t = _from_orca(case)
-    y = case["y_train"].ravel().astype(int) - 1
-    cost, grad = NetworkLoss(
-        case["X_train"],
-        None,
-        y[:, None],
-        np.ones((len(y), 1)),
-        n_hidden,
-        float(case["lam"]),
-    )(params)
-    coef, bias, output, first, gap_logits = unpack(grad, n_features, n_hidden)
-    gap_logit_of_t = 2 * t[1:] / expit(unpack(params, n_features, n_hidden)[4])
+    params, layout, t = _from_orca(case)
+    y = case["y_train"].ravel().astype(int)[:, None] - 1
+    observed = None, y, np.ones(y.shape)
+    loss = NetworkLoss(layout, case["X_train"], [observed], float(case["lam"]))
+    cost, grad = loss(params)
+    coef, bias, [(output, first, raw_gaps)] = layout.split(grad)
+    _, _, [head] = layout.split(params)
+    raw_gap_of_t = 2 * t[1:] / expit(head.raw_gaps)
     ours = np.concatenate(
         (
             np.column_stack((bias, coef.T)).ravel(order="F"),
             output,
             first,
-            gap_logits * gap_logit_of_t,
+            raw_gaps * raw_gap_of_t,
         )
     )
     exact = case["exact_grad"].ravel()
@@ -81,11 +79,10 @@ def test_cost_and_gradient_equal_sixty_digit_arithmetic(shared_data, name):
 @pytest.mark.parametrize("name", [c for c in REFERENCE_CASES if "stress" not in c])
 def test_probabilities_equal_orca(shared_data, name):
     case = np.load(shared_data / "nnpom_reference" / f"{name}.npz")
-    params, n_hidden, n_features, _ = _from_orca(case)
-    _, _, _, first, gap_logits = unpack(params, n_features, n_hidden)
-    proba = level_probabilities(
-        case["projected_test"], thresholds_from(first[0], gap_logits)
-    )
+    params, layout, _ = _from_orca(case)
+    _, _, [(_, first, raw_gaps)] = layout.split(params)
+    thresholds = thresholds_from(first[0], raw_gaps)
+    proba = level_probabilities(case["projected_test"], thresholds)
     np.testing.assert_allclose(proba, case["orca_proba_test"], atol=1e-12)
 
 
@@ -160,7 +157,8 @@ def test_row_space_rotation_reaches_the_same_minimum(n_hidden):
         n_hidden, scale_features=False, random_state=0, tol=1e-8, max_iter=2000
     ).fit(X, y)
 
-    cost = NetworkLoss(X, None, y[:, None], np.ones((20, 1)), n_hidden, 1.0)
+    observed = None, y[:, None], np.ones((20, 1))
+    cost = NetworkLoss(Layout(60, n_hidden, (4,)), X, [observed], 1.0)
 
     params = np.concatenate(
         [
@@ -174,6 +172,30 @@ def test_row_space_rotation_reaches_the_same_minimum(n_hidden):
     value, grad = cost(params)
     assert value == pytest.approx(model.loss_, rel=1e-12)
     assert np.abs(grad).max() < 1e-6
+
+
+@pytest.mark.parametrize("n_hidden", [0, 3])
+@pytest.mark.parametrize("scale", [False, True])
+@pytest.mark.parametrize("rotate", [False, True])
+def test_conditioning_and_back(n_hidden, scale, rotate):
+    """One network, told in scaled features, the solver's inputs and given features."""
+    rng = np.random.default_rng(2)
+    X, positions = 5 + 3 * rng.normal(size=(30, 4)), rng.normal(size=(30, 2))
+    layout = Layout(5, n_hidden, (4,))
+    params = rng.normal(size=layout.size)
+    features = Conditioning(X, layout, 0.7, np.ones(30), scale, rotate)
+    start = features.apply(params)
+    scaled = (X - X.mean(axis=0)) / np.sqrt(X.var(axis=0).sum()) if scale else X
+    expected, *others = (
+        each.network(values, [np.arange(4)], 4).predict_proba(seen, positions)
+        for each, values, seen in [
+            (layout, params, scaled),
+            (features.layout, start, features.inputs),
+            (layout, features.invert(start), X),
+        ]
+    )
+    for proba in others:
+        np.testing.assert_allclose(proba, expected, rtol=1e-9)
 
 
 def test_features_that_are_principal_axes_already():
@@ -250,17 +272,12 @@ def test_fit_with_positions_equals_repeated_rows():
     weight = rng.uniform(size=(25, 6))
     rows = np.column_stack((np.repeat(X, 6, axis=0), positions.ravel()))
     for n_hidden in (0, 4):
-        params = initial_params(
-            41, n_hidden, [np.ones(4)], np.random.RandomState(0)
-        ) + 0.1 * np.random.RandomState(1).normal(
-            size=len(
-                initial_params(41, n_hidden, [np.ones(4)], np.random.RandomState(0))
-            )
-        )
-        shared = NetworkLoss(X, positions, level, weight, n_hidden, 0.7)(params)
-        repeated = NetworkLoss(
-            rows, None, level.reshape(-1, 1), weight.reshape(-1, 1), n_hidden, 0.7
-        )(params)
+        layout = Layout(41, n_hidden, (4,))
+        params = initial_params(layout, [np.ones(4)], np.random.RandomState(0))
+        params += 0.1 * np.random.RandomState(1).normal(size=layout.size)
+        shared = NetworkLoss(layout, X, [(positions, level, weight)], 0.7)(params)
+        observed = None, level.reshape(-1, 1), weight.reshape(-1, 1)
+        repeated = NetworkLoss(layout, rows, [observed], 0.7)(params)
         assert shared[0] == pytest.approx(repeated[0], rel=1e-13)
         largest = np.abs(repeated[1]).max()
         np.testing.assert_allclose(shared[1], repeated[1], rtol=0, atol=1e-13 * largest)
@@ -276,25 +293,38 @@ def test_fit_with_positions_equals_repeated_rows():
         )
 
 
+def test_observations_that_share_no_features_are_trials_of_their_own():
+    rng = np.random.default_rng(3)
+    X, positions = rng.normal(size=(25, 6, 4)), rng.normal(size=(25, 6))
+    level, weight = rng.integers(0, 4, (25, 6)), rng.integers(0, 3, (25, 6)) * 1.0
+    rows = np.dstack((X, positions)).reshape(-1, 5)
+    model = NNPOM(0, scale_features=False, tol=1e-9)
+    flat = clone(model).fit(rows, level.ravel(), weight.ravel())
+    model.fit_with_positions(X, positions, level, weight, levels=np.arange(4))
+    np.testing.assert_allclose(
+        model.predict_proba(rows), flat.predict_proba(rows), rtol=1e-6
+    )
+
+
 @pytest.mark.parametrize("n_duplicates", [15, 50])
 def test_shared_features_at_the_size_of_a_study(n_duplicates):
     """Cost and gradient of repeated rows; positions that trials share and do not."""
     rng = np.random.default_rng(5)
     X = rng.normal(size=(60, 300))
     counts = rng.integers(0, 4, size=(6, 5)).repeat(10, axis=0) + 1.0
-    params = initial_params(301, 30, [np.ones(5)], np.random.RandomState(0))
+    layout = Layout(301, 30, (5,))
+    params = initial_params(layout, [np.ones(5)], np.random.RandomState(0))
     for sampling in ("level", "lattice"):
         positions, level, weight = training_observations(
             counts, n_duplicates, sampling, None, None
         )
         positions = logit(positions)
-        shared = NetworkLoss(X, positions, level, weight, 30, 2.0)(params)
+        shared = NetworkLoss(layout, X, [(positions, level, weight)], 2.0)(params)
         rows = np.column_stack(
             (X.repeat(positions.shape[1], axis=0), positions.ravel())
         )
-        repeated = NetworkLoss(
-            rows, None, level.reshape(-1, 1), weight.reshape(-1, 1), 30, 2.0
-        )(params)
+        observed = None, level.reshape(-1, 1), weight.reshape(-1, 1)
+        repeated = NetworkLoss(layout, rows, [observed], 2.0)(params)
         assert shared[0] == pytest.approx(repeated[0], rel=1e-12)
         np.testing.assert_allclose(
             shared[1], repeated[1], rtol=0, atol=1e-12 * np.abs(repeated[1]).max()
@@ -449,6 +479,26 @@ def test_callbacks_see_every_iteration_and_may_stop(solver):
     ).set_callbacks(recorder).fit(X, y)
     assert recorder.tasks[:5] == ["setup", *iterations]
     assert recorder.tasks[-1] == "teardown"
+
+
+class Failing(Recorder):
+    def on_fit_task_end(self, estimator, context):
+        if context.task_name == "iteration 12":
+            raise RuntimeError("out of memory")
+
+
+@pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
+def test_a_fit_that_fails_leaves_the_fitted_model(solver):
+    """It fails after the first validation."""
+    rng = np.random.default_rng(8)
+    X, y, objects = rng.normal(size=(40, 3)), rng.integers(0, 3, 40), np.arange(40)
+    model = NNPOM(4, solver=solver, tol=0, early_stopping=True, random_state=0)
+    before = dict(vars(model.fit(X, y, groups=objects)))
+    model.set_callbacks(Failing())
+    with pytest.raises(RuntimeError, match="out of memory"):
+        model.fit(-X, y[::-1] + 1, groups=objects)
+    for name in before:
+        assert getattr(model, name) is before[name]
 
 
 @pytest.mark.parametrize("exponent", [-300, -160, 0, 160, 300])

@@ -1,9 +1,9 @@
 """Centre, scale and rotate features so that a cost curves evenly, and back."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy import linalg
-
-from ._network import unpack
 
 # Second derivative of -log P in the latent response, where ratings are uncertain.
 _TYPICAL_CURVATURE = 0.2
@@ -14,12 +14,12 @@ _AXES_TOLERANCE = 1e-10
 
 
 def feature_means(X, weight):
-    """Means over trials of given weights; of constant features exactly the constant."""
+    """Return the weighted means over trials; of a constant feature, the constant."""
     return X[0] + weight / weight.sum() @ (X - X[0])
 
 
 def total_spread(X, weight):
-    """Square root of the features' total variance, over trials of given weights."""
+    """Return the square root of the features' total variance over weighted trials."""
     unit = _magnitude(X)
     X = X / unit
     X -= feature_means(X, weight)
@@ -27,7 +27,10 @@ def total_spread(X, weight):
 
 
 def _magnitude(X):
-    """Power of two that brings X, and squares of it, into range; changes no digit."""
+    """Return the power of two by which to divide X so that its squares stay in range.
+
+    Dividing by a power of two changes no digit.
+    """
     largest = np.abs(X).max(initial=0)
     if 0 < largest < np.finfo(np.float64).tiny:
         raise ValueError(
@@ -40,12 +43,12 @@ def _magnitude(X):
 class EvenedFeatures:
     """Features in a basis of weights in which the cost curves about evenly.
 
-    The axes are orthonormal, near the principal directions of the features, as
-    many as the trials span, each then scaled by the curvature that data and penalty
-    give it. With more features than trials nothing is lost, since the penalty
-    drives weights outside that span to zero. Directions along which the features
-    reach less than max(n_trials, n_features) rounding errors (2.2e-16) of what they
-    reach along the longest are not told from rounding, and get no weight.
+    The axes are orthonormal and near the principal directions of the features, as
+    many as the trials span. Each is then scaled by the curvature that the data and
+    the penalty give it. With more features than trials nothing is lost, since the
+    penalty drives weights outside the span to zero. Directions along which the
+    features extend less than max(n_trials, n_features) rounding errors (2.2e-16)
+    times their largest extent cannot be told from rounding, and get no weight.
 
     Parameters
     ----------
@@ -53,7 +56,7 @@ class EvenedFeatures:
     alpha : float
         Penalty of the weights.
     trial_weight : float or ndarray of shape (n_trials,)
-        Weight of each trial. A weight of 2 gives the basis of the trial given twice.
+        Weight of each trial; 2 gives the same basis as the trial given twice.
 
     Attributes
     ----------
@@ -92,19 +95,81 @@ class EvenedFeatures:
         self._axes, self._scale = axes[:, kept], scale * unit
 
     def to_features(self, weights):
-        """Turn weights of the inputs into weights of the features."""
+        """Return weights of the features from weights of the inputs."""
         weights = self._axes @ (weights.T / self._scale).T
         return weights if self._span is None else self._span @ weights
 
     def to_inputs(self, weights):
-        """Turn weights of the features, within the span, into those of the inputs."""
+        """Return weights of the inputs from weights of the features, in their span."""
         if self._span is not None:
             weights = self._span.T @ weights
         return ((self._axes.T @ weights).T * self._scale).T
 
 
-def change_weights(params, change, n_features, n_hidden, n_inputs):
-    """Apply a function to the weights of the features, not to the position's."""
-    coef = unpack(params, n_inputs, n_hidden)[0]
-    changed = np.concatenate((change(coef[:n_features]), coef[n_features:]))
-    return np.concatenate((changed.ravel(), params[coef.size :]))
+class Conditioning:
+    """Features made easy for a solver, and the way back to the user's units.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_trials, n_features)
+    layout : Layout
+        The parameters of a network of these features.
+    alpha : float
+        Penalty of all weights, those of scaled features if `scale` is true.
+    trial_weight : ndarray of shape (n_trials,)
+    scale : bool
+        Centre the features and divide all by the square root of their total variance.
+    rotate : bool
+        Take the features to the axes of `EvenedFeatures`.
+
+    Attributes
+    ----------
+    inputs : ndarray of shape (n_trials, n_inputs)
+        What the solver sees in place of the features.
+    layout : Layout
+        The parameters of a network of these inputs.
+    alpha : ndarray of shape (n_inputs + 1,)
+        Penalty of each input's weights and, last, of the output weights.
+    """
+
+    def __init__(self, X, layout, alpha, trial_weight, scale, rotate):
+        X = np.ascontiguousarray(X)  # the same sums in any memory layout
+        self._features_layout, self._n_features = layout, X.shape[1]
+        self._centre, self._spread, self._axes = np.zeros(X.shape[1]), 1.0, None
+        if scale:
+            self._centre = feature_means(X, trial_weight)
+            X = X - self._centre
+            self._spread = total_spread(X, trial_weight) or 1.0
+            X = X / self._spread
+        input_alpha = np.full(X.shape[1], alpha)
+        if rotate:
+            self._axes = EvenedFeatures(X, alpha, trial_weight)
+            X, input_alpha = self._axes.inputs, self._axes.alpha
+        self.inputs = X
+        has_position = layout.n_inputs - self._n_features  # 0 or 1
+        self.alpha = np.append(input_alpha, np.full(has_position + 1, alpha))
+        self.layout = replace(layout, n_inputs=X.shape[1] + has_position)
+
+    def apply(self, params):
+        """Return start values for the inputs from start values for scaled features."""
+        if self._axes is None:
+            return params
+        coef, bias, heads = self._features_layout.split(params)
+        of_features, of_position = np.split(coef, [self._n_features])
+        coef = np.concatenate((self._axes.to_inputs(of_features), of_position))
+        return self.layout.join(coef, bias, heads)
+
+    def invert(self, params):
+        """Return the parameters for features in the user's units."""
+        coef, bias, heads = self.layout.split(params)
+        of_inputs, of_position = np.split(coef, [self.inputs.shape[1]])
+        if self._axes is not None:
+            of_inputs = self._axes.to_features(of_inputs)
+        of_features = of_inputs / self._spread
+        at_centre = self._centre @ of_features
+        if self.layout.n_hidden:
+            bias = bias - at_centre
+        else:
+            heads = [head._replace(first=head.first + at_centre) for head in heads]
+        coef = np.concatenate((of_features, of_position))
+        return self._features_layout.join(coef, bias, heads)

@@ -39,7 +39,8 @@ from ._decoding import (
 )
 from ._early_stopping import hold_out_trials
 from ._frozen import check_frozen, unfrozen
-from ._nnpom import NNPOM, relative_weights
+from ._nnpom import NNPOM
+from ._observations import relative_weights
 from ._ordinal import OrdinalClassifierMixin
 from ._quantile_positions import training_observations
 from ._shared_features import has_latent_response, share_features

@@ -1,27 +1,33 @@
-"""Trials held out of training, on which early stopping judges."""
+"""Early stopping: which trials validate, by what error, and when to stop."""
 
 import warnings
 
+import numpy as np
+
+from .._distributions import macro_error
 from .._folds import validation_split
+from ._observations import of_each_adjective
+
+_VALIDATION_INTERVAL = 10  # iterations between two looks at the validation error
 
 
 def hold_out_trials(estimator, n_trials, groups, fraction, random_state):
-    """Hold out trials for early stopping, whole objects if these are given.
+    """Split off validation trials, whole objects if these are given.
 
     Parameters
     ----------
     estimator : estimator object
-        Whose ``fit`` calls this.
+        The estimator whose ``fit`` calls this.
     n_trials : int
     groups : ndarray of shape (n_trials,), or None
         The object of each trial.
     fraction : float
-        Share of the objects, or of the trials, that is held out; at least one.
+        Share of the objects, or of the trials, that validates; at least one does.
     random_state : RandomState instance
 
     Returns
     -------
-    train, held_out : ndarray of int
+    train, validation : ndarray of int
         Indices of trials.
 
     Raises
@@ -50,12 +56,68 @@ def hold_out_trials(estimator, n_trials, groups, fraction, random_state):
     return split
 
 
+def validation_error(network, X, positions, level, weight):
+    """Return the error of a network on validation trials.
+
+    It is the absolute error of the most probable level, averaged over the levels that
+    occur in a trial, over trials by weight, and over adjectives.
+
+    Parameters
+    ----------
+    network : Network
+    X, positions, level, weight : ndarray
+        Validation trials, as `NNPOM.fit_with_positions` takes them.
+    """
+    errors = []
+    for i, (at, true, counted) in enumerate(
+        of_each_adjective(positions, level, weight)
+    ):
+        predicted = network.adjective(i).predict_proba(X, at)[:, :, 0].argmax(axis=-1)
+        error = macro_error(predicted, true, counted > 0)
+        errors.append(np.average(error, weights=counted.max(axis=1)))
+    return np.mean(errors)
+
+
+class Monitor:
+    """Callback of a solver that records the costs and keeps the best parameters.
+
+    Parameters
+    ----------
+    validation_error : callable or None
+        Returns the validation error of parameters; None for no early stopping.
+    patience : int
+        Number of iterations without a smaller error after which the search stops.
+    end_iteration : callable or None
+        Called with the number of each iteration; the search stops if it returns true.
+    """
+
+    def __init__(self, validation_error, patience, end_iteration):
+        self.validation_error = validation_error
+        self.patience = patience
+        self.end_iteration = end_iteration
+        self.costs = []
+        self.best_error, self.best_params, self.best_iter = np.inf, None, 0
+
+    def __call__(self, params, cost):
+        self.costs.append(float(cost))
+        iteration = len(self.costs)
+        if self.end_iteration is not None and self.end_iteration(iteration):
+            return True
+        if self.validation_error is None or iteration % _VALIDATION_INTERVAL:
+            return False
+        error = self.validation_error(params)
+        if error < self.best_error:
+            self.best_error, self.best_iter = error, iteration
+            self.best_params = params.copy()
+        return iteration - self.best_iter >= self.patience
+
+
 # More rows than this make scikit-learn's histogram boosting stop early by itself.
 _AUTO_EARLY_STOPPING = 10_000
 
 
 def validates_on_rows(estimator, n_rows):
-    """Whether an estimator, or a step of it, holds out some rows to stop early."""
+    """Return whether an estimator, or a step of it, validates on some of its rows."""
     params = estimator.get_params()
     for name, fraction in params.items():
         step = name.removesuffix("validation_fraction")

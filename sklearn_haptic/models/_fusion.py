@@ -33,7 +33,8 @@ from .._sklearn import (
 from .._validation import check_groups, check_table, check_weights
 from ._early_stopping import hold_out_trials
 from ._frozen import check_frozen, unfrozen
-from ._nnpom import NNPOM, single_ratings
+from ._nnpom import NNPOM
+from ._observations import single_ratings
 from ._ordinal import OrdinalClassifierMixin
 from ._shared_features import refuse_adjectives, refuse_monotone
 

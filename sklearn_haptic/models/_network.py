@@ -1,24 +1,30 @@
-"""The proportional-odds network as pure functions: likelihood, gradient, start.
+"""The proportional-odds network as pure functions: prediction, likelihood, start.
 
 A rating falls at level k or below with probability ``sigma(b_k - f(x))``, where
 the latent response ``f`` is a linear function of the features or of one hidden
 layer of logistic units, and the thresholds ``b_1 < b_2 < …`` are shared by all
-trials. Each threshold is the one before it plus ``softplus(s)``, so that
+trials. Each threshold is the one before it plus a gap ``g_k``, so that
 
-    log P(k) = log sigma(b_k - f) + log sigma(f - b_{k-1}) + log sigma(s_k),
+    log P(k) = log sigma(b_k - f) + log sigma(f - b_{k-1}) + log(1 - exp(-g_k)),
 
 with the one-sided term alone for the first and last level. Nothing is
 subtracted and nothing is divided by a probability, so cost and gradient stay
 exact where the probabilities themselves underflow.
 
+Several adjectives may share the weights of the features and the hidden units;
+each then has a head of its own: output weights and thresholds.
+
 A trial may stand for several observations that differ only in the *position* p
-of the rater in the population: all arrays below have a row a trial and a column
-an observation, and the features are multiplied with the weights once a trial.
+of the rater in the population: arrays have one row per trial and one column per
+observation, and the features are multiplied by the weights once per trial.
 """
 
-from itertools import pairwise
+from dataclasses import dataclass, replace
+from itertools import accumulate, chain, pairwise
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 from scipy.special import expit, log_expit
 
@@ -26,17 +32,52 @@ from scipy.special import expit, log_expit
 _LARGEST_EXPONENT = 709.0
 
 
+# Differences between latent responses and thresholds stay finite.
+_LARGEST_LATENT = 1e300
+
+
+# Thresholds -----------------------------------------------------------------
 def softplus(x):
     """Return log(1 + exp(x)) without overflow."""
     return -log_expit(-x)
 
 
-def thresholds_from(first, gap_logits):
-    """Return the increasing thresholds ``first + cumsum(softplus(gap_logits))``."""
-    return np.cumsum(np.concatenate(([first], softplus(gap_logits))))
+class SoftplusGaps:
+    """Each gap between two thresholds is the softplus of a free parameter."""
+
+    @staticmethod
+    def forward(raw):
+        """Return the gaps and ``log(1 - exp(-gap))``."""
+        return softplus(raw), log_expit(raw)
+
+    @staticmethod
+    def derivative(raw):
+        """Return the derivatives of what `forward` returns."""
+        return expit(raw), expit(-raw)
 
 
-def ordinal_loss(latent, level, weight, first, gap_logits):
+def thresholds_from(first, raw_gaps, gaps=SoftplusGaps):
+    """Return increasing thresholds from the first and the parameters of the gaps."""
+    return np.cumsum(np.concatenate(([first], gaps.forward(raw_gaps)[0])))
+
+
+def thresholds_of_all_levels(thresholds, present, n_levels):
+    """Return thresholds that are infinite or equal around levels without a rating.
+
+    Parameters
+    ----------
+    thresholds : ndarray of shape (len(present) - 1,)
+        Thresholds between the levels that have ratings.
+    present : ndarray of int
+        Indices of these levels.
+    n_levels : int
+        Number of all levels.
+    """
+    edges = np.concatenate(([-np.inf], thresholds, [np.inf]))
+    return edges[np.searchsorted(present, np.arange(n_levels - 1), side="right")]
+
+
+def ordinal_loss(latent, level, weight, first, raw_gaps, gaps=SoftplusGaps):
     """Negative log-likelihood of the proportional-odds model, and its gradient.
 
     Parameters
@@ -49,8 +90,10 @@ def ordinal_loss(latent, level, weight, first, gap_logits):
         The non-negative weight of each observation.
     first : float
         The first threshold.
-    gap_logits : ndarray of shape (n_levels - 2,)
-        The gaps between thresholds before the softplus.
+    raw_gaps : ndarray of shape (n_levels - 2,)
+        The free parameters of the gaps between thresholds.
+    gaps : class, default=SoftplusGaps
+        How the gaps depend on them.
 
     Returns
     -------
@@ -58,15 +101,16 @@ def ordinal_loss(latent, level, weight, first, gap_logits):
         The weighted sum of -log P.
     grad_latent : ndarray of shape (n_observations,)
     grad_first : float
-    grad_gap_logits : ndarray of shape (n_levels - 2,)
+    grad_raw_gaps : ndarray of shape (n_levels - 2,)
     """
-    n_levels = len(gap_logits) + 2
-    padded = np.concatenate(([-np.inf], thresholds_from(first, gap_logits), [np.inf]))
+    n_levels = len(raw_gaps) + 2
+    thresholds = thresholds_from(first, raw_gaps, gaps)
+    padded = np.concatenate(([-np.inf], thresholds, [np.inf]))
     above = latent - padded[1:][level]  # how far f lies above the upper threshold
     below = padded[level] - latent
     inner = np.bincount(level, weight, minlength=n_levels)[1:-1]
     loss = weight @ (softplus(above) + softplus(below))
-    loss += inner @ softplus(-gap_logits)
+    loss -= inner @ gaps.forward(raw_gaps)[1]
 
     push_up = weight * expit(above)  # of the upper threshold, and of f downwards
     push_down = weight * expit(below)
@@ -75,17 +119,26 @@ def ordinal_loss(latent, level, weight, first, gap_logits):
         - np.bincount(level, push_up, minlength=n_levels)[:-1]
     )
     later = np.cumsum(grad_thresholds[::-1])[::-1]  # of this threshold and all above
-    grad_gaps = later[1:] * expit(gap_logits) - inner * expit(-gap_logits)
-    return loss, push_up - push_down, later[0], grad_gaps
+    of_gaps, of_log_factors = gaps.derivative(raw_gaps)
+    grad_raw_gaps = later[1:] * of_gaps - inner * of_log_factors
+    return loss, push_up - push_down, later[0], grad_raw_gaps
 
 
 def level_probabilities(latent, thresholds):
     """Return P(level) as products of positive factors, on a new last axis.
 
-    Against arithmetic of 60 digits each is off by less than a rounding error (2.2e-16)
+    Against arithmetic of 60 digits, each is off by less than a rounding error (2.2e-16)
     times the largest of 1, the latent response and the thresholds in size; they sum to
-    1 within 4 rounding errors. Those below 1e-300 may come out as 0.
+    1 within 4 rounding errors. Those below 1e-300 may be returned as 0; a level between
+    equal thresholds, or beyond an infinite one, has exactly 0.
     """
+    lower = np.concatenate(([-np.inf], thresholds))
+    upper = np.concatenate((thresholds, [np.inf]))
+    absent = lower >= upper
+    if absent.any():
+        proba = np.zeros((*np.shape(latent), len(absent)))
+        proba[..., ~absent] = level_probabilities(latent, upper[~absent][:-1])
+        return proba
     # Levels come first until the end, so that every operation is contiguous.
     shape = (-1,) + (1,) * np.ndim(latent)
     odds = np.exp(np.minimum(latent - thresholds.reshape(shape), _LARGEST_EXPONENT))
@@ -99,68 +152,173 @@ def level_probabilities(latent, thresholds):
 
 
 # Network --------------------------------------------------------------------
-def unpack(params, n_inputs, n_hidden):
-    """View the parts of the flat parameter vector, in their order.
+class Head(NamedTuple):
+    """What an adjective does not share: views of a flat vector of parameters."""
 
-    Returns
-    -------
-    coef : ndarray of shape (n_inputs, n_hidden), or (n_inputs,) without units
-        Weights of the inputs; those of the position, if any, come last.
-    bias : ndarray of shape (n_hidden,)
-    output : ndarray of shape (n_hidden,)
-    first : ndarray of shape (1,)
-        The first threshold.
-    gap_logits : ndarray of shape (n_levels - 2,)
+    output: NDArray[np.float64]
+    """Output weights of the hidden units, of shape (n_hidden,)."""
+
+    first: NDArray[np.float64]
+    """The first threshold, of shape (1,)."""
+
+    raw_gaps: NDArray[np.float64]
+    """The free parameters of the gaps between thresholds, of shape (n_levels - 2,)."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the parts of a network lie in the flat vector of parameters.
+
+    First the weights of the inputs, those of the position last; then the biases of
+    the hidden units; then the head of each adjective.
     """
-    n_weights = n_inputs * max(n_hidden, 1)
-    coef, bias, output = params[:n_weights], params[:0], params[:0]
-    if n_hidden:
-        coef = coef.reshape(n_inputs, n_hidden)
-        bias = params[n_weights : n_weights + n_hidden]
-        output = params[n_weights + n_hidden : n_weights + 2 * n_hidden]
-    n_weights += 2 * n_hidden
-    return (
-        coef,
-        bias,
-        output,
-        params[n_weights : n_weights + 1],
-        params[n_weights + 1 :],
-    )
+
+    n_inputs: int
+    n_hidden: int
+    n_levels: tuple[int, ...]
+    """Number of levels of each adjective; at least two."""
+
+    gaps: type = SoftplusGaps
+
+    @property
+    def _sizes(self):
+        heads = ((self.n_hidden, 1, n - 2) for n in self.n_levels)
+        n_weights = self.n_inputs * max(self.n_hidden, 1)
+        return n_weights, self.n_hidden, *chain.from_iterable(heads)
+
+    @property
+    def size(self):
+        """Number of parameters."""
+        return sum(self._sizes)
+
+    def split(self, params):
+        """View the parts of a vector of parameters, or of its gradient.
+
+        Returns
+        -------
+        coef : ndarray of shape (n_inputs, n_hidden), or (n_inputs,) without units
+        bias : ndarray of shape (n_hidden,)
+        heads : list of Head
+        """
+        edges = accumulate(self._sizes, initial=0)
+        coef, bias, *heads = (params[i:j] for i, j in pairwise(edges))
+        if self.n_hidden:
+            coef = coef.reshape(self.n_inputs, self.n_hidden)
+        return coef, bias, list(map(Head, heads[::3], heads[1::3], heads[2::3]))
+
+    @staticmethod
+    def join(coef, bias, heads):
+        """Return a vector of parameters from the parts that `split` returns."""
+        return np.concatenate((coef.ravel(), bias, *chain.from_iterable(heads)))
+
+    def network(self, params, present, n_levels):
+        """Return the network that has these parameters.
+
+        Parameters
+        ----------
+        params : ndarray of shape (size,)
+        present : list of ndarray of int
+            Indices of the levels that ratings of each adjective have; an adjective
+            with a single one has no head.
+        n_levels : int
+            Number of all levels.
+        """
+        coef, bias, heads = self.split(params)
+        remaining = iter(heads)
+        output = np.zeros((self.n_hidden, len(present)))
+        thresholds = np.empty((len(present), n_levels - 1))
+        for i, levels in enumerate(present):
+            between = np.empty(0)
+            if len(levels) > 1:
+                head = next(remaining)
+                output[:, i] = head.output
+                between = thresholds_from(head.first[0], head.raw_gaps, self.gaps)
+            thresholds[i] = thresholds_of_all_levels(between, levels, n_levels)
+        return Network(coef, bias, output, thresholds)
 
 
-def split_heads(params, n_inputs, n_hidden, n_levels):
-    """View the parts of the parameters of a network that adjectives share.
+@dataclass(frozen=True, eq=False)
+class Network:
+    """A proportional-odds network of one or several adjectives, ready to predict."""
 
-    Parameters
-    ----------
-    params : ndarray
-        Weights and biases of the hidden units, then the output weights and thresholds
-        of each adjective; with one adjective, what `unpack` takes.
-    n_inputs, n_hidden : int
-    n_levels : sequence of int
-        Number of levels of each adjective.
+    coef: NDArray[np.float64]
+    """Weights of the inputs, of shape (n_inputs, n_hidden), or (n_inputs,) without
+    hidden units; those of the position, if it is an input, come last."""
 
-    Returns
-    -------
-    coef, bias : ndarray
-        As `unpack` returns them.
-    heads : list of (output, first, gap_logits)
-        Of each adjective, as `unpack` returns them.
-    """
-    coef, bias, *_ = unpack(params, n_inputs, n_hidden)
-    heads, start = [], coef.size + bias.size
-    for n in n_levels:
-        edges = np.cumsum((start, n_hidden, 1, n - 2))
-        heads.append(tuple(params[i:j] for i, j in pairwise(edges)))
-        start = edges[-1]
-    return coef, bias, heads
+    bias: NDArray[np.float64]
+    """Biases of the hidden units, of shape (n_hidden,)."""
+
+    output: NDArray[np.float64]
+    """Output weights, of shape (n_hidden, n_adjectives)."""
+
+    thresholds: NDArray[np.float64]
+    """Thresholds between all levels, of shape (n_adjectives, n_levels - 1); infinite
+    or equal around levels that cannot occur."""
+
+    def adjective(self, i):
+        """Return the network of one of the adjectives alone."""
+        return replace(
+            self, output=self.output[:, [i]], thresholds=self.thresholds[[i]]
+        )
+
+    def forward(self, X, positions=None):
+        """Return the latent response and the hidden activations of each observation.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n_trials, n_features)
+            Or of shape (n_trials, n_positions, n_features), where the observations
+            of a trial do not share their features.
+        positions : ndarray broadcastable to (n_trials, n_positions), default=None
+            The input that the observations of a trial do not share; without it a
+            trial is one observation.
+
+        Returns
+        -------
+        latent : ndarray of shape (n_trials, n_positions, n_adjectives)
+        hidden : ndarray of shape (n_trials, n_positions, n_hidden)
+        """
+        shared = linear_response(X, self.coef[: X.shape[-1]])
+        if X.ndim == 2:
+            shared = shared[:, None]
+        if len(self.bias) == 0:
+            latent = shared if positions is None else shared + positions * self.coef[-1]
+            latent, hidden = latent[..., None], np.empty((*latent.shape, 0))
+        else:
+            shared = shared + self.bias
+            if positions is None:
+                hidden = expit(shared)
+            else:
+                moved = positions[:, :, None] * self.coef[-1]
+                hidden = sigmoid_of_sums(shared, moved)
+            latent = hidden @ self.output
+        return np.clip(latent, -_LARGEST_LATENT, _LARGEST_LATENT), hidden
+
+    def probabilities(self, latent):
+        """Return P(level) for the latent responses that `forward` returns.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_positions, n_adjectives, n_levels)
+        """
+        each = [
+            level_probabilities(latent[..., i], between)
+            for i, between in enumerate(self.thresholds)
+        ]
+        if len(each) == 1:
+            return each[0][..., None, :]  # a view: nothing is copied
+        return np.stack(each, axis=-2)
+
+    def predict_proba(self, X, positions=None):
+        """Return P(level) of each observation, as `forward` takes them."""
+        return self.probabilities(self.forward(X, positions)[0])
 
 
 def linear_response(X, coef):
-    """Return X @ coef; where it overflows, infinite with the sign of the exact sum.
+    """Return X @ coef; where it overflows, infinity with the sign of the exact sum.
 
-    Terms that overflow one by one may cancel, and kernels with a fused multiply-add
-    then leave an infinity of either sign, depending on the order of their sums.
+    Terms that overflow one by one may cancel. Kernels with a fused multiply-add then
+    return an infinity of either sign, depending on the order in which they add.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         response = X @ coef
@@ -174,38 +332,6 @@ def linear_response(X, coef):
     return np.where(finite, response, exact)
 
 
-def forward(X, positions, coef, bias, output):
-    """Latent response and hidden activations of every trial at every position.
-
-    Parameters
-    ----------
-    X : ndarray of shape (n_trials, n_features)
-        Or of shape (n_trials, n_positions, n_features), where the observations of a
-        trial do not share their features.
-    positions : ndarray broadcastable to (n_trials, n_positions), or None
-        The extra input that the observations of a trial do not share.
-    coef, bias, output : ndarray
-        As `unpack` returns them; `output` of shape (n_hidden, n_adjectives) of a
-        network that adjectives share.
-
-    Returns
-    -------
-    latent : ndarray of shape (n_trials, n_positions), or with n_adjectives behind
-    hidden : ndarray of shape (n_trials, n_positions, n_hidden), or None
-    """
-    shared = linear_response(X, coef[: X.shape[-1]])
-    if X.ndim == 2:
-        shared = shared[:, None]
-    if len(output) == 0:
-        return (shared if positions is None else shared + positions * coef[-1]), None
-    shared = shared + bias
-    if positions is None:
-        hidden = expit(shared)
-    else:
-        hidden = sigmoid_of_sums(shared, positions[:, :, None] * coef[-1])
-    return hidden @ output, hidden
-
-
 def sigmoid_of_sums(a, b, spread_a=np.asarray, spread_b=np.asarray, out=None):
     """Return sigma(a + b) from as many exponentials as a and b have entries.
 
@@ -214,9 +340,9 @@ def sigmoid_of_sums(a, b, spread_a=np.asarray, spread_b=np.asarray, out=None):
     a, b : ndarray
         Summands; overwritten.
     spread_a, spread_b : callable
-        Take `a` and `b`, or arrays like them, to shapes that broadcast.
+        Bring `a` and `b`, or arrays of their shapes, to shapes that broadcast.
     out : ndarray, default=None
-        Where to put the result.
+        Receives the result.
     """
     largest = max(extreme for x in (a, b) for extreme in (-x.min(), x.max()))
     if largest > _LARGEST_EXPONENT / 2:  # a product of exponentials may overflow
@@ -228,99 +354,80 @@ def sigmoid_of_sums(a, b, spread_a=np.asarray, spread_b=np.asarray, out=None):
     return np.divide(1, odds, out=odds)
 
 
-class NetworkLoss:
-    """Penalised mean negative log-likelihood of the network, and its gradient.
+# Cost -----------------------------------------------------------------------
+class _AdjectiveLoss:
+    """Negative log-likelihood of the ratings of one adjective, and its gradient.
 
-    With W the sum of the weights, the cost is ``(NLL + alpha / 2 * |weights|²) /
-    W``; hidden biases and thresholds are not penalised. A weight of 2 therefore
-    equals the same row given twice. Observations of weight zero cost nothing.
-
-    Against arithmetic of hundreds of digits, for parameters up to 250 in size, which
-    saturate most units, the cost was off by less than 1e-15 of its size, the gradient
-    by less than 1e-14 of its largest component, or of 1 if that is smaller.
-
-    Parameters
-    ----------
-    X : ndarray of shape (n_trials, n_features)
-    positions : ndarray of shape (n_trials, n_observations), or None
-        The extra input that the observations of a trial do not share.
-    level : ndarray of int, broadcastable to (n_trials, n_observations)
-        The index of the level of each observation.
-    weight : ndarray of shape (n_trials, n_observations)
-        The non-negative weight of each observation.
-    n_hidden : int
-    alpha : float or ndarray of shape (n_inputs + 1,)
-        Penalty, the same for all or that of each input's weights and, last, of
-        the output weights.
+    Observations lie one after the other, trial by trial; those of weight zero are
+    left out. Parameters as for `NetworkLoss`.
     """
 
-    def __init__(self, X, positions, level, weight, n_hidden, alpha):
-        self.X, self.n_hidden = X, n_hidden
-        self.n_inputs = X.shape[1] + (positions is not None)
-        alpha = np.broadcast_to(alpha, self.n_inputs + 1)
-        self.input_alpha, self.output_alpha = alpha[:-1], alpha[-1]
-        # Observations lie one after the other, trial by trial.
+    def __init__(self, layout, positions, level, weight):
+        self.gaps = layout.gaps
         used = weight > 0
         self.trial = np.nonzero(used)[0]
         self.positions = None if positions is None else positions[used]
         self.level = np.broadcast_to(level, weight.shape)[used]
         self.weight = weight[used]
-        self.total = self.weight.sum()
         each = np.arange(len(self.trial))
         ends = np.append(0, np.cumsum(used.sum(axis=1)))
         self.sum_by_trial = sparse.csr_array((np.ones(len(each)), each, ends))
         if positions is not None:  # trials of an object often share theirs
             self.distinct, self.which = np.unique(self.positions, return_inverse=True)
-            self.moved = np.empty((len(self.distinct), n_hidden))
+            self.moved = np.empty((len(self.distinct), layout.n_hidden))
         # A hidden layer for each observation, or for each trial if they share it.
-        n_rows = X.shape[0] if positions is None else len(each)
-        self.buffers = np.empty((2, n_rows, n_hidden))
+        n_rows = len(weight) if positions is None else len(each)
+        self.buffers = np.empty((2, n_rows, layout.n_hidden))
 
-    def __call__(self, params):
-        """Return the cost and its gradient at `params`, laid out as by `unpack`."""
-        coef, bias, output, first, gap_logits = unpack(
-            params, self.n_inputs, self.n_hidden
-        )
-        layer, work = self.buffers
-        shared = self.X @ coef[: self.X.shape[1]]
-        if self.n_hidden:
-            layer = self._activate(shared + bias, coef)
-            latent = layer @ output
+    def __call__(self, shared, position_coef, head):
+        """Return the loss and its gradient.
+
+        Parameters
+        ----------
+        shared : ndarray of shape (n_trials, n_hidden), or (n_trials,) without units
+            What the features and biases contribute; overwritten if there are units.
+        position_coef : ndarray of shape (1, n_hidden), or (1,) without units
+            Weights of the position; empty if it is no input.
+        head : Head
+
+        Returns
+        -------
+        loss : float
+        g_shared, g_position_coef, g_head
+            Its derivatives.
+        """
+        layer = None
+        if len(head.output):
+            layer = self._activate(shared, position_coef)
+            latent = layer @ head.output
         elif self.positions is None:
             latent = shared
         else:
-            latent = shared[self.trial] + self.positions * coef[-1]
+            latent = shared[self.trial] + self.positions * position_coef
 
-        loss, g_latent, g_first, g_gaps = ordinal_loss(
+        loss, g_row, g_first, g_raw_gaps = ordinal_loss(
             latent[self.trial] if self.positions is None else latent,
             self.level,
             self.weight,
-            first[0],
-            gap_logits,
+            head.first[0],
+            head.raw_gaps,
+            self.gaps,
         )
         if self.positions is None:
-            g_latent = self.sum_by_trial @ g_latent
+            g_row = self.sum_by_trial @ g_row
+        g_output = head.output
+        if layer is not None:
+            g_output, g_latent = g_row @ layer, g_row
+            g_row = np.subtract(1, layer, out=self.buffers[1])
+            g_row *= layer
+            g_row *= g_latent[:, None]
+            g_row *= head.output
+        g_head = Head(g_output, [g_first], g_raw_gaps)
+        if self.positions is None:
+            return loss, g_row, 0.0, g_head
+        return loss, self.sum_by_trial @ g_row, self.positions @ g_row, g_head
 
-        g_layer, g_output, g_bias = g_latent, output, bias
-        if self.n_hidden:
-            g_output = g_latent @ layer + self.output_alpha * output
-            g_layer = np.subtract(1, layer, out=work)
-            g_layer *= layer
-            g_layer *= g_latent[:, None]
-            g_layer *= output
-        g_shared = g_layer if self.positions is None else self.sum_by_trial @ g_layer
-        if self.n_hidden:
-            g_bias = g_shared.sum(axis=0)
-        g_coef = (self.input_alpha * coef.T).T
-        loss += 0.5 * (np.vdot(g_coef, coef) + self.output_alpha * (output @ output))
-        g_coef[: self.X.shape[1]] += self.X.T @ g_shared
-        if self.positions is not None:
-            g_coef[-1] += self.positions @ g_layer
-        grad = np.concatenate((g_coef.ravel(), g_bias, g_output, [g_first], g_gaps))
-        grad /= self.total
-        return loss / self.total, grad
-
-    def _activate(self, shared, coef):
+    def _activate(self, shared, position_coef):
         """Activations of the hidden units, in the first of the buffers."""
         layer, work = self.buffers
         if self.positions is None:
@@ -332,91 +439,95 @@ class NetworkLoss:
         def of_positions(values):
             return np.take(values, self.which, axis=0, out=work, mode="clip")
 
-        np.multiply.outer(self.distinct, coef[-1], out=self.moved)
+        np.multiply(self.distinct[:, None], position_coef, out=self.moved)
         return sigmoid_of_sums(shared, self.moved, of_trials, of_positions, out=layer)
 
 
-class SharedLoss:
-    """The cost of a network that several adjectives share, and its gradient.
+class NetworkLoss:
+    """Penalised mean negative log-likelihood of a network, and its gradient.
 
-    The adjectives share the hidden layer; each has output weights and thresholds of
-    its own, and observations of its own of the same trials. With one adjective this is
-    `NetworkLoss`. Behind the product of features and weights each adjective has a
-    network whose inputs are the trials, one by one.
+    With W the sum of the weights, the cost is ``(NLL + alpha / 2 * |weights|²) /
+    W``; hidden biases and thresholds are not penalised. A weight of 2 therefore
+    equals the same row given twice. Observations of weight zero cost nothing.
+
+    The cost is off by less than 1e-15 of its size, and the gradient by less than 1e-14
+    of the larger of 1 and its largest component, against arithmetic of hundreds of
+    digits and for parameters up to 250 in size, which saturate most units.
 
     Parameters
     ----------
+    layout : Layout
     X : ndarray of shape (n_trials, n_features)
     observations : list of (positions, level, weight)
-        Of each adjective, as `NetworkLoss` takes them.
-    n_hidden : int
-        At least 1.
+        Of each adjective:
+
+        positions : ndarray of shape (n_trials, n_observations), or None
+            The input that the observations of a trial do not share.
+        level : ndarray of int, broadcastable to (n_trials, n_observations)
+            The index of the level of each observation.
+        weight : ndarray of shape (n_trials, n_observations)
+            The non-negative weight of each observation.
     alpha : float or ndarray of shape (n_inputs + 1,)
-        As `NetworkLoss` takes it.
+        Penalty, the same for all or that of each input's weights and, last, of
+        the output weights.
     """
 
-    def __init__(self, X, observations, n_hidden, alpha):
-        self.X, self.n_hidden = X, n_hidden
-        self.n_levels = [level.max() + 1 for _, level, _ in observations]
-        n_trials, n_features = X.shape
-        n_positions = int(observations[0][0] is not None)
-        alpha = np.broadcast_to(alpha, n_features + n_positions + 1)
-        self.input_alpha = alpha[:-1]
-        each_trial = sparse.eye_array(n_trials, format="csr")
-        own_alpha = np.append(np.zeros(n_trials + n_positions), alpha[-1])
-        self.networks = [
-            NetworkLoss(each_trial, *observed, n_hidden, own_alpha)
-            for observed in observations
-        ]
-        self.total = sum(network.total for network in self.networks)
+    def __init__(self, layout, X, observations, alpha):
+        self.layout, self.X = layout, X
+        alpha = np.broadcast_to(alpha, layout.n_inputs + 1)
+        self.input_alpha, self.output_alpha = alpha[:-1], alpha[-1]
+        self.adjectives = [_AdjectiveLoss(layout, *each) for each in observations]
+        self.total = sum(each.weight.sum() for each in self.adjectives)
 
     def __call__(self, params):
-        """Return the cost and its gradient at `params`, as `split_heads` has them."""
-        n_trials, n_features = self.X.shape
-        coef, bias, heads = split_heads(
-            params, len(self.input_alpha), self.n_hidden, self.n_levels
-        )
-        common = np.vstack((self.X @ coef[:n_features], coef[n_features:], bias))
+        """Return the cost and its gradient."""
+        n_hidden, n_features = self.layout.n_hidden, self.X.shape[1]
+        coef, bias, heads = self.layout.split(params)
+        shared = self.X @ coef[:n_features]
         g_coef = (self.input_alpha * coef.T).T
-        loss = 0.5 * np.vdot(g_coef, coef)
-        g_common, g_heads = np.zeros_like(common), []
-        for network, head in zip(self.networks, heads):
-            mean, grad = network(np.concatenate((common.ravel(), *head)))
-            loss += network.total * mean
-            grad *= network.total
-            g_common += grad[: common.size].reshape(common.shape)
-            g_heads.append(grad[common.size :])
-        g_coef[:n_features] += self.X.T @ g_common[:n_trials]
-        g_coef[n_features:] += g_common[n_trials:-1]
-        grad = np.concatenate((g_coef.ravel(), g_common[-1], *g_heads))
-        return loss / self.total, grad / self.total
+        square = np.vdot(g_coef, coef)
+        loss, g_shared, g_heads = 0.0, 0.0, []
+        for adjective, head in zip(self.adjectives, heads):
+            part, g_part, g_position_coef, g_head = adjective(
+                shared + bias if n_hidden else shared, coef[n_features:], head
+            )
+            loss += part
+            square += self.output_alpha * (head.output @ head.output)
+            g_shared = g_shared + g_part
+            g_coef[n_features:] += g_position_coef
+            g_output = g_head.output + self.output_alpha * head.output
+            g_heads.append(g_head._replace(output=g_output))
+        g_coef[:n_features] += self.X.T @ g_shared
+        g_bias = g_shared.sum(axis=0) if n_hidden else bias
+        grad = self.layout.join(g_coef, g_bias, g_heads)
+        grad /= self.total
+        return (loss + 0.5 * square) / self.total, grad
 
 
-def initial_params(n_inputs, n_hidden, level_weights, random_state):
-    """Start values: uniform in (-0.5, 0.5), as Gutiérrez et al. (2016) do.
+def initial_params(layout, level_weights, random_state):
+    """Return start values: uniform in (-0.5, 0.5), as Gutiérrez et al. (2016) do.
 
     The linear model has one minimum, so it starts from zero weights and the
     thresholds of the ratings without features. `level_weights` has for each adjective
     the weight of each of its levels, all positive.
     """
-    if n_hidden:
-        n_own = sum(n_hidden + len(weight) - 1 for weight in level_weights)
-        return random_state.uniform(-0.5, 0.5, (n_inputs + 1) * n_hidden + n_own)
+    if layout.n_hidden:
+        return random_state.uniform(-0.5, 0.5, layout.size)
     (weight,) = level_weights
     share = np.maximum(weight / np.sum(weight), np.finfo(np.float64).tiny)
     below = np.log(np.cumsum(share))  # of this level and all before
     above = np.log(np.cumsum(share[::-1])[::-1])
     first = below[:1] - above[1:2]
     # With q = p + share, exp(logit(q) - logit(p)) - 1 = share / (p (1 - q)).
-    gap_logits = np.log(share[1:-1]) - below[:-2] - above[2:]
-    return np.concatenate((np.zeros(n_inputs), first, gap_logits))
+    raw_gaps = np.log(share[1:-1]) - below[:-2] - above[2:]
+    return np.concatenate((np.zeros(layout.n_inputs), first, raw_gaps))
 
 
-def monotone_bounds(n_params, n_inputs, n_hidden, n_levels):
-    """Bounds that keep the position's and the output weights non-negative."""
-    lower = np.full(n_params, -np.inf)
-    coef, _, heads = split_heads(lower, n_inputs, n_hidden, n_levels)
+def monotone_bounds(layout):
+    """Return bounds that keep the position's and the output weights non-negative."""
+    lower = np.full(layout.size, -np.inf)
+    coef, _, heads = layout.split(lower)
     coef[-1:] = 0.0
-    for output, _, _ in heads:
-        output[:] = 0.0
-    return np.stack((lower, np.full(n_params, np.inf)), axis=1)
+    for head in heads:
+        head.output[:] = 0.0
+    return np.stack((lower, np.full(layout.size, np.inf)), axis=1)

@@ -1,7 +1,8 @@
-"""Positions in the population of raters: what observations stand for a trial.
+"""Quantile positions at which a trial is observed.
 
-Every rating of an object is a stretch of its population; a position p in (0, 1) is
-one of its people, lowest ratings first.
+The people who rate an object are ordered by their rating, lowest first. A quantile
+position p in (0, 1) is a place in this order, so every rating takes up an interval of
+positions as long as its share of the people.
 """
 
 from functools import lru_cache
@@ -14,18 +15,19 @@ _GOLDEN = (np.sqrt(5) - 1) / 2
 
 
 def training_observations(counts, n_duplicates, sampling, balance, random_state):
-    """Choose positions for each trial; label and weight them by its ratings.
+    """Choose quantile positions of each trial; label and weight them by its ratings.
 
     Parameters
     ----------
     counts : ndarray of shape (n_trials, n_levels)
         How many people gave each rating.
     n_duplicates : int
-        Number of observations of each trial; their weights sum to it.
+        Total weight of the observations of each trial; with every sampling but
+        "level" also their number.
     sampling : {"level", "lattice", "stratified", "random"}
         How positions are chosen, as `DistributionalOrdinalRegressor` says.
     balance : {"macro", None}
-        Whether the levels of a trial count equally.
+        "macro" gives all levels that a trial has the same total weight.
     random_state : RandomState instance
 
     Returns
@@ -41,7 +43,7 @@ def training_observations(counts, n_duplicates, sampling, balance, random_state)
         positions, level, weight = _level_nodes(counts, n_duplicates)
     else:
         cell = np.arange(n_duplicates) / n_duplicates
-        if sampling == "lattice":  # turned a little for each trial
+        if sampling == "lattice":  # shifted by another amount for each trial
             shift = (_GOLDEN * (np.arange(n_trials)[:, None] + 1)) % 1
         else:
             shift = random_state.uniform(size=(n_trials, n_duplicates))
@@ -59,7 +61,7 @@ def training_observations(counts, n_duplicates, sampling, balance, random_state)
 
 
 def _level_nodes(counts, n_duplicates):
-    """Gauss–Legendre nodes within the stretch of the population at each level."""
+    """Return Gauss–Legendre nodes in the interval of positions of each level."""
     n_trials, n_levels = counts.shape
     share = counts / counts.sum(axis=1, keepdims=True)
     start = np.cumsum(share, axis=1) - share
@@ -72,11 +74,10 @@ def _level_nodes(counts, n_duplicates):
 
 
 def share_below(latent, thresholds, inputs, to_position):
-    """Share of the population whose latent response is at most each threshold.
+    """Return the share of the population with a response at or below each threshold.
 
-    The response is taken as linear between the inputs given, so that of a linear
-    model is exact but for the population beyond the outer inputs, of which all is
-    taken to be like them.
+    Interpolate linearly between the inputs; beyond the outer inputs, extrapolate as
+    constant. For a linear model the result is exact between the outer inputs.
 
     Parameters
     ----------
@@ -87,7 +88,7 @@ def share_below(latent, thresholds, inputs, to_position):
     inputs : ndarray of shape (n_inputs,)
         Increasing functions of the position, such as its log-odds.
     to_position : callable
-        Gives the positions in the population, from 0 to 1, of inputs.
+        Returns the positions, from 0 to 1, of inputs.
 
     Returns
     -------
@@ -113,44 +114,47 @@ def share_below(latent, thresholds, inputs, to_position):
 
 
 def crossing_positions(n_nodes):
-    """Positions that crowd at both ends, the outer ones next to 0 and 1."""
-    q = np.linspace(0, 1, n_nodes)
-    return np.clip(q**2 * (3 - 2 * q), 1e-6, 1 - 1e-6)
+    """Return positions that crowd at both ends, the outer ones next to 0 and 1."""
+    return np.clip(_crowded(np.linspace(0, 1, n_nodes)), 1e-6, 1 - 1e-6)
+
+
+def _crowded(q):
+    """Move points of [0, 1] towards its ends, where they crowd."""
+    return q**2 * (3 - 2 * q)
 
 
 def unit_gauss_legendre(n_nodes):
-    """Nodes and weights of Gauss–Legendre quadrature on (0, 1)."""
+    """Return nodes and weights of Gauss–Legendre quadrature on (0, 1)."""
     nodes, weight = np.polynomial.legendre.leggauss(n_nodes)
     return (nodes + 1) / 2, weight / 2
 
 
 @lru_cache
 def population_quadrature(n_nodes):
-    """Nodes and weights for averages over the population.
+    """Return nodes and weights for averages over the population.
 
-    Gauss–Legendre quadrature in q with p = q² (3 - 2q), whose nodes crowd at both
-    ends, where functions of the log-odds of p are hard to integrate.
+    Gauss–Legendre quadrature in q with p = q² (3 - 2q). Its nodes crowd at both ends,
+    where functions of the log-odds of p are hard to integrate.
     """
     q, weight = unit_gauss_legendre(n_nodes)
-    nodes, weight = q**2 * (3 - 2 * q), 6 * q * (1 - q) * weight
+    nodes, weight = _crowded(q), 6 * q * (1 - q) * weight
     nodes.flags.writeable = weight.flags.writeable = False  # one pair for all callers
     return nodes, weight
 
 
 def population_cells(n_cells):
-    """Nodes and weights for averages of functions that may jump, over the population.
+    """Return nodes and weights for averages over the population of stepwise functions.
 
-    The midpoint rule in q with p = q² (3 - 2q), whose cells crowd at both ends. Where
-    a function jumps between two nodes the average is off by at most half the larger of
-    their weights, times the jump.
+    The midpoint rule in q with p = q² (3 - 2q), whose cells crowd at both ends. A jump
+    of the function between two nodes puts the average off by at most half the larger
+    of their weights, times the jump.
     """
-    q = np.linspace(0, 1, 2 * n_cells + 1)
-    p = q**2 * (3 - 2 * q)
+    p = _crowded(np.linspace(0, 1, 2 * n_cells + 1))
     return p[1::2], np.diff(p[::2])
 
 
 def largest_jump_error(cdf, weight):
-    """Largest error that jumps between nodes give the average of each trial.
+    """Return the largest error that a jump between nodes gives a trial's average.
 
     Parameters
     ----------
@@ -162,8 +166,8 @@ def largest_jump_error(cdf, weight):
     Returns
     -------
     error : ndarray of shape (n_trials,)
-        Of the level where it is largest, if nothing happens between two nodes but one
-        jump.
+        The error at the level where it is largest, provided that the function has at
+        most one jump between two nodes.
     """
     half = np.maximum(weight[1:], weight[:-1]) / 2
     error = np.einsum("tp...,p->t...", np.abs(np.diff(cdf, axis=1)), half)

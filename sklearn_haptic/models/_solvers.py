@@ -1,4 +1,4 @@
-"""Minimisers of a smooth cost, and the early stopping of either."""
+"""Minimisers of a smooth cost: L-BFGS and iRprop+."""
 
 import numpy as np
 from scipy import optimize
@@ -7,13 +7,11 @@ from scipy import optimize
 _GROW, _SHRINK, _FIRST_STEP, _LARGEST_STEP = 1.2, 0.5, 0.0123, 50.0
 
 
-_VALIDATION_INTERVAL = 10  # iterations between two looks at the validation error
+# Size of the gradient where the last digits of a cost near 1 no longer change.
+_ROUNDING = 1e-6
 
 
-_ROUNDING = 1e-6  # of the gradient of a cost near 1, which is flat to its last digits
-
-
-_STOPPED = 99  # status of scipy's minimisers that a callback ended
+_STOPPED = 99  # status that scipy gives a search which a callback ended
 
 
 def irprop_plus(fun, x0, *, max_iter, tol, callback):
@@ -30,7 +28,14 @@ def irprop_plus(fun, x0, *, max_iter, tol, callback):
     tol : float
         The search ends once no component of the gradient exceeds it.
     callback : callable
-        Called with ``(x, cost)`` after each step; stops the search if true.
+        Called with ``(x, cost)`` after each step; the search stops if it returns true.
+
+    Returns
+    -------
+    x : ndarray
+    n_iter : int
+    converged : bool
+        Also true if the callback stopped the search.
 
     References
     ----------
@@ -62,11 +67,16 @@ def irprop_plus(fun, x0, *, max_iter, tol, callback):
     return x, max_iter, False
 
 
-def lbfgs(fun, x0, *, bounds, max_iter, tol, callback):
-    """Minimise by scipy's L-BFGS-B; arguments as for `irprop_plus`.
+def lbfgs(fun, x0, *, max_iter, tol, callback, bounds=None):
+    """Minimise by scipy's L-BFGS-B; arguments and results as for `irprop_plus`.
 
-    A search that ends because the cost no longer falls has converged only if little
-    is left of the gradient, which under an extreme penalty is not so.
+    Where the cost no longer falls, the search ends; it has converged only if the
+    gradient is small there, which it is not under an extreme penalty.
+
+    Parameters
+    ----------
+    bounds : ndarray of shape (n_params, 2), default=None
+        Smallest and largest value of each parameter; `x0` is brought within them.
     """
 
     def stop(intermediate_result):
@@ -95,35 +105,4 @@ def lbfgs(fun, x0, *, bounds, max_iter, tol, callback):
     return result.x, result.nit, flat or result.status == _STOPPED
 
 
-class Monitor:
-    """Records the cost of each iteration and keeps the best validated model.
-
-    Parameters
-    ----------
-    validation_error : callable or None
-        Gives the error of parameters; None for no early stopping.
-    patience : int
-        Iterations without a smaller error after which to stop.
-    end_iteration : callable or None
-        Called after each iteration; stops the search if true.
-    """
-
-    def __init__(self, validation_error, patience, end_iteration):
-        self.validation_error = validation_error
-        self.patience = patience
-        self.end_iteration = end_iteration
-        self.costs = []
-        self.best_error, self.best_params, self.best_iter = np.inf, None, 0
-
-    def __call__(self, params, cost):
-        self.costs.append(float(cost))
-        iteration = len(self.costs)
-        if self.end_iteration is not None and self.end_iteration():
-            return True
-        if self.validation_error is None or iteration % _VALIDATION_INTERVAL:
-            return False
-        error = self.validation_error(params)
-        if error < self.best_error:
-            self.best_error, self.best_iter = error, iteration
-            self.best_params = params.copy()
-        return iteration - self.best_iter >= self.patience
+SOLVERS = {"lbfgs": lbfgs, "irprop+": irprop_plus}

@@ -1,0 +1,113 @@
+"""Observations of trials: which levels they have, with what weights.
+
+Observations are rows of arrays with one row per trial: a level each, a weight, and
+perhaps a position. Those of several adjectives have a further axis behind the trials'.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._check_ratings import weighted
+from .._sklearn import FloatArray
+
+# In units of the total weight; more would make no difference but overflow.
+_LARGEST_PENALTY = 1e300
+
+
+def relative_weights(sample_weight):
+    """Return the weights of trials in units of the largest; all stay above 0."""
+    relative = sample_weight / sample_weight.max()
+    return np.maximum(relative, np.finfo(np.float64).tiny)
+
+
+def single_ratings(X, counts, groups, sample_weight):
+    """Turn counts into observations without positions: one per level of a trial.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_trials, n_features)
+    counts : ndarray of shape (n_trials, ..., n_levels)
+    groups : ndarray of shape (n_trials,), or None
+    sample_weight : ndarray of shape (n_trials,)
+        Trials of weight 0 are left out of all that is returned.
+
+    Returns
+    -------
+    X, groups
+    level, weight : ndarray of the shape of `counts`
+        What `NNPOM.fit_with_positions` trains on.
+    validation_weight : ndarray of the shape of `counts`
+        Takes the place of `weight` where the trial validates: a trial counts by its
+        own weight, however many people rated it.
+    """
+    used = sample_weight > 0
+    X, counts, sample_weight = X[used], counts[used], sample_weight[used]
+    groups = None if groups is None else groups[used]
+    level = np.broadcast_to(np.arange(counts.shape[-1]), counts.shape)
+    validation_weight = ((counts > 0).T * relative_weights(sample_weight)).T
+    return X, groups, level, weighted(counts, sample_weight), validation_weight
+
+
+def scaled_to_unit_weight(weight, alpha):
+    """Bring the total weight near 1, and the penalty along, by a power of four.
+
+    Only the ratio of weights and penalty matters. A power of four changes no digit,
+    under a square root neither.
+    """
+    exponent = 2 * (np.frexp(weight.sum())[1] // 2)
+    with np.errstate(over="ignore"):
+        alpha = min(np.ldexp(alpha, -exponent), _LARGEST_PENALTY)
+    return np.ldexp(weight, -exponent), alpha
+
+
+def of_each_adjective(positions, level, weight):
+    """Return the positions, levels and weights of each adjective."""
+    if weight.ndim == 2:
+        return [(positions, level, weight)]
+    return [
+        (None if positions is None else positions[:, i], level[:, i], weight[:, i])
+        for i in range(weight.shape[1])
+    ]
+
+
+class RankedRatings(NamedTuple):
+    """The ratings of one adjective, their levels ranked from 0 without gaps."""
+
+    present: NDArray[np.intp]
+    """Indices of the levels that ratings have."""
+
+    level_weight: NDArray[np.float64]
+    """Total weight of the ratings of each of these levels."""
+
+    observations: tuple[FloatArray | None, NDArray[np.intp], FloatArray]
+    """Positions, ranks and weights; where the weight is not zero, a rank is an index
+    into `present`."""
+
+
+def rank_levels(positions, level, weight, n_levels):
+    """Rank the levels that ratings of each adjective have.
+
+    Parameters
+    ----------
+    positions, level, weight : ndarray
+        As `NNPOM.fit_with_positions` takes them.
+    n_levels : int
+        Number of all levels.
+
+    Returns
+    -------
+    ranked : list of RankedRatings
+    """
+    ranked = []
+    for positions_of, level_of, weight_of in of_each_adjective(
+        positions, level, weight
+    ):
+        level_weight = np.bincount(
+            level_of.ravel(), weight_of.ravel(), minlength=n_levels
+        )
+        present = np.flatnonzero(level_weight)
+        observations = positions_of, np.searchsorted(present, level_of), weight_of
+        ranked.append(RankedRatings(present, level_weight[present], observations))
+    return ranked
