@@ -131,7 +131,3 @@ def test_every_page_is_in_a_table_of_contents():
             listed += re.findall(r"^([\w/]+)$", block, re.M)
     written = {page.stem for page in PAGES[1:]} | {"api", "auto_examples/index"}
     assert sorted(listed) == sorted(written)  # each once
-
-
-def test_settings_of_the_documentation_are_short():
-    assert len(read(DOCS / "conf.py").splitlines()) <= 100
