@@ -202,6 +202,7 @@ def test_copies_of_estimators_without_caches_predict_the_same():
     assert copied.best_estimator_ is not search.best_estimator_
 
 
+@pytest.mark.slow
 def test_sensor_subsets_have_the_same_cost_with_a_cache(clock, tmp_path):
     table = pd.DataFrame(X, columns=["pac", "pdc"])
     costs = []

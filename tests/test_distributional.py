@@ -140,6 +140,7 @@ def test_paper_settings_regression():
     np.testing.assert_allclose(proba, expected, atol=0.021)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decode", ["mixture", "quantile"])
 @pytest.mark.parametrize(
     "estimator",
@@ -297,6 +298,7 @@ def test_quadrature_over_the_population(slope, error):
         assert abs(weight @ share(nodes, cut) - exact) < error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("p_transform", ["logit", None])
 def test_quantile_decoding_beats_the_grid(p_transform):
     """Against 20,001 positions: a smaller error than that of the paper's 99."""
@@ -329,6 +331,7 @@ def test_share_below_of_a_response_that_falls_and_rises():
         np.testing.assert_allclose(share, expected, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_search_by_object_with_two_dimensional_target():
     X, counts, objects = ordinal_trials()
     pipeline = make_pipeline(StandardScaler(), DistributionalOrdinalRegressor())

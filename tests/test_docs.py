@@ -63,6 +63,7 @@ def run(tmp_path, monkeypatch, one_thread, capsys):
     return run
 
 
+@pytest.mark.slow
 def test_code_of_the_readme(run):
     names = run(ROOT / "README.md")
     proba = names["corpus"].ratings["hard"][names["unseen"]] / 12
@@ -73,6 +74,7 @@ def test_code_of_the_readme(run):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "page", [page for page in PAGES[1:] if any(code_blocks(page))], ids=lambda p: p.name
 )

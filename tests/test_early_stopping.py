@@ -41,6 +41,7 @@ def touches(n_objects=20, n_trials=4, seed=0):
     return X, counts[objects], objects
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS, ids=IDS)
 def test_it_warns_without_groups(model, recwarn):
     X, counts, objects = touches()
@@ -162,6 +163,7 @@ def test_bad_groups(model, groups, message):
         clone(model).fit(X, counts, groups=groups)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
 @pytest.mark.parametrize("n_features", [3, 120])
 @pytest.mark.parametrize("model", MODELS, ids=IDS)

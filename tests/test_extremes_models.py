@@ -126,6 +126,7 @@ def exact_cost_and_gradient(params, *data):
         return float(exact_cost(params, *data)), np.array(grad, dtype=np.float64)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_hidden", [0, 2])
 @pytest.mark.parametrize("shared", [False, True], ids=["rows", "positions"])
 @examples(8)
@@ -187,6 +188,7 @@ def test_softplus_and_sigmoids_at_the_ends_of_the_numbers():
     np.testing.assert_array_equal(sigmoid, [[0, 0, 0], [0.5, 1, 1]])
 
 
+@pytest.mark.slow
 @examples(50)
 @given(
     st.lists(
@@ -211,6 +213,7 @@ def test_linear_start_has_the_frequencies_of_the_levels(weight):
 # Fits whose result is known
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", NETWORKS)
 @pytest.mark.parametrize(
     ("value", "scale_features"),
@@ -253,6 +256,7 @@ def test_separable_trials_without_a_penalty(model):
     assert proba[[0, -1], [0, 1]].min() > 0.999
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", NETWORKS)
 @pytest.mark.parametrize("unused", [[0], [2], [4], [0, 1, 3]])
 def test_levels_never_used(model, unused):
@@ -281,6 +285,7 @@ def test_raters_who_agree_are_one_rater(model):
         np.testing.assert_allclose(other, proba[0], rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", NETWORKS)
 @pytest.mark.parametrize("exponent", [-500, -40, 40, 500])
 def test_powers_of_two_in_features_and_weights_change_no_digit(model, exponent):
@@ -421,6 +426,7 @@ def test_subnormal_features_are_refused(n_hidden, solver):
         NNPOM(n_hidden, solver=solver).fit(X * 1e-310, counts)
 
 
+@pytest.mark.slow
 @examples(100)
 @given(st.data(), st.integers(1, 5), st.integers(1, 9), st.integers(0, 3))
 def test_the_sign_of_a_response_that_overflows_is_exact(data, n, n_features, n_hidden):
@@ -499,6 +505,7 @@ def assert_consistent(model, X):
             assert level == exact + 1 or abs(below[exact] - rank) < 40 * EPS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("crowd", CROWDS)
 @pytest.mark.parametrize("sampling", ["level", "lattice"])
 @pytest.mark.parametrize("balance", [None, "macro"])
@@ -518,6 +525,7 @@ def test_every_crowd_gives_consistent_predictions(crowd, sampling, balance):
         assert_consistent(model.set_params(rule="argmax"), X)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_duplicates", [1, 1000])
 @pytest.mark.parametrize("sampling", ["level", "lattice", "stratified", "random"])
 def test_one_duplicate_and_a_thousand(n_duplicates, sampling):
@@ -533,6 +541,7 @@ def test_one_duplicate_and_a_thousand(n_duplicates, sampling):
     assert_consistent(peer.fit(X, counts), X)
 
 
+@pytest.mark.slow
 @examples(40)
 @given(
     counts=st.lists(st.sampled_from([0, 1, 2, 70, 10**12]), min_size=2, max_size=20),
@@ -662,6 +671,7 @@ def exact_scores(counts, proba):
     }
 
 
+@pytest.mark.slow
 @examples(150)
 @given(
     st.lists(
@@ -707,6 +717,7 @@ def test_scores_of_subnormal_probabilities(proba):
     assert heights.sum() == pytest.approx(4) and (heights >= 0).all()
 
 
+@pytest.mark.slow
 def test_scores_of_hundreds_of_levels():
     rng = np.random.default_rng(0)
     counts, parts = rng.integers(0, 10**12, 400), rng.integers(0, 2**30, 400)
@@ -750,6 +761,7 @@ def test_ties_at_every_position(n_levels, unit):
     np.testing.assert_array_equal(inverse_cdf(counts, between)[0], expected[1:])
 
 
+@pytest.mark.slow
 @examples(100)
 @given(
     counts=st.lists(st.integers(0, 2 * 10**11), min_size=2, max_size=5).filter(any),

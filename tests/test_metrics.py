@@ -415,6 +415,7 @@ def test_macro_mae_of_level_indices_by_hand():
     assert _macro_mae(predicted, level, counted).tolist() == [0.5, 0]
 
 
+@pytest.mark.slow
 def test_sorting_never_increases_the_mean_error_but_can_increase_the_macro_mae():
     levels, n = range(3), 5
     worse = 0

@@ -451,6 +451,7 @@ def test_callbacks_see_every_iteration_and_may_stop(solver):
     assert recorder.tasks[-1] == "teardown"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exponent", [-300, -160, 0, 160, 300])
 @pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
 @pytest.mark.parametrize("n_hidden", [0, 2])
@@ -491,6 +492,7 @@ def test_products_that_underflow_are_refused():
     np.testing.assert_allclose(proba, NNPOM(0).fit(X[:3], counts[:3]).predict_proba(X))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [NNPOM, SensorFusionNNPOM])
 def test_counts_and_labels_are_scored_by_the_same_rule(make):
     """By a plain loop over people; a search no longer returns its first candidate."""

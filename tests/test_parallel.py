@@ -88,6 +88,7 @@ def assert_same(search, reference, corpus):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["loky", "threading"])
 @pytest.mark.parametrize("n_jobs", [1, 2])
 def test_joblib_backends(corpus, reference, backend, n_jobs):
@@ -95,6 +96,7 @@ def test_joblib_backends(corpus, reference, backend, n_jobs):
         assert_same(fitted_search(corpus), reference, corpus)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n_workers", "processes"), [(2, False), (1, True)])
 def test_dask(corpus, reference, n_workers, processes):
     distributed = pytest.importorskip("distributed")
@@ -110,6 +112,7 @@ def test_dask(corpus, reference, n_workers, processes):
         assert_same(fitted_search(corpus), reference, corpus)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("caches", "n_jobs"),
     [

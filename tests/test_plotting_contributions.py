@@ -26,6 +26,7 @@ def holdout_scores():
     return pd.DataFrame({"emd": values.ravel()}, index).reset_index()
 
 
+@pytest.mark.slow
 def test_contributions_display_draws_what_the_table_holds(holdout_scores):
     display = SensorContributionsDisplay.from_scores(
         holdout_scores, metric="emd", by="procedure"

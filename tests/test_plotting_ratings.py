@@ -93,6 +93,7 @@ def test_higher_levels_are_darker(ratings):
     assert (np.diff(colours @ LUMINANCE) < -0.05).all()
 
 
+@pytest.mark.slow
 def test_figure_grows_with_the_objects_and_labels_keep_apart(ratings):
     many = {name: np.tile(counts, (10, 1)) for name, counts in ratings.items()}
     few = RatingsDisplay.from_counts(ratings).figure_
@@ -140,6 +141,7 @@ def test_trials_of_an_object_count_once(ratings):
     assert display.ax_.get_xlabel() == "adjective (6 objects each)"
 
 
+@pytest.mark.slow
 def test_zero_is_marked_and_shown(ratings):
     for each in (ratings, {"hard": [[12, 0, 0, 0, 0], [11, 1, 0, 0, 0]]}):
         display = InterraterAgreementDisplay.from_counts(each)

@@ -239,6 +239,7 @@ def test_inverse_cdf_equals_exact_fractions():
         assert (inverse_cdf(counts, p) - 1).tolist() == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "n_raters", [*range(1, 200), 250, 500, 999, 1000, 2000, 4999, 10_000]
 )

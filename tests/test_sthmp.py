@@ -468,6 +468,7 @@ def test_dictionary_is_learned_from_patches(limit):
     np.testing.assert_allclose(components, expected.components_, atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_fingers", [1, 2])
 @pytest.mark.parametrize("limit", [1, 20, 500])
 def test_most_trials_give_no_patch(n_fingers, limit):

@@ -103,6 +103,7 @@ def assert_limited(call):
     assert blas_threads() == {2}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_one_thread_wherever_products_are_made(name):
     model, X = MODELS[name]
