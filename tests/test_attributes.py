@@ -218,6 +218,7 @@ def test_weights_equal_repeated_trials():
     assert weighted.score(X, counts, weight) == pytest.approx(-expected)
 
 
+@pytest.mark.slow
 def test_search_and_scorers():
     X, counts, objects = touches()
     search = GridSearchCV(
@@ -233,6 +234,7 @@ def test_search_and_scorers():
     assert np.isfinite(search.cv_results_["mean_test_rps"]).all()
 
 
+@pytest.mark.slow
 def test_early_stopping_averages_the_error_of_all_attributes():
     X, counts, objects = touches(30)
     train, held_out = objects < 24, objects >= 24

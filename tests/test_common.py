@@ -17,6 +17,8 @@ from sklearn_haptic import (
     TemporalMaxPool,
 )
 
+pytestmark = pytest.mark.slow
+
 TRANSFORMERS = [
     KSVDTransformer(),
     KSVDTransformer(5, 2, update="exact", sign="none", remove_mean=False),
@@ -77,7 +79,6 @@ def test_every_public_estimator_is_here():
 
 # The checks' data are not scaled, so 10 hidden units take long to converge on some.
 # Their columns have no names of sensors, and their words no order.
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:y has words, which have no order of their own")
 @pytest.mark.filterwarnings("ignore:X has no column names to tell sensors by")
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
@@ -87,7 +88,6 @@ def test_common_checks(estimator, check):
 
 
 # Some of these checks fit on a data frame and transform an array, or the reverse.
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:X (has|does not have valid) feature names")
 @pytest.mark.filterwarnings("ignore:X has no column names to tell sensors by")
 @pytest.mark.parametrize(("estimator", "name"), BEYOND_THE_SUITE, ids=str)

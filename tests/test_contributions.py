@@ -26,7 +26,7 @@ from sklearn_haptic.model_selection._contributions import fit_holdouts, score_tr
 SENSORS = {"pac": [0, 1], "pdc": [2, 3], "tdc": [4]}
 SCORES = ["macro_mae", "emd", "rps", "log_score", "rps_1", "rps_2", "rps_3", "rps_4"]
 
-pytestmark = pytest.mark.usefixtures("one_thread")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_thread")]
 
 
 def make_touches(n_objects, n_trials, seed):
@@ -101,7 +101,6 @@ def test_terms_of_thresholds_sum_to_the_ranked_probability_score():
 # The table ----------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_table_has_a_row_for_each_model_start_and_test_trial(scores, touches):
     X, _, objects = touches
     keys = ["held_out", "start", "fold", "object", "trial"]
@@ -179,7 +178,6 @@ def test_frozen_networks_stay_and_only_the_combined_network_restarts(touches):
     assert not np.array_equal(first.coefs_[0], second.coefs_[0])
 
 
-@pytest.mark.slow
 def test_any_number_of_jobs_gives_the_same_table(touches):
     X, y, objects = touches
     one, two = (
@@ -201,7 +199,6 @@ def test_any_number_of_jobs_gives_the_same_table(touches):
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("output", ["pandas", "polars"])
 def test_pipeline_tells_sensors_by_names_and_learns_nothing_of_test_trials(
     touches, output
@@ -223,7 +220,6 @@ def test_pipeline_tells_sensors_by_names_and_learns_nothing_of_test_trials(
     pd.testing.assert_frame_equal(scores, by_hand, rtol=5e-3)
 
 
-@pytest.mark.slow
 def test_recordings():
     corpus = make_haptic_corpus(6, 2, sensors=["tdc", "pdc"], random_state=0)
     model = make_haptic_pipeline(["tdc", "pdc"], random_state=0)
@@ -236,7 +232,6 @@ def test_recordings():
     assert len(scores) == 3 * 10 * 12
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("n_folds, cv", [(5, None), (3, 3), (3, np.int64(3))])
 def test_objects_are_kept_together_by_default(touches, n_folds, cv):
     X, y, objects = touches
@@ -507,7 +502,6 @@ def test_holdouts_find_the_sensor_that_tells_and_no_other(scores, metric):
     assert useless["difference"].abs().max() < summary.loc["pac", "difference"] / 10
 
 
-@pytest.mark.slow
 def test_a_sensor_may_tell_low_ratings_apart_but_not_high_ones():
     """One sensor feels objects of low ratings only, another those of high ones."""
     rng = np.random.default_rng(0)

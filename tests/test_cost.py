@@ -91,6 +91,7 @@ def search_heads(cache, grid, **options):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cached", [False, True])
 @pytest.mark.parametrize("seconds", [[0.25, 0.5], [0.5, 0.25]])
 def test_the_first_candidate_does_not_pay_for_all(clock, tmp_path, cached, seconds):

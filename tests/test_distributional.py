@@ -381,6 +381,7 @@ def test_random_state_reaches_the_estimator_only_if_given():
     assert not np.array_equal(proba[0], proba[2])
 
 
+@pytest.mark.slow
 def test_base_without_weights_says_what_to_do():
     X, counts, _ = ordinal_trials()
     model = DistributionalOrdinalRegressor(KNeighborsClassifier())

@@ -128,6 +128,7 @@ def test_without_them_the_objects_are_torn():
     assert all(set(trained) & set(validated) for trained, validated in Witness.seen)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS, ids=IDS)
 @pytest.mark.parametrize("n_objects", [1, 2, 3])
 def test_few_objects(model, n_objects):
@@ -189,6 +190,7 @@ def test_weights_equal_repeated_trials(model, solver, n_features):
     )
 
 
+@pytest.mark.slow
 def test_validation_errors_are_weighted():
     """All weight on the trials of one held-out object: its error alone decides."""
     X, counts, objects = touches(10)

@@ -160,6 +160,7 @@ def test_powers_of_two_change_no_digit_of_codes(problem, dtype, data):
     np.testing.assert_array_equal(scaled_coefs, np.ldexp(coefs, e - f))
 
 
+@pytest.mark.slow
 @repeatable
 @given(coding_problems(), st.sampled_from(DTYPES))
 def test_subnormal_signals_lose_no_digit(problem, dtype):

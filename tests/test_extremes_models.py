@@ -152,6 +152,7 @@ def test_cost_and_gradient_where_units_saturate(
     np.testing.assert_allclose(grad, exact_grad, rtol=0, atol=atol)
 
 
+@pytest.mark.slow
 @examples(30)
 @given(
     latent=st.floats(-1e3, 1e3),
@@ -240,6 +241,7 @@ def test_one_trial_predicts_its_own_frequencies(model):
     assert certain.tolist() == [[1.0]] and model.predict(X).tolist() == [3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", NETWORKS)
 def test_separable_trials_without_a_penalty(model):
     X = np.arange(60.0)[:, None]
@@ -322,6 +324,7 @@ def test_a_large_constant_beside_a_feature(model):
     np.testing.assert_allclose(proba, expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", NETWORKS)
 def test_weights_of_zero_and_of_a_million_million(model):
     X, counts = touches()

@@ -104,6 +104,7 @@ def test_it_is_what_the_paper_describes(held_out, sampling):
     np.testing.assert_allclose(fitted.thresholds_, final.thresholds_, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_held_out_sensor_has_no_say():
     X, counts, _ = touches()
     full, deaf = (
@@ -342,6 +343,7 @@ def test_one_level_only():
     np.testing.assert_array_equal(proba, np.eye(5)[[3] * len(X)])
 
 
+@pytest.mark.slow
 def test_pickle_and_seeds():
     X, counts, _ = touches()
     model = DistributionalOrdinalRegressor(

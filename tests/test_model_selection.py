@@ -40,6 +40,8 @@ from sklearn_haptic.model_selection import (
 )
 from sklearn_haptic.model_selection._frontier import is_non_dominated
 
+pytestmark = pytest.mark.slow
+
 
 def make_results(seconds, splits, metric="score", **more):
     """What a search stores, from the time and the split scores a candidate."""
@@ -67,7 +69,6 @@ RESULTS_SE = np.sqrt(4 / 4 / 5)
 DATA = st.lists(st.tuples(st.integers(0, 6), st.integers(-3, 3)), min_size=1)
 
 
-@pytest.mark.slow
 @given(DATA)
 def test_non_dominated_equals_brute_force(pairs):
     cost, score = np.array(pairs, dtype=float).T
@@ -78,7 +79,6 @@ def test_non_dominated_equals_brute_force(pairs):
     np.testing.assert_array_equal(is_non_dominated(cost, score), brute)
 
 
-@pytest.mark.slow
 @given(DATA)
 def test_frontier_is_sorted_and_nothing_outside_beats_it(pairs):
     seconds, score = np.array(pairs, dtype=float).T + np.array([[1], [0]])
@@ -135,7 +135,6 @@ def test_ties_go_to_the_better_then_the_first():
     assert cheapest_within_one_se(make_results([3, 2, 1], splits)) == 1
 
 
-@pytest.mark.slow
 @given(
     st.lists(
         st.tuples(st.integers(1, 5), st.integers(-9, 9), st.integers(-9, 9))
@@ -281,7 +280,6 @@ def test_randomised_search(trials):
         assert row["param_estimator__n_hidden"] == params["estimator__n_hidden"]
 
 
-@pytest.mark.slow
 def test_halving_search(trials):
     search = make_search(
         HalvingGridSearchCV,
@@ -360,7 +358,6 @@ def table():
     return X, X["a"] + X["d"] + rng.normal(size=36), np.repeat(np.arange(12), 3)
 
 
-@pytest.mark.slow
 def test_sensor_subsets_equal_a_grid_search_on_recordings():
     corpus = make_haptic_corpus(8, 2, sensors=SENSORS, random_state=0)
     model = make_haptic_pipeline(SENSORS, preset="fast", random_state=0)
@@ -376,7 +373,6 @@ def test_sensor_subsets_equal_a_grid_search_on_recordings():
         model.predict(corpus.trials)  # the model itself stays as it was
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -398,7 +394,6 @@ def test_sensor_subsets_equal_a_grid_search(table, options, output):
     assert {str(columns) for columns in seen} == {str(columns) for columns in names}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("n_folds, cv", [(5, None), (3, 3), (4, np.int64(4))])
 def test_sensor_subsets_keep_groups_together(table, n_folds, cv):
     X, y, groups = table
@@ -417,7 +412,6 @@ def test_sensor_subsets_keep_groups_together(table, n_folds, cv):
     np.testing.assert_allclose(results["mean_test_score"][-1], np.mean(scores))
 
 
-@pytest.mark.slow
 def test_sensor_subsets_hand_groups_to_fits_that_request_them(table):
     X, _, groups = table
     counts = np.random.default_rng(0).multinomial(12, [0.2] * 5, size=12)[groups]
@@ -434,7 +428,6 @@ def test_sensor_subsets_hand_groups_to_fits_that_request_them(table):
         assert results[f"split{k}_test_score"][-1] == score
 
 
-@pytest.mark.slow
 def test_sensor_subsets_of_a_classifier_in_stratified_folds(table):
     X, y, _ = table
     labels = np.where(np.argsort(np.argsort(y)) < 8, "soft", "hard")
@@ -444,7 +437,6 @@ def test_sensor_subsets_of_a_classifier_in_stratified_folds(table):
     )
 
 
-@pytest.mark.slow
 def test_sensor_subsets_in_parallel(table):
     X, y, groups = table
     model = columns_model([Ridge()])
@@ -454,7 +446,6 @@ def test_sensor_subsets_in_parallel(table):
     assert_same_scores(results, sensor_subsets(model, X, y, **options))
 
 
-@pytest.mark.slow
 def test_each_sensor_is_fitted_once_a_fold(table, monkeypatch):
     X, y, _ = table
     ticks, calls = iter(range(10_000)), []
@@ -475,7 +466,6 @@ def test_each_sensor_is_fitted_once_a_fold(table, monkeypatch):
     np.testing.assert_array_equal(results["mean_test_neg_seconds"], -n_steps)
 
 
-@pytest.mark.slow
 def test_choosing_among_sensor_subsets(table):
     X, y, groups = table
     results = sensor_subsets(
@@ -491,7 +481,6 @@ def test_choosing_among_sensor_subsets(table):
     assert frontier["param_sensors"].tolist() == [SUBSETS[i] for i in frontier.index]
 
 
-@pytest.mark.slow
 def test_dropped_sensors_are_not_tried(table):
     X, y, _ = table
     model = columns_model([Ridge()]).set_params(columntransformer__pac="drop")

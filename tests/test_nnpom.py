@@ -89,6 +89,7 @@ def test_probabilities_equal_orca(shared_data, name):
     np.testing.assert_allclose(proba, case["orca_proba_test"], atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("latent", [-800.0, -30.0, 0.3, 40.0, 800.0])
 @pytest.mark.parametrize("gap_logit", [-700.0, -1.0, 50.0])
 def test_loss_is_exact_where_probabilities_underflow(latent, gap_logit):

@@ -36,7 +36,7 @@ from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import earth_movers_distance, neg_rps_scorer
 from sklearn_haptic.model_selection import cross_val_predict_proba
 
-pytestmark = pytest.mark.usefixtures("one_thread")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_thread")]
 
 
 def rated(n_objects=12, n_trials=3, n_people=12, noise=0.3):
@@ -91,7 +91,6 @@ def by_hand(estimator, X, y, folds, method="predict_proba", **fit):
     return np.array([rows[i] for i in range(len(rows))])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("method", ["predict_proba", "predict_cdf", "predict"])
 @pytest.mark.parametrize("target", TARGETS)
 def test_equals_a_loop(target, method):
@@ -112,7 +111,6 @@ CONTAINERS = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("container", CONTAINERS)
 def test_containers_of_features(container):
     rows = CONTAINERS[container](X)
@@ -121,7 +119,6 @@ def test_containers_of_features(container):
     np.testing.assert_array_equal(predicted, expected)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("container", [np.ndarray.tolist, pd.DataFrame])
 def test_containers_of_counts_and_groups(container):
     groups = [f"object {name}" for name in OBJECTS]
@@ -141,7 +138,6 @@ def uneven_trials(kind):
     return cells if kind is object else pd.Series(cells, index=OBJECTS)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", [list, object, pd.Series])
 def test_recordings_of_unequal_length(kind):
     model = make_pipeline(
@@ -155,7 +151,6 @@ def test_recordings_of_unequal_length(kind):
     np.testing.assert_array_equal(predicted, expected)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("output", ["default", "pandas", "polars"])
 def test_recordings_of_several_sensors_in_processes(output):
     sensors = ["pdc", "tdc"]
@@ -174,7 +169,6 @@ def test_recordings_of_several_sensors_in_processes(output):
         model.predict(trials)  # the model itself stays as it was
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("n_objects, n_trials", [(2, 1), (500, 10), (5000, 1)])
 def test_few_and_many_trials(n_objects, n_trials):
     rows, counts, objects = rated(n_objects, n_trials)
@@ -280,7 +274,6 @@ class TestLevels:
 
     labels = np.where(OBJECTS == 3, 5, 1 + OBJECTS % 4)
 
-    @pytest.mark.slow
     @pytest.mark.parametrize("method", ["predict_proba", "predict_cdf", "predict"])
     def test_labels_are_the_same_as_counts_of_one_rating(self, method):
         counts = (self.labels[:, None] == np.arange(1, 6)).astype(int)
@@ -289,7 +282,6 @@ class TestLevels:
         from_counts = cross_val_predict_proba(REGRESSOR, X, counts, **options)
         np.testing.assert_allclose(from_labels, from_counts, atol=1e-12)
 
-    @pytest.mark.slow
     @pytest.mark.parametrize("names", [[1, 2, 3, 4, 5], [2, 3, 5, 8, 9], list("abcde")])
     @pytest.mark.parametrize("levels_in_order", [[1, 2, 3, 4, 5], [5, 2, 3, 4, 1]])
     def test_an_unseen_level_has_probability_zero(self, names, levels_in_order):
@@ -409,7 +401,6 @@ class TestParams:
         np.testing.assert_array_equal(predicted, expected)
 
 
-@pytest.mark.slow
 def test_a_search_predicts_the_objects_held_out_of_it():
     def search(n_folds):
         grid = {"estimator__alpha": [0.1, 10.0]}

@@ -21,6 +21,7 @@ from sklearn_haptic.metrics import neg_rps_scorer
 
 # joblib prints the arguments of what it caches, and warns if that takes long.
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.filterwarnings("ignore:Persisting input arguments took:UserWarning"),
     pytest.mark.usefixtures("one_thread"),
 ]
@@ -88,7 +89,6 @@ def assert_same(search, reference, corpus):
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["loky", "threading"])
 @pytest.mark.parametrize("n_jobs", [1, 2])
 def test_joblib_backends(corpus, reference, backend, n_jobs):
@@ -96,7 +96,6 @@ def test_joblib_backends(corpus, reference, backend, n_jobs):
         assert_same(fitted_search(corpus), reference, corpus)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("n_workers", "processes"), [(2, False), (1, True)])
 def test_dask(corpus, reference, n_workers, processes):
     distributed = pytest.importorskip("distributed")
@@ -112,7 +111,6 @@ def test_dask(corpus, reference, n_workers, processes):
         assert_same(fitted_search(corpus), reference, corpus)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("caches", "n_jobs"),
     [

@@ -533,6 +533,7 @@ def test_two_objects_of_one_id(path):
         load_phac2(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 5_000, 100_000])
 def test_names_are_chosen_in_linear_time(n):
     """As many comparisons of names as there are names, up to a factor."""
@@ -661,6 +662,7 @@ def test_real_durations(bolt_pilot, procedure, start, stop):
     assert sorted(found) == sorted(segments)
 
 
+@pytest.mark.slow
 def test_rest_is_zero_and_contact_is_not(bolt_pilot):
     """While held, the pressure of every trial lies above its level at rest."""
     corpus = load_phac2(bolt_pilot / "bolt_pilot_phac2_layout.h5", sensors=["pdc"])

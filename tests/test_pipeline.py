@@ -27,6 +27,8 @@ from sklearn_haptic import (
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def corpus():
@@ -72,7 +74,6 @@ def whole_pipeline():
 HEAD = "distributionalordinalregressor__estimator__"
 
 
-@pytest.mark.slow
 def test_search_over_hidden_units_and_penalty_on_raw_trials(corpus):
     search = GridSearchCV(
         whole_pipeline(),
@@ -95,7 +96,6 @@ def test_search_over_hidden_units_and_penalty_on_raw_trials(corpus):
     )
 
 
-@pytest.mark.slow
 def test_nested_cross_validation_with_metadata_routing(corpus):
     with config_context(enable_metadata_routing=True):
         search = GridSearchCV(
@@ -128,7 +128,6 @@ def test_feature_names_say_sensor_cell_and_atom(corpus):
     assert "electrodes__t1of1_s9of9_atom0+" in names
 
 
-@pytest.mark.slow
 def test_rows_stay_with_their_trial_beside_other_columns(corpus):
     trials = corpus.trials.assign(number=np.arange(len(corpus.trials), dtype=float))
     permuted = trials.sample(frac=1, random_state=0)
@@ -175,7 +174,6 @@ def test_fast_slide_is_too_short_for_sixteen_cells_of_the_papers_rule():
     assert steps[-1].cells_ == (16, 8, 4, 2, 1)
 
 
-@pytest.mark.slow
 def test_union_memory_and_pickle(corpus, tmp_path):
     union = FeatureUnion(
         [
@@ -209,7 +207,6 @@ def electrodes_head(*, memory=None, max_iter=3):
     )
 
 
-@pytest.mark.slow
 def test_search_with_a_cache_codes_a_trial_once_a_dictionary(
     corpus, tmp_path, monkeypatch
 ):
@@ -239,7 +236,6 @@ def test_search_with_a_cache_codes_a_trial_once_a_dictionary(
     assert len(chunks) == (3 + 1) * len(corpus.trials)
 
 
-@pytest.mark.slow
 def test_workers_find_what_their_parent_cached(corpus, one_thread, tmp_path):
     results, n_entries = [], []
     for n_jobs, memory in [(1, None), (1, str(tmp_path)), (2, str(tmp_path))]:
@@ -295,7 +291,6 @@ def test_progress_bar(corpus, capsys):
     assert "STHMPTransformer" in capsys.readouterr().out
 
 
-@pytest.mark.slow
 def test_real_recordings_through_all_five_sensors(shared_data):
     corpus = load_phac2(
         shared_data / "bolt_pilot" / "bolt_pilot_phac2_layout.h5", procedure="hold"

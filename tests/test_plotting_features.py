@@ -88,6 +88,7 @@ def test_atoms_of_images_are_patches():
     assert "atom (no unit)" in {ax.get_ylabel() for ax in display.figure_.axes}
 
 
+@pytest.mark.slow
 def test_atoms_of_tables():
     X = RNG.normal(size=(40, 5))
     ksvd = KSVDTransformer(3, 1, max_iter=2, random_state=0).fit(X)
@@ -153,6 +154,7 @@ def test_floor_cells_take_the_remainder_last():
     assert display.axes_[-1].get_xlabel() == "time, samples"
 
 
+@pytest.mark.slow
 def test_colours_follow_the_root_and_show_signs():
     unsigned = FeatureMapDisplay.from_estimator(waveforms(), SIGNALS[0])
     scale = unsigned.images_[0].norm

@@ -16,6 +16,8 @@ from sklearn_haptic import (
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_rps_scorer, ranked_probability_score
 
+pytestmark = pytest.mark.slow
+
 SENSORS = ["pac", "pdc", "tac", "tdc", "electrodes"]
 
 
@@ -44,7 +46,6 @@ def biotac_slides(shared_data):
     return pd.DataFrame(trials), materials, runs
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("preset", ["fast", "balanced", "accurate"])
 def test_predicts_objects_never_touched(corpus, preset):
     unseen = np.isin(corpus.objects, np.unique(corpus.objects)[::4])
@@ -91,7 +92,6 @@ def test_presets_grow():
         assert cells == sorted(cells) and cells[0] < cells[2]
 
 
-@pytest.mark.slow
 def test_real_slides_of_one_finger(biotac_slides):
     """Materials felt by a single finger, from slides recorded later."""
     trials, materials, runs = biotac_slides
@@ -106,7 +106,6 @@ def test_real_slides_of_one_finger(biotac_slides):
     assert model.score(trials[runs > 10], materials[runs > 10]) > 0.9
 
 
-@pytest.mark.slow
 def test_real_slides_of_any_length(biotac_slides):
     """A touch of one window is enough to fit and to predict."""
     trials, _, _ = biotac_slides
@@ -124,7 +123,6 @@ def test_real_slides_of_any_length(biotac_slides):
     assert np.isfinite(model.predict_proba(short)).all()
 
 
-@pytest.mark.slow
 def test_folds_whose_touches_differ_in_length():
     """Touches shorter than any of training, and than the pyramid."""
     corpus = make_haptic_corpus(
@@ -149,7 +147,6 @@ def test_folds_whose_touches_differ_in_length():
     assert np.isfinite(scores).all()
 
 
-@pytest.mark.slow
 def test_only_the_sensors_asked_for(corpus, tmp_path):
     only = corpus.trials[["tdc"]]
     model = make_haptic_pipeline(

@@ -20,6 +20,8 @@ from test_ratings_file import save_v73
 from sklearn_haptic.datasets import load_phac2
 from sklearn_haptic.datasets._ratings_file import read_ratings
 
+pytestmark = pytest.mark.slow
+
 h5py = pytest.importorskip("h5py")
 
 MIB = 2**20
@@ -148,7 +150,6 @@ def test_recordings(tmp_path, load_in_another_process, change, message):
         load_phac2(path)
 
 
-@pytest.mark.slow
 def test_trials_that_are_one_and_the_same(tmp_path):
     """Sixty names of a trial, each of which may be read."""
     path, n = tmp_path / "corpus.h5", 10**5
@@ -168,7 +169,6 @@ def test_trials_that_are_one_and_the_same(tmp_path):
         load_phac2(path, sensors=["electrodes"], remove_baseline=False)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("n_frames, n_trials", [(400_000, 1), (4_000, 60)])
 def test_what_compresses_well_and_is_all_there_is_read(tmp_path, n_frames, n_trials):
     """Silent sensors, compressed by up to 1000; more than an hour in one trial."""
@@ -195,7 +195,6 @@ def test_what_compresses_well_and_is_all_there_is_read(tmp_path, n_frames, n_tri
             assert (cell == 7).all()
 
 
-@pytest.mark.slow
 def test_a_real_corpus_compressed(shared_data, tmp_path):
     """All recordings of the pilot, each dataset compressed as far as gzip can."""
     source = shared_data / "bolt_pilot/bolt_pilot_phac2_layout.h5"
@@ -383,7 +382,6 @@ except OSError as error:
 """
 
 
-@pytest.mark.slow
 def test_lack_of_memory_names_the_file(tmp_path):
     if not sys.platform.startswith("linux"):
         pytest.skip("needs /proc")

@@ -508,6 +508,7 @@ def test_refit_on_trials_forgets_a_table():
 # Composition
 
 
+@pytest.mark.slow
 def test_pipeline_of_sensors_in_a_frame(tmp_path):
     X = pd.DataFrame(
         {"electrodes": electrodes((40, 25, 30)), "finger": electrodes((16, 20, 17), 1)}

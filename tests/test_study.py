@@ -54,6 +54,8 @@ from sklearn_haptic.study._units import (
     split_objects,
 )
 
+pytestmark = pytest.mark.slow
+
 CORPUS = partial(make_haptic_corpus, 8, 2, random_state=0)
 SENSORS = ["pdc", "tdc"]
 SETTINGS = {
@@ -122,7 +124,6 @@ def modified(folder):
 # Interruptions --------------------------------------------------------------
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("n_files", "n_finished"),
     [
@@ -156,7 +157,6 @@ def flip(path):
     path.write_bytes(bytes(data))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("damage", [truncate, flip, os.unlink])
 @pytest.mark.parametrize(
     "name",
@@ -175,7 +175,6 @@ def test_damaged_unit_is_done_again(folder, copied, name, damage):
     assert done_again == {copied / name, (copied / name).with_suffix(".json")}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("text", ["{", "[]", '{"file": "../study.json"}'])
 def test_damaged_record(folder, copied, text):
     path = copied / "models" / "fast_slide_cold_0.json"
@@ -188,7 +187,6 @@ def test_damaged_record(folder, copied, text):
     assert {**record_again, "seconds": None} == {**record, "seconds": None}
 
 
-@pytest.mark.slow
 def test_leftovers_of_a_kill_do_no_harm(folder, copied):
     path = copied / "models" / "fast_slide_cold_0.csv"
     path.with_name(f"{path.name}.123.tmp").write_bytes(path.read_bytes()[:100])
@@ -208,7 +206,6 @@ STRAYS = [
 ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("content", ["a copy", b"\0\5\x16\7", "a folder"])
 def test_files_that_are_no_units(folder, copied, content):
     record = (copied / "models" / "fast_slide_hard_0.json").read_bytes()
@@ -238,7 +235,6 @@ def test_record_without_choices(copied, name, value):
         read_study(copied)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["fast_slide_hard_0.json", "fast_slide_hard_0.csv"])
 def test_links_are_no_units(folder, copied, name):
     """A link may lead anywhere, to a device without end for one."""
@@ -265,7 +261,6 @@ def test_settings_that_are_a_link(copied):
         read_study(copied)
 
 
-@pytest.mark.slow
 def test_full_disk(tmp_path):
     """The file and the cause are named, and what was written of it is gone."""
     code = """
@@ -301,7 +296,6 @@ def test_nothing_is_done_twice(copied, monkeypatch):
     assert modified(copied) == before
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["loky", "threading"])
 def test_two_jobs(folder, tmp_path, backend):
     with joblib.parallel_config(backend, n_jobs=2):
@@ -310,7 +304,6 @@ def test_two_jobs(folder, tmp_path, backend):
     assert data_of(tmp_path) == data_of(folder)
 
 
-@pytest.mark.slow
 def test_extended(folder, tmp_path):
     """Adjectives one after the other, in another order, give the same."""
     for adjective in ("cold", "hard"):
@@ -361,7 +354,6 @@ def corpus_of_size(**asked):
     return make_haptic_corpus(*SIZE, random_state=0, **asked)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("size", [[8, 3], [9, 2]])
 def test_corpus_that_changed(tmp_path, monkeypatch, size):
     run_study(corpus_of_size, tmp_path, **SETTINGS | {"adjectives": ["hard"]})
@@ -424,7 +416,6 @@ def test_too_few_objects(tmp_path, n_objects, changes, message):
     assert not (tmp_path / "features").exists()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("n_objects", "changes"),
     [(3, {"split": "paper"}), (3, {"n_splits": 3}), (4, {}), (300, {"split": "paper"})],
@@ -544,7 +535,6 @@ TEXT = st.text() | st.sampled_from(
 NUMBERS = st.integers(-(2**63), 2**63 - 1)
 
 
-@pytest.mark.slow
 @settings(deadline=None)
 @given(names=st.lists(TEXT, min_size=1, max_size=9, unique=True), data=st.data())
 def test_ids_come_back_as_they_were(tmp_path_factory, names, data):
@@ -564,7 +554,6 @@ def test_ids_come_back_as_they_were(tmp_path_factory, names, data):
     assert list(map(type, table["object"].tolist())) == list(map(type, objects))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 5_000, 100_000])
 def test_ids_of_many_trials(tmp_path, n):
     objects = [f"{i:06d}" for i in range(n)]
@@ -573,7 +562,6 @@ def test_ids_of_many_trials(tmp_path, n):
     assert table["trial"].tolist() == list(range(n))
 
 
-@pytest.mark.slow
 def test_objects_with_names_like_numbers(folder, tmp_path):
     """The study is the same whatever its objects are called, if in the same order."""
     ids = np.unique(CORPUS(procedure="fast_slide", sensors=["tdc"]).objects)
@@ -594,7 +582,6 @@ def test_objects_with_names_like_numbers(folder, tmp_path):
 # Configuration of scikit-learn ----------------------------------------------------
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("container", ["pandas", "polars"])
 def test_output_of_transformers(folder, tmp_path, container):
     pytest.importorskip(container)
@@ -670,7 +657,6 @@ def test_start_where_there_are_no_hard_links(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["study.json"]
 
 
-@pytest.mark.slow
 def test_threads_that_write_one_unit(tmp_path):
     unit, table = ("models", "hold", "hard", 0), pd.DataFrame({"rps": np.arange(1e4)})
     with ThreadPool(8) as pool:
@@ -780,7 +766,6 @@ def study_of(folder, **changes):
     return Study(**defaults | changes)
 
 
-@pytest.mark.slow
 def test_ratings_of_test_objects_are_not_seen(copied):
     """Predictions stay the same when the tested objects have other ratings."""
     study = study_of(copied)
@@ -808,7 +793,6 @@ def test_ratings_of_test_objects_are_not_seen(copied):
     assert not last.filter(like="proba_").equals(after.filter(like="proba_"))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("early_stopping", [False, True])
 def test_network_of_a_sensor(folder, early_stopping):
     """The best of the grid, fitted here by hand."""
@@ -837,7 +821,6 @@ def test_network_of_a_sensor(folder, early_stopping):
     assert record["choices"][1] == {"network": "tdc", **results[best], "score": best}
 
 
-@pytest.mark.slow
 def test_models_of_a_fold(folder):
     """Networks of the sensors, combined and without a sensor, fitted here by hand."""
     network = NNPOM(early_stopping=True, max_iter=30)
@@ -956,7 +939,6 @@ def test_every_part_of_a_name_makes_another_seed():
     assert len({derive_seed(*name) for name in names}) == len(names)
 
 
-@pytest.mark.slow
 def test_dictionary_of_three_fifths_of_the_trials_of_each_object():
     """Only trials that it was learnt from change the dictionary."""
     corpus = make_haptic_corpus(2, 5, "fast_slide", sensors=["tdc"], random_state=0)
@@ -977,7 +959,6 @@ def test_dictionary_of_three_fifths_of_the_trials_of_each_object():
     assert learnt_from.reshape(2, 5).sum(axis=1).tolist() == [3, 3]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("procedure", "n_windows", "cells"),
     [
@@ -1105,7 +1086,6 @@ def test_progress(folder, copied, capsys):
     assert "time left not known before the first of 1 models" in capsys.readouterr().err
 
 
-@pytest.mark.slow
 def test_a_line_for_each_unit(copied, capsys):
     shutil.rmtree(copied / "models")
     run_study(CORPUS, copied, **SETTINGS | {"adjectives": ["hard"], "verbose": True})

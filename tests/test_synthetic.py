@@ -16,6 +16,8 @@ from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 from sklearn_haptic.datasets._crowd import ADJECTIVES, population, rate
 from sklearn_haptic.ratings import adjective_correlation, interrater_agreement
 
+pytestmark = pytest.mark.slow
+
 SENSORS = ["pac", "pdc", "tac", "tdc", "electrodes"]
 PROCEDURES = ["squeeze", "hold", "slow_slide", "fast_slide"]
 SEEDS = range(8)
@@ -70,7 +72,6 @@ def band_levels(pac, bands):
 # Contract
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("procedure", PROCEDURES)
 def test_shapes_and_types(procedure):
     corpus = make_haptic_corpus(9, 2, procedure, n_raters=5, random_state=1)
@@ -209,7 +210,6 @@ def test_bad_arguments(arguments, message):
         make_haptic_corpus(**arguments)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("n_objects, n_trials", [(1, 1), (1, 5000), (5000, 1)])
 def test_names_objects_and_ratings_agree_at_any_size(n_objects, n_trials):
     corpus = make_haptic_corpus(
@@ -248,7 +248,6 @@ def test_population_is_what_many_raters_say():
     np.testing.assert_allclose(shares, population(percepts), atol=0.01)
 
 
-@pytest.mark.slow
 def test_correlations_between_adjectives():
     rho = np.mean(
         [adjective_correlation(c.rater_ratings).rho for c in ratings()], axis=0
@@ -296,7 +295,6 @@ def test_sticky_is_almost_always_one():
 # Signals beside recordings of the same robot and sensors
 
 
-@pytest.mark.slow
 def test_durations():
     assert {len(x) for x in signals("hold").trials.pdc} == {1000}
     squeeze = np.array([len(x) for x in signals("squeeze").trials.pdc])
@@ -352,7 +350,6 @@ def test_heat():
     assert 2 < fall["foam"] < 8
 
 
-@pytest.mark.slow
 def test_vibration():
     slow = each(signals("slow_slide"), "pac", audible_rms)
     fast = each(signals("fast_slide"), "pac", audible_rms)
@@ -389,7 +386,6 @@ def test_electrodes():
     assert 150 < np.median(each(signals("slow_slide"), "electrodes", np.max)) < 230
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("procedure", ["hold", "slow_slide", "squeeze"])
 def test_ranges_of_real_trials(shared_data, procedure):
     # Recordings of the same robot whose grip was set to 100 to 200 counts.
@@ -445,7 +441,6 @@ def by_stiffness(values, materials):
     return np.array([np.median(values[group == k]) for k in range(3)])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("procedure", "sensor", "function", "feature", "convert"),
     [
@@ -493,7 +488,6 @@ def test_how_much_trials_differ_within_an_object(static, procedure, function, fe
     assert between_objects(made, corpus.objects) == pytest.approx(expected, abs=0.15)
 
 
-@pytest.mark.slow
 def test_hardness_is_easy_and_roughness_hard_to_predict():
     # Hand-made features of every procedure, objects held out; R² of the population's
     # mean rating. The real robot's signals tell hard objects from soft ones by more
@@ -524,7 +518,6 @@ def test_hardness_is_easy_and_roughness_hard_to_predict():
     assert score["rough"] < 0.5
 
 
-@pytest.mark.slow
 def test_texture_is_weakly_in_the_vibration():
     # Below one standard deviation between rough and smooth: a correlation of 0.45
     # or so with the rated roughness, of a little more with the texture itself.

@@ -65,7 +65,7 @@ from sklearn_haptic.study._store import open_study, write_unit
 
 matplotlib.use("Agg")
 
-pytestmark = pytest.mark.usefixtures("one_thread")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_thread")]
 
 TESTS = Path(__file__).parent
 GUIDE = (TESTS.parent / "docs" / "trust.md").read_text("utf-8")
@@ -101,7 +101,6 @@ def test_models_of_every_public_estimator():
     assert estimators <= {type(model) for model, _, _ in MODELS.values()}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", DUMPERS)
 @pytest.mark.parametrize("name", MODELS)
 def test_loaded_model_predicts_the_same_in_every_bit(tmp_path, name, kind):
@@ -111,7 +110,6 @@ def test_loaded_model_predicts_the_same_in_every_bit(tmp_path, name, kind):
     assert outputs(loaded, X) == outputs(model, X)
 
 
-@pytest.mark.slow
 def test_another_process_only_loads_and_predicts(tmp_path):
     inputs, expected, trusted = {}, {}, set()
     for i, name in enumerate(MODELS):
@@ -140,7 +138,6 @@ def test_types_that_skops_has_to_trust():
     )
 
 
-@pytest.mark.slow
 def test_example_of_the_guide(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     namespace = {}
@@ -415,7 +412,6 @@ def finished(folder):
     return {file: (file.stat().st_ino, file.stat().st_mtime_ns) for file in files}
 
 
-@pytest.mark.slow
 def test_study_survives_being_killed_again_and_again(tmp_path):
     """At random moments: before, within or after a unit, or while it is written."""
     whole, folder = tmp_path / "whole", tmp_path / "killed"
@@ -483,7 +479,6 @@ def in_threads(call):
 
 # scikit-learn's Parallel, in the pipeline, resets the warning filters of all threads,
 # and warns when it finds none.
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.sklearn.utils.parallel.delayed. should be used")
 @pytest.mark.usefixtures("hasty_threads")
 @pytest.mark.parametrize("name", MODELS)
@@ -535,7 +530,6 @@ def scores_of_subsets():
     return pd.DataFrame({k: v for k, v in results.items() if "test_score" in k})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("compute", [contributions_of_sensors, scores_of_subsets])
 def test_tables_are_the_same_for_each_backend(compute):
     expected = compute()
@@ -629,7 +623,6 @@ def test_every_public_method_is_called():
     assert {name for name in public if "_with_positions" not in name} <= called
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Early stopping holds out single trials")
 @pytest.mark.usefixtures("unusual_state")
 @pytest.mark.parametrize("name", MODELS)
@@ -736,7 +729,6 @@ def calls_of_functions(folder):
     }
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("unusual_state")
 def test_functions_change_no_global_state(tmp_path):
     calls = calls_of_functions(tmp_path)
