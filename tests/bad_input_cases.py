@@ -113,9 +113,18 @@ def ask(callers, *checks, arg="", in_folder=False, table=CASES):
             table.append(Case(called, label, error, says.replace("ARG", arg), make))
 
 
+def name_of(function):
+    """Name of a function, or of a method with that of the class it is called on."""
+    owner = getattr(function, "__self__", None)
+    if owner is None:
+        return function.__name__
+    owner = owner if isinstance(owner, type) else type(owner)
+    return f"{owner.__name__}.{function.__name__}"
+
+
 def direct(*functions, **kwargs):
     """Callers that pass the bad value on, beside what is given here."""
-    return {each.__qualname__: partial(call, each, **kwargs) for each in functions}
+    return {name_of(each): partial(call, each, **kwargs) for each in functions}
 
 
 def by_name(name, callers):
@@ -698,7 +707,7 @@ ask(direct(ratings.rating_counts),
     check("text among numbers", [1, "2"], ["a", "a"],
         "^ratings mixes text with something else; convert it"),
     check("a rating outside levels", [1, 3], ["a", "b"], levels=[1, 2],
-        says=r"^ratings has the rating 3, .* levels=\[1, 2\]; add it to"))
+        says=r"^ratings has the rating 3.* levels=\[1, 2\]; add it to"))
 TABLE_OF_RATINGS = ratings.rating_counts([1, 2, 2], [3, 3, 5])
 ask(direct(TABLE_OF_RATINGS.counts_for),
     check("an object that nobody rated", [3, 4, 5],
@@ -1248,7 +1257,7 @@ LARGE_COUNTS = np.ones((200_000, 8))
 
 def large(function):
     """Caller of a function with arguments that are made when it is called."""
-    return {function.__qualname__: lambda make: call(function, *make())}
+    return {name_of(function): lambda make: call(function, *make())}
 
 
 ask(large(NNPOM().fit),
