@@ -52,8 +52,7 @@ METHODS = ["transform", "predict_proba", "predict_latent", "hidden_activations"]
 
 
 PACKAGE = str(Path(sklearn_haptic.__file__).parent)
-REGRESSOR = sys.modules[DistributionalOrdinalRegressor.__module__].__file__
-PRODUCTS = {"dot", "einsum", "matmul", "tensordot", "solve_triangular", "svd"}
+PRODUCTS = {"dot", "matmul", "tensordot", "solve_triangular", "svd"}
 BLAS = ThreadpoolController().select(user_api="blas")
 
 
@@ -63,17 +62,10 @@ def blas_threads():
 
 @cache
 def makes_products(code):
-    """Whether a function of the package multiplies matrices itself.
-
-    The regressor only averages what any estimator predicts, which has its own threads.
-    """
-    return (
-        code.co_filename.startswith(PACKAGE)
-        and code.co_filename != REGRESSOR
-        and (
-            not PRODUCTS.isdisjoint(code.co_names)
-            or any(each.argrepr == "@" for each in get_instructions(code))
-        )
+    """Whether a function of the package multiplies matrices by BLAS itself."""
+    return code.co_filename.startswith(PACKAGE) and (
+        not PRODUCTS.isdisjoint(code.co_names)
+        or any(each.argrepr == "@" for each in get_instructions(code))
     )
 
 
