@@ -4,10 +4,14 @@ import os
 import sys
 from pathlib import Path
 
+# Before anything loads BLAS or OpenMP: tests run in as many processes as there are
+# cores, whose threads would only wait for each other. `test_threads` asks for more.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("MPLBACKEND", "agg")  # draw to no screen
+
 import pytest
 from threadpoolctl import threadpool_limits
-
-os.environ.setdefault("MPLBACKEND", "agg")  # draw to no screen
 
 
 @pytest.fixture(scope="session")

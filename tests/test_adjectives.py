@@ -218,6 +218,7 @@ def test_weights_equal_repeated_trials():
     assert weighted.score(X, counts, weight) == pytest.approx(-expected)
 
 
+@pytest.mark.slow
 def test_search_and_scorers():
     X, counts, objects = touches()
     search = GridSearchCV(

@@ -209,6 +209,7 @@ run_study("corpus", "folder")
 """
 
 
+@pytest.mark.slow
 def test_mypy_accepts_right_code_and_rejects_wrong_code(tmp_path):
     pytest.importorskip("mypy")
     (tmp_path / "right.py").write_text(RIGHT)

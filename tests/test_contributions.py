@@ -27,7 +27,7 @@ from sklearn_haptic.model_selection import contribution_summary, sensor_contribu
 SENSORS = {"pac": [0, 1], "pdc": [2, 3], "tdc": [4]}
 SCORES = ["macro_mae", "emd", "rps", "log_score", "rps_1", "rps_2", "rps_3", "rps_4"]
 
-pytestmark = pytest.mark.usefixtures("one_thread")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_thread")]
 
 
 def make_touches(n_objects, n_trials, seed):

@@ -91,6 +91,7 @@ def search_heads(cache, grid, **options):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cached", [False, True])
 @pytest.mark.parametrize("seconds", [[0.25, 0.5], [0.5, 0.25]])
 def test_the_first_candidate_does_not_pay_for_all(clock, tmp_path, cached, seconds):
@@ -202,6 +203,7 @@ def test_copies_of_estimators_without_caches_predict_the_same():
     assert copied.best_estimator_ is not search.best_estimator_
 
 
+@pytest.mark.slow
 def test_sensor_subsets_have_the_same_cost_with_a_cache(clock, tmp_path):
     table = pd.DataFrame(X, columns=["pac", "pdc"])
     costs = []

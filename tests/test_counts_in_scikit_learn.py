@@ -374,6 +374,7 @@ def test_the_guide_names_all_that_is_checked():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("check", dict.fromkeys(CHECKS.values()))
 def test_row_of_the_guide(check):
     with warnings.catch_warnings():  # a count is taken for a number that is regressed

@@ -67,6 +67,7 @@ def cdf_of_many_rows(estimator, x, n_levels, decode, n_rows=20_000):
     return np.array([np.mean(level <= k) for k in range(n_levels - 1)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda e: type(e).__name__)
 def test_any_estimator_is_decoded_within_half_a_percent(estimator):
     X, counts = touches()
@@ -84,6 +85,7 @@ def test_any_estimator_is_decoded_within_half_a_percent(estimator):
             np.testing.assert_allclose(cdf, exact, atol=0.005)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "estimator",
     [

@@ -37,6 +37,7 @@ def names_of(requirements):
     return {re.match(r"[\w-]+", requirement).group() for requirement in requirements}
 
 
+@pytest.mark.slow
 def test_a_plain_install_brings_what_the_package_imports():
     if not PYPROJECT.exists():
         pytest.skip("needs the source tree")

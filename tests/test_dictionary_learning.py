@@ -39,6 +39,7 @@ class TestAuthorsCode:
             rng=rng,
         )
 
+    @pytest.mark.slow
     def test_replay(self, reference, problem, update, key):
         prefix = f"{problem}_{key}"
         for seed, orders in enumerate(reference[f"{prefix}_order"]):
@@ -50,6 +51,7 @@ class TestAuthorsCode:
             cosines = np.einsum("ij,ij->i", atoms, expected)
             np.testing.assert_allclose(np.abs(cosines), 1, atol=1e-10)
 
+    @pytest.mark.slow
     def test_own_orders_do_as_well(self, reference, problem, update, key):
         theirs = reference[f"{problem}_{key}_rmse"][:, -1]
         ours = [
@@ -59,6 +61,7 @@ class TestAuthorsCode:
         assert np.mean(ours) <= theirs.mean() + theirs.std(ddof=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("update", ["approximate", "exact"])
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_recovers_planted_atoms(update, dtype):

@@ -140,6 +140,7 @@ def test_paper_settings_regression():
     np.testing.assert_allclose(proba, expected, atol=0.021)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decode", ["mixture", "quantile"])
 @pytest.mark.parametrize(
     "estimator",
@@ -286,6 +287,7 @@ def test_quadrature_over_the_population(slope, error):
         assert abs(weight @ share(nodes, cut) - exact) < error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("p_transform", ["logit", None])
 def test_quantile_decoding_beats_the_grid(p_transform):
     """Against 20,001 positions: a smaller error than that of the paper's 99."""
@@ -318,6 +320,7 @@ def test_share_below_of_a_response_that_falls_and_rises():
         np.testing.assert_allclose(share, expected, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_search_by_object_with_two_dimensional_target():
     X, counts, objects = ordinal_trials()
     pipeline = make_pipeline(StandardScaler(), DistributionalOrdinalRegressor())
@@ -367,6 +370,7 @@ def test_random_state_reaches_the_estimator_only_if_given():
     assert not np.array_equal(proba[0], proba[2])
 
 
+@pytest.mark.slow
 def test_base_without_weights_says_what_to_do():
     X, counts, _ = ordinal_trials()
     model = DistributionalOrdinalRegressor(KNeighborsClassifier())

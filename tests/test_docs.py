@@ -64,12 +64,14 @@ def run(tmp_path, monkeypatch, one_thread, capsys):
     return run
 
 
+@pytest.mark.slow
 def test_code_of_the_readme(run):
     names = run(ROOT / "README.md")
     proba = names["corpus"].ratings["hard"][names["unseen"]] / 12
     assert proba.shape == (5, 5)  # touches of the unseen object, ratings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "page", [page for page in PAGES[1:] if any(code_blocks(page))], ids=lambda p: p.name
 )
@@ -128,7 +130,3 @@ def test_every_page_is_in_a_table_of_contents():
             listed += re.findall(r"^([\w/]+)$", block, re.M)
     written = {page.stem for page in PAGES[1:]} | {"api", "auto_examples/index"}
     assert sorted(listed) == sorted(written)  # each once
-
-
-def test_settings_of_the_documentation_are_short():
-    assert len(read(DOCS / "conf.py").splitlines()) <= 100

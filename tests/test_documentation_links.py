@@ -54,6 +54,7 @@ def test_all_estimators_are_tested():
     assert {"NNPOM", "DummyDistribution", "STHMPTransformer"} < names
 
 
+@pytest.mark.slow
 def test_inside_other_estimators():
     features = ColumnTransformer(
         [

@@ -44,6 +44,7 @@ def touches(n_objects=20, n_trials=4, seed=0):
     return X, counts[objects], objects
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS, ids=IDS)
 def test_it_warns_without_groups(model, recwarn):
     X, counts, objects = touches()
@@ -132,6 +133,7 @@ def test_without_them_the_objects_are_torn():
     assert all(set(trained) & set(validated) for trained, validated in Witness.seen)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS, ids=IDS)
 @pytest.mark.parametrize("n_objects", [1, 2, 3])
 def test_few_objects(model, n_objects):
@@ -167,6 +169,7 @@ def test_bad_groups(model, groups, message):
         clone(model).fit(X, counts, groups=groups)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
 @pytest.mark.parametrize("n_features", [3, 120])
 @pytest.mark.parametrize("model", MODELS, ids=IDS)
@@ -192,6 +195,7 @@ def test_weights_equal_repeated_trials(model, solver, n_features):
     )
 
 
+@pytest.mark.slow
 def test_validation_errors_are_weighted():
     """All weight on the trials of one held-out object: its error alone decides."""
     X, counts, objects = touches(10)

@@ -80,6 +80,7 @@ def small_sthmp(**params):
 # Norms
 
 
+@pytest.mark.slow
 @repeatable
 @given(st.sampled_from(DTYPES).flatmap(lambda dtype: any_numbers(dtype, 3, 4)))
 def test_norms_of_any_numbers(rows):
@@ -113,6 +114,7 @@ def solve_exactly(matrix, right):
     return rows[:, -1]
 
 
+@pytest.mark.slow
 @repeatable
 @given(coding_problems(), st.sampled_from(DTYPES))
 def test_every_step_is_one_of_exact_omp(problem, dtype):
@@ -142,6 +144,7 @@ def test_every_step_is_one_of_exact_omp(problem, dtype):
         )
 
 
+@pytest.mark.slow
 @repeatable
 @given(coding_problems(), st.sampled_from(DTYPES), st.data())
 def test_powers_of_two_change_no_digit_of_codes(problem, dtype, data):
@@ -157,6 +160,7 @@ def test_powers_of_two_change_no_digit_of_codes(problem, dtype, data):
     np.testing.assert_array_equal(scaled_coefs, np.ldexp(coefs, e - f))
 
 
+@pytest.mark.slow
 @repeatable
 @given(coding_problems(), st.sampled_from(DTYPES))
 def test_subnormal_signals_lose_no_digit(problem, dtype):
@@ -204,6 +208,7 @@ def test_atoms_identical_but_for_rounding_share_no_code():
 # K-SVD
 
 
+@pytest.mark.slow
 @repeatable
 @given(
     problem=coding_problems(),
@@ -384,6 +389,7 @@ def assert_equal_results(X, expected_X, step):
         np.testing.assert_array_equal(each, untouched)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("layout", [*LAYOUTS, "memory-mapped"])
@@ -400,6 +406,7 @@ def test_layout_in_memory_changes_nothing(step, dtype, layout, tmp_path):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize("dtype", [bool, "u1", "i2", ">i2", "u2", "i4", "u8", "f2"])
 def test_whole_numbers_are_taken_for_float64(step, dtype):
@@ -419,6 +426,7 @@ def test_given_atoms_are_copied():
 # Pooling
 
 
+@pytest.mark.slow
 @repeatable
 @given(
     sequences=st.sampled_from(DTYPES).flatmap(

@@ -124,6 +124,7 @@ def exact_cost_and_gradient(params, *data):
         return float(exact_cost(params, *data)), np.array(grad, dtype=np.float64)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_hidden", [0, 2])
 @pytest.mark.parametrize("shared", [False, True], ids=["rows", "positions"])
 @examples(8)
@@ -149,6 +150,7 @@ def test_cost_and_gradient_where_units_saturate(
     np.testing.assert_allclose(grad, exact_grad, rtol=0, atol=atol)
 
 
+@pytest.mark.slow
 @examples(30)
 @given(
     latent=st.floats(-1e3, 1e3),
@@ -185,6 +187,7 @@ def test_softplus_and_sigmoids_at_the_ends_of_the_numbers():
     np.testing.assert_array_equal(sigmoid, [[0, 0, 0], [0.5, 1, 1]])
 
 
+@pytest.mark.slow
 @examples(50)
 @given(
     st.lists(
@@ -210,6 +213,7 @@ def test_linear_start_has_the_frequencies_of_the_levels(weight):
 # Fits whose result is known
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", NETWORKS)
 @pytest.mark.parametrize(
     ("value", "scale_features"),
@@ -236,6 +240,7 @@ def test_one_trial_predicts_its_own_frequencies(model):
     assert certain.tolist() == [[1.0]] and model.predict(X).tolist() == [3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", NETWORKS)
 def test_separable_trials_without_a_penalty(model):
     X = np.arange(60.0)[:, None]
@@ -252,6 +257,7 @@ def test_separable_trials_without_a_penalty(model):
     assert proba[[0, -1], [0, 1]].min() > 0.999
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", NETWORKS)
 @pytest.mark.parametrize("unused", [[0], [2], [4], [0, 1, 3]])
 def test_levels_never_used(model, unused):
@@ -280,6 +286,7 @@ def test_raters_who_agree_are_one_rater(model):
         np.testing.assert_allclose(other, proba[0], rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", NETWORKS)
 @pytest.mark.parametrize("exponent", [-500, -40, 40, 500])
 def test_powers_of_two_in_features_and_weights_change_no_digit(model, exponent):
@@ -316,6 +323,7 @@ def test_a_large_constant_beside_a_feature(model):
     np.testing.assert_allclose(proba, expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", NETWORKS)
 def test_weights_of_zero_and_of_a_million_million(model):
     X, counts = touches()
@@ -417,6 +425,7 @@ def test_subnormal_features_are_refused(n_hidden, solver):
         NNPOM(n_hidden, solver=solver).fit(X * 1e-310, counts)
 
 
+@pytest.mark.slow
 @examples(100)
 @given(st.data(), st.integers(1, 5), st.integers(1, 9), st.integers(0, 3))
 def test_the_sign_of_a_response_that_overflows_is_exact(data, n, n_features, n_hidden):
@@ -505,6 +514,7 @@ def assert_consistent(model, X):
             assert level == exact + 1 or abs(below[exact] - rank) < 40 * EPS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("crowd", CROWDS)
 @pytest.mark.parametrize("sampling", ["level", "lattice"])
 @pytest.mark.parametrize("balance", [None, "macro"])
@@ -524,6 +534,7 @@ def test_every_crowd_gives_consistent_predictions(crowd, sampling, balance):
         assert_consistent(model.set_params(rule="argmax"), X)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_duplicates", [1, 1000])
 @pytest.mark.parametrize("sampling", ["level", "lattice", "stratified", "random"])
 def test_one_duplicate_and_a_thousand(n_duplicates, sampling):
@@ -539,6 +550,7 @@ def test_one_duplicate_and_a_thousand(n_duplicates, sampling):
     assert_consistent(peer.fit(X, counts), X)
 
 
+@pytest.mark.slow
 @examples(40)
 @given(
     counts=st.lists(st.sampled_from([0, 1, 2, 70, 10**12]), min_size=2, max_size=20),
@@ -668,6 +680,7 @@ def exact_scores(counts, proba):
     }
 
 
+@pytest.mark.slow
 @examples(150)
 @given(
     st.lists(
@@ -713,6 +726,7 @@ def test_scores_of_subnormal_probabilities(proba):
     assert heights.sum() == pytest.approx(4) and (heights >= 0).all()
 
 
+@pytest.mark.slow
 def test_scores_of_hundreds_of_levels():
     rng = np.random.default_rng(0)
     counts, parts = rng.integers(0, 10**12, 400), rng.integers(0, 2**30, 400)
@@ -756,6 +770,7 @@ def test_ties_at_every_position(n_levels, unit):
     np.testing.assert_array_equal(inverse_cdf(counts, between)[0], expected[1:])
 
 
+@pytest.mark.slow
 @examples(100)
 @given(
     counts=st.lists(st.integers(0, 2 * 10**11), min_size=2, max_size=5).filter(any),

@@ -45,6 +45,7 @@ def touches(seed=0):
     return X, np.stack([(level == k).sum(axis=1) for k in range(3)], axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", BASES, ids=lambda e: type(e).__name__)
 @pytest.mark.parametrize("times", [1, 2])
 def test_a_frozen_estimator_is_not_fitted_again(base, times):
@@ -169,6 +170,7 @@ CHANGES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "change"), CHANGES, ids=str)
 def test_parameters_changed_after_fit_change_no_prediction(model, change):
     X, counts = touches()

@@ -60,6 +60,7 @@ def sigmoid_layer(network, rows):
     return expit(rows @ network.coefs_[0] + network.intercepts_)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
 @pytest.mark.parametrize("held_out", [None, "pdc"])
 @pytest.mark.parametrize("sampling", ["level", "random"])
@@ -103,6 +104,7 @@ def test_it_is_what_the_paper_describes(held_out, sampling):
     np.testing.assert_allclose(fitted.thresholds_, final.thresholds_, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_held_out_sensor_has_no_say():
     X, counts, _ = touches()
     full, deaf = (
@@ -130,6 +132,7 @@ def test_all_sensors_held_out_is_no_sensor():
     np.testing.assert_allclose(model.predict_proba(X[:3]), [marginal] * 3, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_fitted_networks_are_shared():
     X, counts, _ = touches()
     full = DistributionalOrdinalRegressor(fusion(), sampling="random", random_state=0)
@@ -151,6 +154,7 @@ def test_fitted_networks_are_shared():
         np.testing.assert_array_equal(network.coefs_[0], fitted[sensor].coefs_[0])
 
 
+@pytest.mark.slow
 def test_without_positions_it_combines_networks_of_trials():
     X, counts, _ = touches()
     weight = np.random.default_rng(0).uniform(0.5, 2, len(X))
@@ -231,6 +235,7 @@ def test_columns_without_sensors():
         resolve_sensors(None, ["pac__a", "b"], 2)
 
 
+@pytest.mark.slow
 def test_search_over_networks_and_holdouts():
     X, counts, objects = touches()
     final = NNPOM(2, random_state=0)
@@ -249,6 +254,7 @@ def test_search_over_networks_and_holdouts():
     assert search.best_params_["estimator__held_out"] is None
 
 
+@pytest.mark.slow
 def test_every_network_that_stops_early_validates_on_the_same_trials():
     X, counts, objects = touches(40)
     train, held_out = objects < 32, objects >= 32
@@ -293,6 +299,7 @@ def test_holdouts_train_on_the_trials_of_the_full_model():
     np.testing.assert_array_equal(again.predict_proba(X), full.predict_proba(X))
 
 
+@pytest.mark.slow
 def test_the_combined_network_stops_at_its_least_validation_error():
     """The per-trial error of every tenth iterate is measured again by hand."""
     X, counts, objects = touches(40)
@@ -336,6 +343,7 @@ def test_one_level_only():
     np.testing.assert_array_equal(proba, np.eye(5)[[3] * len(X)])
 
 
+@pytest.mark.slow
 def test_pickle_and_seeds():
     X, counts, _ = touches()
     model = DistributionalOrdinalRegressor(

@@ -62,6 +62,7 @@ def test_fit_at_extreme_scales(dtype, factors, update):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("update", ["approximate", "exact"])
 @pytest.mark.parametrize("remove_mean", [True, False])
 @pytest.mark.parametrize(
@@ -453,6 +454,7 @@ FORMS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", FORMS)
 @pytest.mark.parametrize("then", FORMS)
 def test_nothing_is_left_of_an_earlier_fit(first, then):
@@ -465,6 +467,7 @@ def test_nothing_is_left_of_an_earlier_fit(first, then):
     assert joblib.hash(vars(again)) == joblib.hash(vars(fresh))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS)
 def test_parameters_set_after_fit_wait_for_the_next(form):
     params, X = FORMS[form]

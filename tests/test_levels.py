@@ -109,6 +109,7 @@ def labelled(counts, names, order, kind):
     return pl.DataFrame(table, schema=[*map(str, names)], orient="row")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ESTIMATORS)
 @settings(max_examples=5, deadline=None)
 @given(names=WORDS, seed=st.integers(0, 99))
@@ -125,6 +126,7 @@ def test_ordered_categories_are_the_levels(name, names, seed):
         assert model.predict(X).tolist() == [names[k - 1] for k in predicted]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["pandas", "pandas text", "polars"])
 @pytest.mark.parametrize("name", ESTIMATORS)
 @settings(max_examples=5, deadline=None)
@@ -148,6 +150,7 @@ def test_numbers_that_label_columns_are_the_levels(name, kind, names, seed, data
     assert neg_macro_mae_scorer(model, X, again) == -macro_mae(counts, proba)
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(
     names=st.lists(st.integers(0, 99), min_size=2, max_size=7, unique=True),
@@ -311,6 +314,7 @@ PROBA = np.array([[0.5, 0.25, 0.125, 0.125], [0, 0.25, 0.5, 0.25], [0.25] * 4])
 NAMES = [1, 2, 4, 5]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("score", SCORES)
 @pytest.mark.parametrize("kind", ["pandas", "pandas text", "polars"])
 @settings(max_examples=10, deadline=None)
@@ -394,6 +398,7 @@ def test_validation_ratings_are_matched_by_name():
         model.fit(X, y, X_val=X, y_val=pd.DataFrame(counts, columns=[1, 2, 3, 4]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["pandas", "polars"])
 def test_searches_keep_labels_in_every_fold(kind):
     counts = RNG.integers(1, 9, size=(N, 4))
@@ -449,6 +454,7 @@ def test_contributions_of_sensors_do_not_depend_on_the_order_of_columns():
     pd.testing.assert_frame_equal(*tables)
 
 
+@pytest.mark.slow
 def test_figures_name_the_levels():
     y = pd.DataFrame(COUNTS + 1, columns=NAMES)
     shuffled = y[[4, 1, 5, 2]]
@@ -500,6 +506,7 @@ def test_real_counts_with_shuffled_columns(shared_data):
     np.testing.assert_array_equal(counts, plain)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 5_000, 100_000])
 def test_any_number_of_trials(n):
     rng = np.random.default_rng(n)
@@ -520,6 +527,7 @@ def test_any_number_of_trials(n):
     assert aligned.tolist() == [by_loop[each] for each in objects.tolist()]
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(
     objects=st.lists(

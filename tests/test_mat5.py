@@ -126,6 +126,7 @@ print("done")
 """
 
 
+@pytest.mark.slow
 def test_no_flipped_bit_ends_the_process():
     """In a process of its own, as SciPy's reader crashes on some of them."""
     process = subprocess.run(

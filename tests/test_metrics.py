@@ -389,6 +389,7 @@ def test_scorers_search_over_counts_by_group(scorer, score, crowd):
     assert search.cv_results_["split0_test_score"][0] == -score(counts[test], fold)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scorer", [neg_rps_scorer, neg_macro_mae_scorer])
 def test_scorers_take_labels_weights_workers_and_pickle(scorer):
     X, y = make_classification(n_samples=60, n_classes=3, n_informative=4)
@@ -413,6 +414,7 @@ def test_macro_mae_of_level_indices_by_hand():
     assert macro_error(predicted, level, counted).tolist() == [0.5, 0]
 
 
+@pytest.mark.slow
 def test_sorting_never_increases_the_mean_error_but_can_increase_the_macro_mae():
     levels, n = range(3), 5
     worse = 0

@@ -40,6 +40,8 @@ from sklearn_haptic.model_selection import (
     speed_accuracy_frontier,
 )
 
+pytestmark = pytest.mark.slow
+
 
 def make_results(seconds, splits, metric="score", **more):
     """What a search stores, from the time and the split scores a candidate."""

@@ -86,6 +86,7 @@ def test_probabilities_equal_orca(shared_data, name):
     np.testing.assert_allclose(proba, case["orca_proba_test"], atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("latent", [-800.0, -30.0, 0.3, 40.0, 800.0])
 @pytest.mark.parametrize("gap_logit", [-700.0, -1.0, 50.0])
 def test_loss_is_exact_where_probabilities_underflow(latent, gap_logit):
@@ -501,6 +502,7 @@ def test_a_fit_that_fails_leaves_the_fitted_model(solver):
         assert getattr(model, name) is before[name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exponent", [-300, -160, 0, 160, 300])
 @pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
 @pytest.mark.parametrize("n_hidden", [0, 2])
@@ -541,6 +543,7 @@ def test_products_that_underflow_are_refused():
     np.testing.assert_allclose(proba, NNPOM(0).fit(X[:3], counts[:3]).predict_proba(X))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [NNPOM, SensorFusionNNPOM])
 def test_counts_and_labels_are_scored_by_the_same_rule(make):
     """By a plain loop over people; a search no longer returns its first candidate."""

@@ -36,7 +36,7 @@ from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import earth_movers_distance, neg_rps_scorer
 from sklearn_haptic.model_selection import cross_val_predict_proba
 
-pytestmark = pytest.mark.usefixtures("one_thread")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_thread")]
 
 
 def rated(n_objects=12, n_trials=3, n_people=12, noise=0.3):

@@ -21,6 +21,7 @@ from sklearn_haptic.metrics import neg_rps_scorer
 
 # joblib prints the arguments of what it caches, and warns if that takes long.
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.filterwarnings("ignore:Persisting input arguments took:UserWarning"),
     pytest.mark.usefixtures("one_thread"),
 ]

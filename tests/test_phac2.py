@@ -278,6 +278,7 @@ with h5py.File(sys.argv[1], "r+", libver=sys.argv[2]) as file:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("libver", ["earliest", "v110"])
 def test_file_that_another_process_writes(tmp_path, libver):
     path = tmp_path / "corpus.h5"
@@ -335,6 +336,7 @@ def test_damaged_values(path):
     assert len(load_phac2(path, sensors=["pdc", "tdc"]).trials) == 3
 
 
+@pytest.mark.slow
 def test_any_damaged_byte_gives_a_clear_error_or_none(path):
     """A flipped byte may go unseen, but never ends in another kind of error."""
     content = path.read_bytes()
@@ -531,6 +533,7 @@ def test_two_objects_of_one_id(path):
         load_phac2(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 5_000, 100_000])
 def test_names_are_chosen_in_linear_time(n):
     """As many comparisons of names as there are names, up to a factor."""
@@ -581,6 +584,7 @@ def bolt_pilot(shared_data):
     return shared_data / "bolt_pilot"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("procedure", list(STATES))
 def test_real_recordings(bolt_pilot, procedure):
     path = bolt_pilot / "bolt_pilot_phac2_layout.h5"
@@ -611,6 +615,7 @@ def test_real_recordings(bolt_pilot, procedure):
                     )
 
 
+@pytest.mark.slow
 def test_real_recordings_of_one_finger(bolt_pilot, tmp_path):
     both, path = bolt_pilot / "bolt_pilot_phac2_layout.h5", tmp_path / "one.h5"
     names = list(load_phac2(both, sensors=["tdc"]).trials.index[::5])
@@ -628,6 +633,7 @@ def test_real_recordings_of_one_finger(bolt_pilot, tmp_path):
     assert model.predict_proba(corpus.trials).shape == (len(names), 5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "procedure, start, stop",
     [
@@ -656,6 +662,7 @@ def test_real_durations(bolt_pilot, procedure, start, stop):
     assert sorted(found) == sorted(segments)
 
 
+@pytest.mark.slow
 def test_rest_is_zero_and_contact_is_not(bolt_pilot):
     """While held, the pressure of every trial lies above its level at rest."""
     corpus = load_phac2(bolt_pilot / "bolt_pilot_phac2_layout.h5", sensors=["pdc"])

@@ -27,6 +27,8 @@ from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 from sklearn_haptic.features import _sthmp
 from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def corpus():

@@ -81,6 +81,7 @@ def test_bars_outside_the_band_are_those_a_t_test_over_objects_rejects(width):
     assert texts == ["95 % by chance", "calibrated", "predictions"]
 
 
+@pytest.mark.slow
 def test_the_band_holds_what_it_says_and_objects_are_what_counts():
     ax = matplotlib.figure.Figure().subplots()
     inside = {"objects": [], "trials": []}
@@ -193,6 +194,7 @@ def test_bars_of_bins_by_a_loop():
         np.testing.assert_allclose(display.half_widths[k], expected / 9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_objects", [6, 12, 30, 60])
 @pytest.mark.parametrize("n_trials", [1, 10])
 def test_bars_of_right_forecasts_miss_the_diagonal_in_one_case_of_twenty(

@@ -26,6 +26,7 @@ def holdout_scores():
     return pd.DataFrame({"emd": values.ravel()}, index).reset_index()
 
 
+@pytest.mark.slow
 def test_contributions_display_draws_what_the_table_holds(holdout_scores):
     display = SensorContributionsDisplay.from_scores(
         holdout_scores, metric="emd", by="procedure"
@@ -55,6 +56,7 @@ def test_contributions_display_marks_what_is_significant(holdout_scores):
     )
 
 
+@pytest.mark.slow
 def test_contributions_display_names_axes_bars_and_groups(holdout_scores):
     display = SensorContributionsDisplay.from_scores(
         holdout_scores, metric="emd", by="procedure"
@@ -71,6 +73,7 @@ def test_contributions_display_names_axes_bars_and_groups(holdout_scores):
     display.figure_.canvas.draw()
 
 
+@pytest.mark.slow
 def test_contributions_display_by_object_and_by_threshold(holdout_scores):
     scores = holdout_scores.query("procedure == 'hold'")
     display = SensorContributionsDisplay.from_scores(scores, metric="emd", by="object")

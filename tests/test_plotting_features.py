@@ -31,6 +31,7 @@ def patches(pool=None):
     return (make_pipeline(coder, pool) if pool else coder).fit(SKIN)
 
 
+@pytest.mark.slow
 def test_atoms_of_signals_are_waveforms_in_milliseconds():
     ksvd = waveforms()
     display = AtomsDisplay.from_estimator(ksvd, sampling_rate=200)
@@ -50,6 +51,7 @@ def test_atoms_of_signals_are_waveforms_in_milliseconds():
     assert len(display.figure_.axes) == 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", ["split", "absolute", "none"])
 def test_atoms_are_sorted_by_the_share_of_codes_that_use_them(sign):
     ksvd = waveforms(sign)
@@ -86,6 +88,7 @@ def test_atoms_of_images_are_patches():
     assert "atom (no unit)" in {ax.get_ylabel() for ax in display.figure_.axes}
 
 
+@pytest.mark.slow
 def test_atoms_of_tables():
     X = RNG.normal(size=(40, 5))
     ksvd = KSVDTransformer(3, 1, max_iter=2, random_state=0).fit(X)
@@ -96,6 +99,7 @@ def test_atoms_of_tables():
     assert len(AtomsDisplay.from_estimator(sthmp).lines_) == 3
 
 
+@pytest.mark.slow
 def test_atoms_of_extreme_dictionaries():
     for window in (1, 2):
         ksvd = KSVDTransformer(1, 1, window=window, max_iter=1, remove_mean=False)
@@ -120,6 +124,7 @@ def test_codes_lie_at_the_middle_of_their_windows():
     np.testing.assert_array_equal(display.axes_[0].get_yticks(), [6.5, 20.5])
 
 
+@pytest.mark.slow
 def test_maxima_lie_where_their_cells_are():
     pipeline = patches(TemporalMaxPool((3, 1)))
     trial = SKIN[0]
@@ -149,6 +154,7 @@ def test_floor_cells_take_the_remainder_last():
     assert display.axes_[-1].get_xlabel() == "time, samples"
 
 
+@pytest.mark.slow
 def test_colours_follow_the_root_and_show_signs():
     unsigned = FeatureMapDisplay.from_estimator(waveforms(), SIGNALS[0])
     scale = unsigned.images_[0].norm
@@ -163,6 +169,7 @@ def test_colours_follow_the_root_and_show_signs():
     still.figure_.canvas.draw()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
     [

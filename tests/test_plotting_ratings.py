@@ -93,6 +93,7 @@ def test_higher_levels_are_darker(counts):
     assert (np.diff(colours @ LUMINANCE) < -0.05).all()
 
 
+@pytest.mark.slow
 def test_figure_grows_with_the_objects_and_labels_keep_apart(counts):
     many = {name: np.tile(table, (10, 1)) for name, table in counts.items()}
     few = RatingsDisplay.from_counts(counts).figure_
@@ -140,6 +141,7 @@ def test_trials_of_an_object_count_once(counts):
     assert display.ax_.get_xlabel() == "adjective (6 objects each)"
 
 
+@pytest.mark.slow
 def test_zero_is_marked_and_shown(counts):
     for each in (counts, {"hard": [[12, 0, 0, 0, 0], [11, 1, 0, 0, 0]]}):
         display = InterraterAgreementDisplay.from_counts(each)

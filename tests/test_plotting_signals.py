@@ -45,6 +45,7 @@ def test_lines_and_images_are_the_recordings(by_procedure):
         np.testing.assert_allclose(image.get_extent(), [0, n_times / 100, 37.5, -0.5])
 
 
+@pytest.mark.slow
 def test_panels_are_linked_and_labelled(by_procedure):
     display = SignalsDisplay.from_trials(by_procedure)
     axes, figure = display.axes_, display.figure_

@@ -78,6 +78,7 @@ def test_search_display_on_given_axes():
     assert display.figure_ is not figure
 
 
+@pytest.mark.slow
 def test_search_display_from_a_search():
     rng = np.random.default_rng(3)
     X, y = rng.normal(size=(40, 2)), np.tile([1, 2], 20)

@@ -291,6 +291,7 @@ def twice(trial):
     return 2 * trial
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("library", ["default", "pandas"])
 def test_cached_rows_are_found_by_content_and_parameters(tmp_path, library):
     variants = [

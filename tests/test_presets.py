@@ -16,6 +16,8 @@ from sklearn_haptic import (
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_rps_scorer, ranked_probability_score
 
+pytestmark = pytest.mark.slow
+
 SENSORS = ["pac", "pdc", "tac", "tdc", "electrodes"]
 
 

@@ -228,6 +228,7 @@ def test_inverse_cdf_by_hand():
     assert inverse_cdf(pd.DataFrame(counts), p).shape == (3, 5)
 
 
+@pytest.mark.slow
 def test_inverse_cdf_equals_exact_fractions():
     rng = np.random.default_rng(0)
     positions = [Fraction(i, 100) for i in range(101)]
@@ -239,6 +240,7 @@ def test_inverse_cdf_equals_exact_fractions():
         assert (inverse_cdf(counts, p) - 1).tolist() == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "n_raters", [*range(1, 200), 250, 500, 999, 1000, 2000, 4999, 10_000]
 )

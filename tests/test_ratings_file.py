@@ -81,6 +81,7 @@ def assert_ratings(found, counts, names=ADJECTIVES):
         np.testing.assert_array_equal(found[name], counts[:, i])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axes", list(permutations(range(3))))
 @pytest.mark.parametrize("dtype", ["u1", "f8"])
 def test_axes_of_ratings_may_come_in_any_order(save, ratings, counts, axes, dtype):

@@ -20,6 +20,8 @@ from test_ratings_file import save_v73
 from sklearn_haptic.datasets import load_phac2
 from sklearn_haptic.datasets._ratings_file import read_ratings
 
+pytestmark = pytest.mark.slow
+
 h5py = pytest.importorskip("h5py")
 
 MIB = 2**20

@@ -38,6 +38,7 @@ def brute_force_omp(signal, atoms, n_nonzero_coefs):
     return support, coefs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("common", [0, 0.5, 0.9])
 @pytest.mark.parametrize("n_features, n_atoms, n_coefs", [(22, 40, 4), (9, 10, 3)])
 @pytest.mark.parametrize("dtype, rtol", [(np.float64, 1e-12), (np.float32, 1e-4)])
@@ -77,6 +78,7 @@ def brute_force_supports(signals, atoms, n_nonzero_coefs):
     return support, margins
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "n_features, n_atoms, n_coefs", [(22, 40, 4), (50, 25, 4), (9, 10, 3)]
 )

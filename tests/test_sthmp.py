@@ -469,6 +469,7 @@ def test_dictionary_is_learned_from_patches(limit):
     np.testing.assert_allclose(components, expected.components_, atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_fingers", [1, 2])
 @pytest.mark.parametrize("limit", [1, 20, 500])
 def test_most_trials_give_no_patch(n_fingers, limit):
@@ -508,6 +509,7 @@ def test_refit_on_trials_forgets_a_table():
 # Composition
 
 
+@pytest.mark.slow
 def test_pipeline_of_sensors_in_a_frame(tmp_path):
     X = pd.DataFrame(
         {"electrodes": electrodes((40, 25, 30)), "finger": electrodes((16, 20, 17), 1)}

@@ -48,6 +48,8 @@ from sklearn_haptic.study._store import open_study, read_record, read_unit, writ
 from sklearn_haptic.study._study import Study, derive_seed
 from sklearn_haptic.study._trials import compute_trials
 
+pytestmark = pytest.mark.slow
+
 KINDS = ("trials", "features", "models")
 CORPUS = partial(make_haptic_corpus, 8, 2, random_state=0)
 SENSORS = ["pdc", "tdc"]

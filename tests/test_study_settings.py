@@ -125,6 +125,7 @@ def test_descriptions_tell_values_apart():
     assert descriptions() == described
 
 
+@pytest.mark.slow
 def test_descriptions_are_the_same_in_every_session():
     code = "import json, test_study_settings as t; print(json.dumps(t.descriptions()))"
     process = subprocess.run(
@@ -155,6 +156,7 @@ def test_settings_that_cannot_be_recognised(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 5_000, 100_000])
 def test_descriptions_of_many_trials(n):
     """A mebibyte at least takes less than a second; of `repr` all look the same."""

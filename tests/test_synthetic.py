@@ -16,6 +16,8 @@ from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 from sklearn_haptic.datasets._crowd import ADJECTIVES, population, rate
 from sklearn_haptic.ratings import adjective_correlation, interrater_agreement
 
+pytestmark = pytest.mark.slow
+
 SENSORS = ["pac", "pdc", "tac", "tdc", "electrodes"]
 PROCEDURES = ["squeeze", "hold", "slow_slide", "fast_slide"]
 SEEDS = range(8)

@@ -1,11 +1,17 @@
 """BLAS has one thread while anything is learned, coded or predicted, and then as many
 as before; a step is limited once, however many trials it has."""
 
+import sys
+from dis import get_instructions
+from functools import cache
+from pathlib import Path
+
 import numpy as np
 import pytest
 from sklearn.pipeline import make_pipeline
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
+import sklearn_haptic
 from sklearn_haptic import (
     NNPOM,
     DistributionalOrdinalRegressor,
@@ -13,10 +19,6 @@ from sklearn_haptic import (
     SensorFusionNNPOM,
     STHMPTransformer,
     TemporalMaxPool,
-    _dictionary_learning,
-    _ksvd,
-    _nnpom,
-    _sthmp,
 )
 from sklearn_haptic._sklearn import one_blas_thread
 
@@ -49,9 +51,22 @@ MODELS = {
 METHODS = ["transform", "predict_proba", "predict_latent", "hidden_activations"]
 
 
+PACKAGE = str(Path(sklearn_haptic.__file__).parent)
+PRODUCTS = {"dot", "matmul", "tensordot", "solve_triangular", "svd"}
+BLAS = ThreadpoolController().select(user_api="blas")
+
+
 def blas_threads():
-    libraries = ThreadpoolController().select(user_api="blas").info()
-    return {library["num_threads"] for library in libraries}
+    return {library["num_threads"] for library in BLAS.info()}
+
+
+@cache
+def makes_products(code):
+    """Whether a function of the package multiplies matrices by BLAS itself."""
+    return code.co_filename.startswith(PACKAGE) and (
+        not PRODUCTS.isdisjoint(code.co_names)
+        or any(each.argrepr == "@" for each in get_instructions(code))
+    )
 
 
 @pytest.fixture(autouse=True)
@@ -62,47 +77,36 @@ def two_threads():
         yield
 
 
-@pytest.fixture
-def seen(monkeypatch):
-    """A list of the numbers of threads in which products were made."""
-    numbers = []
+def assert_limited(call):
+    """Whenever products are made, BLAS has one thread, and then as many as before."""
+    seen = {}
 
-    def watch(module, name):
-        function = getattr(module, name)
+    def watch(frame, event, _):
+        if event == "call" and makes_products(frame.f_code):
+            seen.setdefault(frame.f_code.co_name, set()).update(blas_threads())
 
-        def watched(*args, **kwargs):
-            numbers.append(blas_threads())
-            return function(*args, **kwargs)
-
-        monkeypatch.setattr(module, name, watched)
-
-    watch(_ksvd, "batch_omp")
-    watch(_dictionary_learning, "batch_omp")
-    watch(_dictionary_learning, "_update_atom")
-    watch(_sthmp, "electrode_images")
-    watch(_nnpom.NetworkLoss, "__call__")
-    watch(_nnpom, "forward")
-    return numbers
-
-
-def assert_limited(call, seen):
-    seen.clear()
-    call()
-    assert seen and all(each == {1} for each in seen)
+    sys.setprofile(watch)
+    try:
+        call()
+    finally:
+        sys.setprofile(None)
+    assert seen
+    assert {name for name, threads in seen.items() if threads != {1}} == set()
     assert blas_threads() == {2}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
-def test_one_thread_wherever_products_are_made(name, seen):
+def test_one_thread_wherever_products_are_made(name):
     model, X = MODELS[name]
     y = COUNTS if X is TABLE else None
-    assert_limited(lambda: model.fit(X, y), seen)
+    assert_limited(lambda: model.fit(X, y))
     for method in METHODS:
         if hasattr(model, method):
             call = getattr(model, method)
-            assert_limited(lambda call=call: list(call(X)), seen)
+            assert_limited(lambda call=call: list(call(X)))
     if name == "K-SVD":
-        assert_limited(lambda: model.transform(X)[3], seen)
+        assert_limited(lambda: model.transform(X)[3])
 
 
 def test_a_step_is_limited_once(monkeypatch):
