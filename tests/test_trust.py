@@ -13,12 +13,13 @@ import threading
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from hashlib import sha256
 from multiprocessing import get_context
 from pathlib import Path
 from signal import SIGKILL
+from types import SimpleNamespace
 
 import h5py
 import joblib
@@ -457,8 +458,14 @@ N_THREADS = 8
 
 
 @pytest.fixture
-def hasty_threads():
+def hasty_threads(monkeypatch):
     """Threads that take turns as often as they can."""
+    # scikit-learn's Parallel resets the warning filters of all threads, and warns when
+    # it finds none.
+    names = ("warn", "resetwarnings", "simplefilter", "filterwarnings")
+    harmless = dict.fromkeys(names, lambda *args, **kwargs: None)
+    harmless |= {"filters": [], "catch_warnings": nullcontext}
+    monkeypatch.setattr("sklearn.utils.parallel.warnings", SimpleNamespace(**harmless))
     interval = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     yield
@@ -477,9 +484,6 @@ def in_threads(call):
         return list(pool.map(begin_together, range(N_THREADS)))
 
 
-# scikit-learn's Parallel, in the pipeline, resets the warning filters of all threads,
-# and warns when it finds none.
-@pytest.mark.filterwarnings("ignore:.sklearn.utils.parallel.delayed. should be used")
 @pytest.mark.usefixtures("hasty_threads")
 @pytest.mark.parametrize("name", MODELS)
 def test_threads_share_a_model(name):
