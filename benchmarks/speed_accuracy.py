@@ -1,8 +1,9 @@
 """What each knob costs and gains, one at a time around a base setting.
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \
-        python benchmarks/speed_accuracy.py FOLDER [--csv FILE] [--figure FILE] \
-        [--quick] [--sets synthetic bolt movie phac2] [--knobs atoms "hidden units" …]
+        python benchmarks/speed_accuracy.py FOLDER [--csv FILE] [--folds FILE] \
+        [--figure FILE] [--quick] [--sets synthetic bolt movie phac2] \
+        [--knobs atoms "hidden units" …]
 
 FOLDER holds ``bolt_pilot/``, ``movie_ratings/`` and ``phac2_static/``; the synthetic
 set needs none of them. It takes about an hour on one core, with ``--quick`` a few
@@ -42,12 +43,13 @@ import time
 import warnings
 from pathlib import Path
 
+import pandas as pd
 from sklearn.exceptions import ConvergenceWarning
 from speed_accuracy_data import REPEATS, load
 from speed_accuracy_figure import draw
 from speed_accuracy_folds import folds
 from speed_accuracy_settings import FEATURE_KNOBS, KNOBS
-from speed_accuracy_tables import COLUMNS, table
+from speed_accuracy_tables import COLUMNS, summarise, table
 
 started = time.perf_counter()
 
@@ -85,12 +87,15 @@ def main():
     parser.add_argument("--repeats", type=int, help="how often the folds are drawn")
     parser.add_argument("--quick", action="store_true", help="small sets, three folds")
     parser.add_argument("--figure", type=Path, help="file for a figure of presets")
-    parser.add_argument("--csv", type=Path, help="file for one row per value and fold")
+    parser.add_argument("--csv", type=Path, help="file for one row per value")
+    parser.add_argument(
+        "--folds", type=Path, help="file for one row per value and fold"
+    )
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", ConvergenceWarning)
     warnings.simplefilter("ignore", DeprecationWarning)  # mord 0.7 on SciPy 1.17
     n_folds = 3 if arguments.quick else 5
-    with open(arguments.csv or os.devnull, "w", newline="") as file:
+    with open(arguments.folds or os.devnull, "w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
 
@@ -98,7 +103,7 @@ def main():
             writer.writerow(row)
             file.flush()
 
-        of_trials = []
+        of_trials, summaries = [], []
         for name in arguments.sets:
             data = load(name, arguments.folder, arguments.quick)
             knobs = [
@@ -109,10 +114,13 @@ def main():
             n_repeats = arguments.repeats or (1 if arguments.quick else REPEATS[name])
             rows = measure(name, data, knobs, n_folds, n_repeats, write)
             print(f"\n## {name}: {data.title}, {n_repeats} × {n_folds} folds")
+            summaries.append(summarise(rows, n_folds))
             for knob in knobs:
-                print(f"\n{table(rows, knob, n_folds)}", flush=True)
+                print(f"\n{table(summaries[-1], knob)}", flush=True)
             if "presets" in knobs:
                 of_trials += rows
+    if arguments.csv:
+        pd.concat(summaries).to_csv(arguments.csv, index=False, float_format="%.4g")
     if arguments.figure and of_trials:
         draw(of_trials, arguments.figure, n_folds)
 

@@ -1,6 +1,7 @@
-"""Tables of what `speed_accuracy.py` measured, in Markdown."""
+"""Tables of what `speed_accuracy.py` measured: one row per value of a knob."""
 
 import numpy as np
+import pandas as pd
 from speed_accuracy_folds import SCORES
 
 SECONDS = ["features", "transform", "fit", "predict"]
@@ -19,50 +20,64 @@ def standard_error(scores, n_folds):
     return scores.std(ddof=1) * np.sqrt(1 / len(scores) + test_to_train)
 
 
-def describe(scores, reference, n_folds):
+def summarise(rows, n_folds):
+    """Medians of seconds, means of scores and paired differences to the first value.
+
+    The first value of a knob has no difference, and the error of its mean. Seconds that
+    do not depend on the knob are missing.
+    """
+    lines = []
+    for (name, knob), of_knob in pd.DataFrame(rows).groupby(
+        ["set", "knob"], sort=False
+    ):
+        of_first_fold = of_knob.iloc[: of_knob["value"].nunique()]
+        reference = of_knob[of_knob["value"] == of_knob["value"].iloc[0]]
+        for value, of_value in of_knob.groupby("value", sort=False):
+            line = {"set": name, "knob": knob, "value": value}
+            for stage in SECONDS:
+                seconds = f"seconds_{stage}"
+                if of_first_fold[seconds].nunique() > 1:
+                    line[f"{stage}_s"] = of_value[seconds].median()
+            line["memory_mb"] = of_value["memory_mb"].iloc[0]
+            for score in SCORES:
+                scores = of_value[score].to_numpy()
+                compared = scores
+                line[score] = scores.mean()
+                if value != of_knob["value"].iloc[0]:
+                    compared = scores - reference[score].to_numpy()
+                    line[f"{score}_difference"] = compared.mean()
+                if np.isfinite(compared).all():
+                    line[f"{score}_error"] = standard_error(compared, n_folds)
+            lines.append(line)
+    compared = [c for s in SCORES for c in (s, f"{s}_difference", f"{s}_error")]
+    seconds = [f"{stage}_s" for stage in SECONDS]
+    columns = ["set", "knob", "value", *seconds, "memory_mb", *compared]
+    return pd.DataFrame(lines, columns=columns)
+
+
+def describe(line, score):
     """The reference with its standard error, others with the paired difference."""
-    if not np.isfinite(scores).all():
+    mean, difference, error = line[[score, f"{score}_difference", f"{score}_error"]]
+    if not np.isfinite(mean):
         return "inf"
-    if scores is reference:
-        return f"{scores.mean():.3f} ± {standard_error(scores, n_folds):.3f}"
-    if not np.isfinite(reference).all():
-        return f"{scores.mean():.3f}"
-    difference = scores - reference
-    error = standard_error(difference, n_folds)
-    text = f"{difference.mean():+.3f} ± {error:.3f}".replace("-", "−")
-    if abs(difference.mean()) > max(2 * error, 0.0005):
+    if not np.isfinite(error):
+        return f"{mean:.3f}"
+    if not np.isfinite(difference):
+        return f"{mean:.3f} ± {error:.3f}"
+    text = f"{difference:+.3f} ± {error:.3f}".replace("-", "−")
+    if abs(difference) > max(2 * error, 0.0005):
         text = f"**{text}**"
-    return f"{scores.mean():.3f} ({text})"
+    return f"{mean:.3f} ({text})"
 
 
-def table(rows, knob, n_folds):
-    """Table of one knob, without the seconds that do not depend on it."""
-    rows = [row for row in rows if row["knob"] == knob]
-    by_value = {}
-    for row in rows:
-        by_value.setdefault(row["value"], []).append(row)
-
-    def column(value, name):
-        return np.array([row[name] for row in by_value[value]])
-
-    stages = [
-        stage
-        for stage in SECONDS
-        if len({row[f"seconds_{stage}"] for row in rows if row["memory_mb"] != ""}) > 1
-    ]
+def table(summary, knob):
+    """Markdown of one knob, without the seconds that do not depend on it."""
+    lines = summary[summary["knob"] == knob]
+    stages = [stage for stage in SECONDS if lines[f"{stage}_s"].notna().all()]
     header = [knob, *(f"{stage}, s" for stage in stages), "memory, MB", *TITLES]
-    lines = [header, ["---"] * len(header)]
-    first = next(iter(by_value))
-    reference = {score: column(first, score) for score in SCORES}
-    for value, of_value in by_value.items():
-        seconds = [np.median(column(value, f"seconds_{stage}")) for stage in stages]
-        cells = [
-            value,
-            *(f"{s:.3g}" for s in seconds),
-            f"{of_value[0]['memory_mb']:.3g}",
-        ]
-        for score, of_reference in reference.items():
-            scores = of_reference if value == first else column(value, score)
-            cells.append(describe(scores, of_reference, n_folds))
-        lines.append(cells)
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    cells = [header, ["---"] * len(header)]
+    for _, line in lines.iterrows():
+        measured = line[[*(f"{stage}_s" for stage in stages), "memory_mb"]]
+        scores = [describe(line, score) for score in SCORES]
+        cells.append([line["value"], *(f"{x:.3g}" for x in measured), *scores])
+    return "\n".join("| " + " | ".join(row) + " |" for row in cells)
