@@ -181,7 +181,7 @@ def share_at_or_below(model, X, inputs, weight=None):
 def predicting(n_runs=7):
     print("\n**predict_proba**, 1000 trials × 2400 features\n")
     print(
-        "| units | decoding | 99 rows a trial, ms | ours, ms | ratio | CDF error | "
+        "| units | decoding | 99 rows per trial, ms | ours, ms | ratio | CDF error | "
         "of the 99 positions |"
     )
     print("|---|---|---|---|---|---|---|")

@@ -4,7 +4,7 @@
 
 FOLDER holds ``movie_ratings/Movie.npz`` (7755 films, their features and the
 distribution of their five-star ratings [1]_) and ``phac2_static/`` (600 trials of
-60 objects, 188 hand-crafted features, a hardness vote from 0 to 5 an object).
+60 objects, 188 hand-crafted features, one hardness vote from 0 to 5 per object).
 
 Ten folds, films or objects kept whole. Within each training fold every model
 chooses its penalty (the paper's also its hidden units, on one validation set as

@@ -101,7 +101,7 @@ def stretches(trials, frames, places):
 
 
 def scores(sensors, folds, score, seconds):
-    """The score of every rule, a row a fold."""
+    """The score of every rule, one row per fold."""
     table = []
     for fold, (train, test) in enumerate(folds):
         rng = np.random.default_rng(fold)

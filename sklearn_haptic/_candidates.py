@@ -69,10 +69,10 @@ def read_candidates(search, metric=None):
     is_timed = f"mean_test_{COST}" in results
     if is_timed:
         seconds = np.negative(results[f"mean_test_{COST}"])
-        cost = "time to predict, seconds a trial"
+        cost = "time to predict, seconds per trial"
     else:
         seconds = _fit_and_score_time(results)
-        cost = "time to fit and score, seconds a fold"
+        cost = "time to fit and score, seconds per fold"
     usable = np.isfinite(score) & np.isfinite(score_se) & np.isfinite(seconds)
     if "iter" in results:
         usable &= results["iter"] == np.max(results["iter"])

@@ -164,16 +164,7 @@ class FitTask:
     def fit_of(self, name: str, estimator: Any) -> AbstractContextManager[Any]:
         """Pass the callbacks on to an estimator that is fitted within the context.
 
-        Parameters
-        ----------
-        name : str
-            Name of the subtask.
-        estimator : estimator object
-            The estimator to fit.
-
-        Returns
-        -------
-        context : context manager
+        The subtask has the given name.
         """
         context = self._context.subcontext(task_name=name)
         passed_on: AbstractContextManager[Any] = context.propagate_callback_context(
@@ -219,16 +210,6 @@ def one_blas_thread(function: _Function) -> _Function:
     where another process keeps a core busy, wait for each other most of the time.
     Within a function that is limited, further limits cost nothing, so a step may be
     limited as a whole and each of its trials as well.
-
-    Parameters
-    ----------
-    function : callable
-        Function or method.
-
-    Returns
-    -------
-    function : callable
-        The same, limited.
     """
     limited = _threadpool_controller_decorator(limits=1, user_api="blas")(function)
 

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping, Set
 from datetime import date, timedelta
 from difflib import get_close_matches
@@ -181,18 +180,6 @@ def is_missing(value):
         return True
     differs = value != value
     return isinstance(differs, (bool, np.bool_)) and bool(differs)
-
-
-def check_sparsity(n_nonzero_coefs, n_atoms):
-    """Limit the number of atoms per code to the size of the dictionary."""
-    if n_nonzero_coefs > n_atoms:
-        warnings.warn(
-            f"n_nonzero_coefs={n_nonzero_coefs} exceeds n_atoms={n_atoms}; codes use "
-            f"at most {n_atoms} atoms.",
-            UserWarning,
-            stacklevel=3,
-        )
-    return min(n_nonzero_coefs, n_atoms)
 
 
 def check_names(asked, known, what, where):

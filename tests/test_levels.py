@@ -79,7 +79,7 @@ def ranks(seed, n_levels):
 
 
 def counted(level, n_levels):
-    """Counts of one rating a trial, by a loop."""
+    """Counts of one rating per trial, by a loop."""
     counts = [[0] * n_levels for _ in level]
     for trial, k in enumerate(level):
         counts[trial][k] += 1

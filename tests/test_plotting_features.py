@@ -94,7 +94,7 @@ def test_atoms_of_tables():
     ksvd = KSVDTransformer(3, 1, max_iter=2, random_state=0).fit(X)
     ksvd.set_output(transform="pandas")
     display = AtomsDisplay.from_estimator(ksvd, X)
-    assert display.usage.sum() == pytest.approx(1)  # one atom a code
+    assert display.usage.sum() == pytest.approx(1)  # one atom per code
     sthmp = STHMPTransformer(3, 1, max_iter=2, random_state=0).fit(X)
     assert len(AtomsDisplay.from_estimator(sthmp).lines_) == 3
 

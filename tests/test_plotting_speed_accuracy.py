@@ -52,7 +52,7 @@ def test_search_display_names_axes_and_marks():
     display = SpeedAccuracyDisplay.from_search(results)
     ax = display.ax_
     assert ax.get_xscale() == "log"
-    assert ax.get_xlabel() == "time to predict, seconds a trial"
+    assert ax.get_xlabel() == "time to predict, seconds per trial"
     assert ax.get_ylabel() == "mean test score (rps), higher is better"
     labels = {text.get_text() for text in ax.get_legend().get_texts()}
     assert {"frontier", "best", "cheapest within 1 SE"} <= labels
@@ -65,7 +65,7 @@ def test_search_display_of_a_search_that_timed_no_use():
     with pytest.warns(UserWarning, match="caches falsify") as caught:
         display = SpeedAccuracyDisplay.from_search(results)
     assert caught[0].filename == __file__
-    assert display.ax_.get_xlabel() == "time to fit and score, seconds a fold"
+    assert display.ax_.get_xlabel() == "time to fit and score, seconds per fold"
     np.testing.assert_array_equal(display.seconds, np.arange(1.5, 6))
 
 

@@ -56,7 +56,7 @@ def between_objects(values, objects):
 
 
 def audible_rms(pac, highest=700):
-    """Root mean square of P_AC from 20 Hz up, one value a finger."""
+    """Root mean square of P_AC from 20 Hz up, one value per finger."""
     sos = signal.butter(4, [20, highest], "bandpass", fs=2200, output="sos")
     return signal.sosfiltfilt(sos, pac, axis=0)[1100:].std(axis=0)
 

@@ -12,7 +12,7 @@ from scipy import sparse
 from sklearn_haptic._check_ratings import check_ratings
 from sklearn_haptic._check_trials import channel_names, check_trials, is_table
 from sklearn_haptic._sequences import Sequences, row_index
-from sklearn_haptic._validation import check_numbers, check_sparsity
+from sklearn_haptic._validation import check_numbers
 
 TRIAL = np.arange(6.0).reshape(3, 2)
 RAGGED = [TRIAL, TRIAL[:2]]
@@ -192,12 +192,6 @@ def test_row_index():
     assert row_index(Sequences(RAGGED, ["x", "y"], series.index)) is series.index
     assert row_index(RAGGED) is None
     assert row_index(np.eye(2)) is None
-
-
-def test_sparsity_is_clipped_with_a_warning():
-    assert check_sparsity(4, 10) == 4
-    with pytest.warns(UserWarning, match="n_nonzero_coefs=4 exceeds n_atoms=3"):
-        assert check_sparsity(4, 3) == 3
 
 
 def test_ratings_in_either_form():

@@ -1,5 +1,6 @@
 """What the transformers share that learn a dictionary by K-SVD and code over it."""
 
+import warnings
 from functools import partial
 from numbers import Integral, Real
 
@@ -25,7 +26,7 @@ from .._sklearn import (
     fit_task,
     one_blas_thread,
 )
-from .._validation import check_numbers, check_sparsity, check_table
+from .._validation import check_numbers, check_table
 from ._ksvd import initial_atoms, ksvd
 from ._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows
 
@@ -226,7 +227,14 @@ class DictionaryCoder(DocumentedEstimator, CallbackSupportMixin):
             rows = check_table(self, X, dtype=[np.float64, np.float32])
             trials, counts, observe = [rows], [len(rows)], np.ndarray.__getitem__
         observations = draw_observations(trials, counts, max_train, observe, rng)
-        n_nonzero_coefs = check_sparsity(self.n_nonzero_coefs, self.n_atoms)
+        n_nonzero_coefs = min(self.n_nonzero_coefs, self.n_atoms)
+        if n_nonzero_coefs < self.n_nonzero_coefs:
+            warnings.warn(
+                f"n_nonzero_coefs={self.n_nonzero_coefs} exceeds "
+                f"n_atoms={self.n_atoms}; codes use at most {self.n_atoms} atoms.",
+                UserWarning,
+                stacklevel=2,
+            )
         # Callbacks have to see the iterations, and may stop them.
         memory = check_memory(self.memory if on_iteration is None else None)
         learn = memory.cache(learn_dictionary)

@@ -68,18 +68,7 @@ def neg_seconds_scorer(
 
 
 def predictor(estimator):
-    """Return the method by which a copy without caches predicts.
-
-    Parameters
-    ----------
-    estimator : object
-        Fitted, with ``predict_proba`` or ``predict``.
-
-    Returns
-    -------
-    predict : callable
-        ``predict_proba`` if there is one, else ``predict``.
-    """
+    """Return ``predict_proba``, else ``predict``, of a copy without caches."""
     uncached = without_caches(estimator)
     return getattr(uncached, "predict_proba", None) or uncached.predict
 
@@ -87,16 +76,7 @@ def predictor(estimator):
 def seconds_per_trial(use: Callable[[Any], Any], X: Trials) -> float:
     """Return the mean seconds to use a fitted model on one trial, of up to five.
 
-    Parameters
-    ----------
-    use : callable
-        Takes trials, such as the method of a fitted model.
-    X : DataFrame, array-like or collection of trials
-        The trials.
-
-    Returns
-    -------
-    seconds : float
+    `use` takes trials, as a method of the model does.
 
     Examples
     --------
@@ -123,16 +103,7 @@ def without_caches(value):
     """Return a value whose estimators, fitted ones too, remember no results.
 
     Estimators, and the lists, tuples and dicts that hold them, are copied; the arrays
-    in them are shared.
-
-    Parameters
-    ----------
-    value : object
-        An estimator, or what an attribute of one holds.
-
-    Returns
-    -------
-    copied : object
+    in them are shared. Any other value is returned as it is.
 
     Examples
     --------

@@ -90,7 +90,7 @@ def cross_val_predict_proba(
     Returns
     -------
     predicted : ndarray of shape (n_trials, n_levels) or (n_trials,)
-        Rows in the order of ``X``. If several adjectives were learnt, they are a
+        Rows in the order of ``X``. If several adjectives were learned, they are a
         further axis behind that of the trials. Columns are the levels of all trials:
         where the training trials of a fold lack a label, its probability is 0 in that
         fold, as that of a column of counts without any count is.

@@ -158,7 +158,7 @@ def _split_sensors(model):
     if first is model or not isinstance(first, ColumnTransformer):
         raise TypeError(
             "model must be a Pipeline that begins with a ColumnTransformer with one "
-            f"transformer a sensor, but it begins with a {type(first).__name__}."
+            f"transformer per sensor, but it begins with a {type(first).__name__}."
         )
     if len(model) == 1:
         raise ValueError("model ends with its ColumnTransformer; add a predictor.")

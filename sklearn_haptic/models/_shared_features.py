@@ -125,16 +125,6 @@ def share_features(
 
     A `FrozenEstimator` hands out the methods of what it wraps, and calling these would
     fit that again. So it is never taken for an estimator that shares features.
-
-    Parameters
-    ----------
-    estimator : estimator object
-    present, n_levels
-        As `RepeatedRows` takes them.
-
-    Returns
-    -------
-    base : SharesFeatures
     """
     frozen = isinstance(estimator, FrozenEstimator)
     if hasattr(estimator, "fit_with_positions") and not frozen:

@@ -42,7 +42,7 @@ class SpeedAccuracyDisplay(Display):
         Which candidate is the fastest within one standard error of the best.
     metric : str, default="score"
         Name of the score.
-    cost : str, default="time to predict, seconds a trial"
+    cost : str, default="time to predict, seconds per trial"
         Label of the seconds.
 
     Attributes
@@ -89,7 +89,7 @@ class SpeedAccuracyDisplay(Display):
         best: int,
         cheapest: int,
         metric: str = "score",
-        cost: str = "time to predict, seconds a trial",
+        cost: str = "time to predict, seconds per trial",
     ) -> None:
         self.seconds = seconds
         self.score = score
