@@ -58,7 +58,7 @@ if len(files) == 1:
     sys.exit("Name the file of ratings too: the recordings alone have none.")
 if files:
     say(f"Reading {files[0]} …")
-    corpus = load_phac2(files[0], procedure="slow_slide", ratings_path=files[1])
+    corpus = load_phac2(files[0], procedure="slow_slide", ratings=files[1])
 else:
     say("Generating 60 objects × 10 trials of a slow slide …")
     corpus = make_haptic_corpus(procedure="slow_slide", random_state=0)
