@@ -1259,6 +1259,10 @@ ask({"load_phac2(ratings)": loading_answers},
     *(check(f"a rating of {rating!r}", rating=rating,
           says="^ratings has the rating .*, which is not among the levels .*; mend it")
       for rating in (0, 6, 2.5, np.inf)),
+    check("ratings that are booleans", change=lambda table: table.assign(rating=True),
+        says="^ratings has the rating 'True', which is not among the levels"),
+    check("ratings that are lists", change=lambda table: table.assign(
+        rating=pd.Series([[1]] * 8)), says=r"has the rating \[1\]; give numbers or"),
     check("ratings in words", change=lambda table: table.assign(rating="very"),
         says="^ratings has the rating 'very', which is not among the levels"),
     check("words among ratings", rating="very", says="mixes text with something else"),

@@ -5,6 +5,7 @@ Text in a CSV file stays text until it is asked what it means, so nothing is gue
 
 import csv
 import io
+from collections.abc import Hashable
 
 import numpy as np
 import pandas as pd
@@ -79,7 +80,7 @@ def count_answers(table, source):
         ids = object_ids(ids, source)
     raters = _without_gaps(table, "rater", source)
     adjectives = _without_gaps(table, "adjective", source)
-    values, given = drop_missing(table["rating"], f"The column 'rating' of {source}")
+    values, given = _values(table, "rating", source)
     levels, places = _levels_and_places(values, table["rating"], source)
     answers = pd.DataFrame({by: ids, "rater": raters, "adjective": adjectives})[given]
     answers = answers.assign(rating=places).reset_index(drop=True)
@@ -100,9 +101,8 @@ def count_answers(table, source):
 
 def _what_was_rated(table, source):
     names = [*table.columns]
-    what = [name for name in ("object", "trial") if name in names]
-    missing = [name for name in _COLUMNS if name not in names]
-    if len(what) != 1 or missing:
+    what = [name for name in names if name in ("object", "trial")]
+    if len(what) != 1 or any(names.count(name) != 1 for name in _COLUMNS):
         raise ValueError(
             f"{source} has the columns {names[:10]}; give one row per answer, with the "
             "columns 'rater', 'adjective', 'rating', and either 'object' or 'trial'."
@@ -110,9 +110,20 @@ def _what_was_rated(table, source):
     return what[0]
 
 
+def _values(table, column, source):
+    """Return the values of a column that are not missing, and a mask of them."""
+    values, given = drop_missing(table[column], f"The column {column!r} of {source}")
+    for value in values.tolist():
+        if not isinstance(value, Hashable):
+            raise ValueError(
+                f"{source} has the {column} {value!r}; give numbers or text."
+            )
+    return values, given
+
+
 def _without_gaps(table, column, source):
     """Return the values of a column, none of which may be missing."""
-    values, given = drop_missing(table[column], f"The column {column!r} of {source}")
+    values, given = _values(table, column, source)
     if not given.all():
         raise ValueError(
             f"{source} names no {column} in row {np.argmin(given)}; name it or remove "
@@ -148,7 +159,7 @@ def _levels_and_places(values, column, source):
 
 def _number(value):
     try:
-        return float(value)
+        return str(value) if isinstance(value, bool) else float(value)
     except (TypeError, ValueError):
         return value
 
@@ -175,7 +186,7 @@ def _wide(answers, adjectives, levels):
     """Return one row per id and rater, one column per adjective."""
     by, rater, *_ = answers.columns
     wide = answers.pivot(index=[by, rater], columns="adjective", values="rating")
-    wide = wide[adjectives] if set(wide) == set(adjectives) else wide
+    wide = wide.reindex(columns=adjectives)
     if levels.dtype.kind in "biuf":
         table = {a: np.append(levels, np.nan)[_places(wide[a])] for a in wide}
     else:
