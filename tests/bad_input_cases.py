@@ -1277,7 +1277,7 @@ ask({"load_phac2(ratings)": loading_csv},
     check("CSV with an open quote", LINE + b'1,"2', NOT_CSV),
     check("CSV with a row cut short", LINE + b"114,1\n",
         "has 2 cells in row 0, but 4 columns; separate"),
-    check("CSV with a column twice", b"object," + LINE, "two columns 'object'; name"),
+    check("CSV with a column twice", b"object," + LINE, "give one row per answer"),
     check("CSV without answers", LINE, "holds no values at all"),
     in_folder=True)
 ask({"load_phac2(ratings)": loading_counts},

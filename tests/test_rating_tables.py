@@ -124,9 +124,12 @@ def test_csv(path, answers, tmp_path, missing):
 
 
 def test_text_of_a_csv_file_stays_text(tmp_path):
-    (tmp_path / "a.csv").write_text("rater,note\n007,1e5\r\n\n nan,null\n")
+    lines = "rating,rater,note,adjective,object\n1e5,007,,null,114\r\n\n nan,x,a,b, 7\n"
+    (tmp_path / "a.csv").write_text(lines, newline="")
     table = read_csv(tmp_path / "a.csv")
-    assert table.to_dict("list") == {"rater": ["007", " nan"], "note": ["1e5", "null"]}
+    assert list(table) == ["object", "rater", "adjective", "rating"]
+    rows = [["114", "007", "null", "1e5"], [" 7", "x", "b", " nan"]]
+    assert table.to_numpy().tolist() == rows
 
 
 def test_ordered_words(path, answers):

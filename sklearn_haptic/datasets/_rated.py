@@ -79,8 +79,8 @@ def ratings_of_trials(
     for each in sorted(set(wanted)):
         if each not in row_of:
             raise ValueError(
-                f"{source} has no ratings of {by} {each!r}; it has {by}s "
-                f"{sorted(row_of)}. Leave {_its_trials(by)} out through trials=."
+                f"{source} has no ratings of {by} {each!r}; it has {len(ids)} {by}s "
+                f"such as {min(row_of)!r}. Leave {_its_trials(by)} out through trials=."
             )
         for name, total in zip(adjectives, counts[row_of[each]].sum(axis=1)):
             if total == 0:

@@ -22,14 +22,14 @@ _MISSING = {"", "NA", "NaN"}  # as pandas or polars, R and MATLAB write them
 
 
 def read_csv(path):
-    """Read a table of text from a CSV file with a line of names; NA becomes None.
+    """Read the columns of answers from a CSV file, as text; NA becomes None.
 
     Raises
     ------
     FileNotFoundError
         If there is no file.
     ValueError
-        If it is not text in UTF-8 with as many cells in each row, or names repeat.
+        If it is not text in UTF-8 with as many cells in each row, or lacks a column.
     """
     data = read_start(path, -1)
     try:
@@ -41,17 +41,16 @@ def read_csv(path):
         raise ValueError(
             f"{path} is not a CSV file in UTF-8 ({error}); save it as one."
         ) from error
+    columns = [_what_was_rated(names, path), *_COLUMNS]
     for i, row in enumerate(rows):
         if len(row) != len(names):
             raise ValueError(
                 f"{path} has {len(row)} cells in row {i}, but {len(names)} columns; "
                 "separate cells by commas, and quote text that has commas."
             )
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f"{path} has two columns {name!r}; name each once.")
-    cells = [[None if cell in _MISSING else cell for cell in row] for row in rows]
-    return pd.DataFrame(cells, columns=names, dtype=object)
+    places = [names.index(column) for column in columns]
+    cells = [[None if row[i] in _MISSING else row[i] for i in places] for row in rows]
+    return pd.DataFrame(cells, columns=columns, dtype=object)
 
 
 def count_answers(table, source):
@@ -74,7 +73,7 @@ def count_answers(table, source):
         If a column is missing, an id, rater or adjective is missing, a rating is not
         among the levels, or somebody answered twice.
     """
-    by = _what_was_rated(table, source)
+    by = _what_was_rated([*table.columns], source)
     ids = _without_gaps(table, by, source)
     if by == "object":
         ids = object_ids(ids, source)
@@ -99,8 +98,8 @@ def count_answers(table, source):
     )
 
 
-def _what_was_rated(table, source):
-    names = [*table.columns]
+def _what_was_rated(names, source):
+    """Return which of "object" and "trial" is a column; refuse any other number."""
     what = [name for name in names if name in ("object", "trial")]
     if len(what) != 1 or any(names.count(name) != 1 for name in _COLUMNS):
         raise ValueError(
