@@ -55,7 +55,7 @@ def parse_arguments():
 
 def make_corpus(arguments):
     if arguments.phac2 is not None:
-        return partial(load_phac2, arguments.phac2, ratings_path=arguments.ratings)
+        return partial(load_phac2, arguments.phac2, ratings=arguments.ratings)
     n_objects, n_trials = (20, 4) if arguments.demo else (60, 10)
     return partial(make_haptic_corpus, n_objects, n_trials, random_state=0)
 

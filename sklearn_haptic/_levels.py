@@ -33,6 +33,14 @@ def names_levels(y):
     return _ordered_categories(_only_column(y)) is not None or bool(_column_labels(y))
 
 
+def in_alphabetical_order(table):
+    """Whether column labels are words without an order, sorted as if by chance."""
+    labels = _column_labels(table)
+    words = all(isinstance(label, str) for label in _read_numbers(labels))
+    unordered = words and _ordered_categories(table.columns) is None
+    return bool(labels) and unordered and labels == sorted(labels)
+
+
 def levels_of_ratings(values, container, levels, name):
     """Find the levels of ratings.
 

@@ -176,6 +176,8 @@ def missing_to_none(values, name):
 
 def is_missing(value):
     """Whether a value is None, NaN or NA, which differ from themselves."""
+    if isinstance(value, (str, int, float)):  # most values, quickly
+        return bool(value != value)
     if value is None or is_pandas_na(value):
         return True
     differs = value != value

@@ -40,7 +40,8 @@ from sklearn_haptic import (
     plotting,
     ratings,
 )
-from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
+from sklearn_haptic.datasets import MatlabRatings, load_phac2, make_haptic_corpus
+from sklearn_haptic.ratings import RatingTable
 from sklearn_haptic.study import read_study, run_study
 
 
@@ -1109,7 +1110,46 @@ def loading_ratings(folder, change=None, name="ratings.mat", **variables):
     savemat(path, variables or {"ratings": RATINGS})
     if change is not None:
         path.write_bytes(change(path.read_bytes()))
-    return call(load_phac2, write_corpus(folder), ratings_path=folder / name)
+    return call(load_phac2, write_corpus(folder), ratings=folder / name)
+
+
+def loading_in_order(folder, array=RATINGS, **told):
+    """Call of `load_phac2` with a file of ratings, and what is said of it."""
+    path = folder / "ratings.mat"
+    savemat(path, {"ratings": array})
+    told = {"objects": [114, 602], "adjectives": [*"abcdefghij"]} | told
+    ratings = MatlabRatings(path, **told)
+    return call(load_phac2, write_corpus(folder), ratings=ratings)
+
+
+ANSWERS = pd.DataFrame(
+    [(o, r, a, 1 + r) for o in (114, 602) for r in (0, 1) for a in ("hard", "soft")],
+    columns=["object", "rater", "adjective", "rating"],
+)
+
+
+def loading_answers(folder, table=None, change=None, **columns):
+    """Call of `load_phac2` with a table of answers, some of its cells changed."""
+    if table is None:
+        table = ANSWERS.astype(object)
+        for column, value in columns.items():
+            table.loc[table.index[-1], column] = value
+        table = table if change is None else change(table)
+    return call(load_phac2, write_corpus(folder), ratings=table)
+
+
+def loading_csv(folder, text):
+    (folder / "ratings.csv").write_bytes(text)
+    return loading_answers(folder, folder / "ratings.csv")
+
+
+COUNTED = pd.DataFrame(np.ones((2, 5)), index=[114, 602], columns=range(1, 6))
+OTHER_IDS = RatingTable(np.ones((2, 5), int), np.array([114, 603]), np.arange(1, 6))
+
+
+def loading_counts(folder, table=COUNTED, adjective="hard", **others):
+    """Call of `load_phac2` with the counts of an adjective, and of others."""
+    return loading_answers(folder, {adjective: table} | others)
 
 
 def flipped(byte, bit):
@@ -1123,7 +1163,7 @@ def flipped(byte, bit):
 
 NOT_MATLAB = "is not a MATLAB file, is cut short or is damaged .*; download it again"
 UNTOLD = "has no ratings that can be told by shape"
-ask({"load_phac2(ratings_path)": loading_ratings},
+ask({"load_phac2(ratings)": loading_ratings},
     check("no file", name="missing.mat", error=FileNotFoundError,
         says="There is no file .*missing.mat; give the path of one"),
     *(check(given, change, error=OSError, says=NOT_MATLAB)
@@ -1156,14 +1196,105 @@ ask({"load_phac2(ratings_path)": loading_ratings},
         a=np.eye(5)[None, [0, 1] * 5].repeat(2, axis=0) * 1e19,
         says="has a count of 1e\\+19, which no 64-bit .*; divide the counts by"),
     check("two arrays of ratings", a=RATINGS, b=RATINGS[::-1],
-        says="can be read in several ways: .* Save one numeric array"),
+        says="can be read in several ways: .* save one numeric array"),
     check("two vectors of ids", a=RATINGS, b=[114, 602], c=[602, 114],
         says=r"several vectors that could be object ids: .*; keep one"),
-    check("ids that lack an object", a=RATINGS, ids=[114, 603], names=WORDS,
-        says="has no ratings of object 602; .* Leave the object's trials out"),
+    check("ids that the corpus does not have", a=RATINGS, ids=[114, 603], names=WORDS,
+        says=r"objects that the corpus does not have, \[603\]; leave them out or mend"),
     check("an object that nobody rated", a=RATINGS * [[[0]], [[1]]], ids=[114, 602],
         names=WORDS,
         says="has no .* rating of object 114; leave the object's trials out"),
+    in_folder=True)
+
+UNTOLD_ORDER = r"of its objects and adjectives; give .*MatlabRatings\(.*, objects=\["
+ask({"load_phac2(ratings)": loading_ratings},
+    check("ratings without ids and names", says=UNTOLD_ORDER),
+    in_folder=True)
+ask({"MatlabRatings": loading_in_order},
+    check("a variable that is not there", variable="counts",
+        says="has no variable 'counts'; it has ratings"),
+    check("objects of another number", objects=[114], says=UNTOLD),
+    check("an object twice", objects=[114, 114], says="must be distinct and at least"),
+    check("objects by name", objects=["sponge", "cup"],
+        says="has the object 'sponge'; give the ids that the names of trials have"),
+    check("an object that the corpus does not have", objects=[114, 603],
+        says=r"objects that the corpus does not have, \[603\]; leave them out or mend"),
+    check("adjectives of another number", adjectives=["hard"], says=UNTOLD),
+    check("an adjective twice", adjectives=["hard"] * 10, says="must be distinct"),
+    check("adjectives by number", adjectives=range(10), says="must list names as text"),
+    in_folder=True)
+ask({"load_phac2(ratings)": loading_answers},
+    *(check(given, table, error=TypeError, says=f"^ratings is of the type {kind}; ")
+      for given, table, kind in [
+          *(("a number", 3, "int"), ("a list", [[1]], "list")),
+          ("an array", np.ones((2, 5)), "ndarray"),
+      ]),
+    *(check(f"a table without {column}", ANSWERS.drop(columns=column),
+          "has the columns .*; give one row per answer, with the columns 'rater'")
+      for column in ANSWERS.columns),
+    check("a table by object and trial", ANSWERS.assign(trial=TRIAL),
+        "and either 'object' or 'trial'"),
+    check("a table of no rows", ANSWERS[:0], "holds no values at all"),
+    check("a table of counts", COUNTED, "give one row per answer, with the columns"),
+    *(check(f"no {column} in a row", says="no|lacks", **{column: None})
+      for column in ("object", "rater", "adjective")),
+    check("an object that the corpus does not have", object=603,
+        says=r"^ratings has ratings of objects .* does not have, \[603\]; leave"),
+    check("an object with a fraction", object=114.5, says="has the object 114.5; give"),
+    check("an object that is infinite", object=np.inf, says="has the object inf; give"),
+    check("objects by name", change=lambda table: table.assign(object="sponge"),
+        says="has the object 'sponge'; give the ids"),
+    check("a table that lacks an object", ANSWERS[ANSWERS["object"] == 114],
+        "^ratings has no ratings of object 602; .* Leave the object's trials out"),
+    check("a trial that nobody rated",
+        ANSWERS[:4].assign(trial=TRIAL).drop(columns="object"),
+        "has no ratings of trial 'cup_602_01'; .* Leave the trial out through trials="),
+    check("a trial that the corpus does not have",
+        ANSWERS.assign(trial="x_1_1").drop(columns="object")[:4],
+        r"trials that the corpus does not have, \['x_1_1'\]; leave them out or mend"),
+    check("a missing rating on an adjective", ANSWERS.drop([5, 7]),
+        "has no 'soft' rating of object 602; leave the object's trials out"),
+    check("two answers of a person", ANSWERS.assign(rater=0),
+        "two ratings of object 114, rater 0, adjective 'hard'; keep one, or tell"),
+    *(check(f"a rating of {rating!r}", rating=rating,
+          says="^ratings has the rating .*, which is not among the levels .*; mend it")
+      for rating in (0, 6, 2.5, np.inf)),
+    check("ratings that are booleans", change=lambda table: table.assign(rating=True),
+        says="^ratings has the rating 'True', which is not among the levels"),
+    check("ratings that are lists", change=lambda table: table.assign(
+        rating=pd.Series([[1]] * 8)), says=r"has the rating \[1\]; give numbers or"),
+    check("ratings in words", change=lambda table: table.assign(rating="very"),
+        says="^ratings has the rating 'very', which is not among the levels"),
+    check("words among ratings", rating="very", says="mixes text with something else"),
+    check("adjectives by number", ANSWERS.assign(adjective=1), "name it by text"),
+    in_folder=True)
+NOT_CSV = "is not a CSV file in UTF-8 .*; save it as one"
+LINE = b"object,rater,adjective,rating\n"
+ask({"load_phac2(ratings)": loading_csv},
+    check("an empty CSV file", b"", r"csv has the columns \[\]; give one row per"),
+    check("CSV by semicolons", LINE.replace(b",", b";"), "give one row per answer"),
+    check("CSV that is not UTF-8", LINE + b"\xff", NOT_CSV),
+    check("CSV with an open quote", LINE + b'1,"2', NOT_CSV),
+    check("CSV with a row cut short", LINE + b"114,1\n",
+        "has 2 cells in row 0, but 4 columns; separate"),
+    check("CSV with a column twice", b"object," + LINE, "give one row per answer"),
+    check("CSV without answers", LINE, "holds no values at all"),
+    in_folder=True)
+ask({"load_phac2(ratings)": loading_counts},
+    check("counts without ids", COUNTED.reset_index(drop=True),
+        r"^ratings\['hard'\] does not say which objects .*; give a RatingTable, or"),
+    check("counts in an array", COUNTED.to_numpy(), "does not say which objects"),
+    check("counts of an object twice", COUNTED.set_axis([114, 114]),
+        "has 2 rows for 1 objects; give one row per object"),
+    check("counts of an object that the corpus does not have", OTHER_IDS,
+        r"objects that the corpus does not have, \[603\]; leave them out or mend"),
+    check("counts that lack an object", COUNTED[:1], "has no ratings of object 602"),
+    check("counts of other levels", soft=COUNTED.set_axis(range(5), axis=1),
+        says="has the levels .*, but .*; give all adjectives the same, for instance"),
+    check("counts by words", COUNTED.set_axis([*"abcde"], axis=1),
+        "words in alphabetical order, .*; make them an ordered pandas.Cat"),
+    check("negative counts", -COUNTED, "has a negative count in"),
+    check("counts for no adjective", adjective=3, says="name the adjective"),
     in_folder=True)
 
 # Studies
@@ -1217,7 +1348,7 @@ ask({"run_study": studying},
         regressor=DistributionalOrdinalRegressor(LogisticRegression()),
         says="^regressor has the estimator LogisticRegression.*; give it an NNPOM"),
     check("a corpus without ratings", corpus=bare_corpus,
-        says="^The corpus has no ratings; give load_phac2 the file as ratings_path"),
+        says="^The corpus has no ratings; give load_phac2 the ratings as ratings="),
     check("a file in place of the folder", files={"study": b""}, error=OSError,
         says="study is no folder that can be written; give another"),
     check("a folder of other settings",

@@ -43,7 +43,8 @@ def own_methods(cls):
     for name in ("__init__", *names):
         method = inspect.getattr_static(cls, name)
         method = getattr(method, "fget", getattr(method, "__func__", method))
-        if method.__module__.startswith("sklearn_haptic"):
+        module = getattr(method, "__module__", None) or ""  # of a default, none
+        if module.startswith("sklearn_haptic"):
             yield name, method
 
 

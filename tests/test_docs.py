@@ -11,7 +11,7 @@ from test_annotations import public_objects
 from test_phac2 import REST, STATES, write_trial
 from test_ratings_file import save_v7
 
-from sklearn_haptic.datasets._ratings_file import ADJECTIVES
+from sklearn_haptic.datasets._rated import ADJECTIVES
 
 h5py = pytest.importorskip("h5py")
 pytest.importorskip("distributed")

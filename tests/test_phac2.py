@@ -10,8 +10,9 @@ from sklearn.utils._param_validation import InvalidParameterError
 
 from sklearn_haptic import make_haptic_pipeline
 from sklearn_haptic._validation import check_names
-from sklearn_haptic.datasets import load_phac2
+from sklearn_haptic.datasets import MatlabRatings, load_phac2
 from sklearn_haptic.datasets._hdf5 import _unreadable
+from sklearn_haptic.datasets._rated import ADJECTIVES
 
 h5py = pytest.importorskip("h5py")
 
@@ -226,11 +227,8 @@ def test_ratings_follow_the_objects(path, tmp_path):
     ratings = np.random.default_rng(0).integers(1, 6, (2, 10, 12))
     savemat(tmp_path / "r.mat", {"ratings": ratings, "ids": [602, 114]})
     names = ["cup__602_01", "sponge_114_10", "sponge_114_02"]
-    with pytest.warns(UserWarning, match="order of its adjectives") as caught:
-        corpus = load_phac2(
-            path, sensors=["pdc"], trials=names, ratings_path=tmp_path / "r.mat"
-        )
-    assert caught[0].filename == __file__
+    file = MatlabRatings(tmp_path / "r.mat", adjectives=ADJECTIVES)
+    corpus = load_phac2(path, sensors=["pdc"], trials=names, ratings=file)
     assert corpus.ratings["rough"].shape == (3, 5)
     expected = [np.bincount(row, minlength=6)[1:] for row in ratings[:, 2]]
     np.testing.assert_array_equal(
@@ -257,7 +255,7 @@ def test_errors_of_the_disk_name_the_file(path):
     with pytest.raises(OSError, match=r"Input/output error: '/proc/self/mem'"):
         load_phac2("/proc/self/mem")
     with pytest.raises(OSError, match=r"Input/output error: '/proc/self/mem'"):
-        load_phac2(path, ratings_path="/proc/self/mem")
+        load_phac2(path, ratings="/proc/self/mem")
 
 
 def test_errors_of_the_disk_are_not_taken_for_damage():
@@ -383,7 +381,6 @@ def test_unknown_names(path, params, message):
         ({"sensors": "pac"}, "'sensors'"),
         ({"trials": "sponge_114_02"}, "'trials'"),
         ({"remove_baseline": 3}, "'remove_baseline'"),
-        ({"ratings_path": 3}, "'ratings_path'"),
     ],
 )
 def test_invalid_parameters(path, params, message):

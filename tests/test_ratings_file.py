@@ -1,11 +1,12 @@
-import warnings
 from itertools import permutations
 
 import numpy as np
 import pytest
 from scipy.io import savemat
 
-from sklearn_haptic.datasets._ratings_file import ADJECTIVES, LEVELS, read_ratings
+from sklearn_haptic.datasets import MatlabRatings
+from sklearn_haptic.datasets._rated import ADJECTIVES, LEVELS, ratings_of_trials
+from sklearn_haptic.datasets._ratings_file import read_matlab
 from sklearn_haptic.ratings import rating_counts
 
 IDS = np.arange(101, 161)  # 60 objects
@@ -68,10 +69,19 @@ def save(request, tmp_path):
     return save
 
 
-def read(path, objects=TRIALS, known=IDS):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        return read_ratings(path, known, objects)[0]
+def read_ratings(path, known, of_trials, /, **told):
+    """Read the ratings of a corpus of known objects, for trials of some of them."""
+    trials = [f"x_{object_id}_{run}" for run, object_id in enumerate(of_trials)]
+    object_of = {f"y_{object_id}_1": object_id for object_id in np.asarray(known)}
+    object_of |= dict(zip(trials, np.asarray(of_trials).tolist()))
+    rated = read_matlab(MatlabRatings(path, **told), np.asarray(known))
+    return ratings_of_trials(rated, object_of, trials)
+
+
+def read(path, of_trials=TRIALS, known=IDS, **told):
+    """Read them in the usual order, except where the file tells another."""
+    told = {"objects": known, "adjectives": ADJECTIVES} | told
+    return read_ratings(path, known, of_trials, **told)[0]
 
 
 def assert_ratings(found, counts, names=ADJECTIVES):
@@ -115,7 +125,8 @@ def test_other_variables_do_no_harm(save, ratings, counts):
 def test_struct(tmp_path, ratings, counts):
     path = tmp_path / "ratings.mat"
     savemat(path, {"study": {"scores": ratings, "info": {"ids": IDS[::-1]}}})
-    assert_ratings(read(path), counts[::-1].repeat(2, axis=0))
+    found, _ = read_ratings(path, IDS, TRIALS, adjectives=ADJECTIVES)
+    assert_ratings(found, counts[::-1].repeat(2, axis=0))
 
 
 def test_struct_of_version_7_3(tmp_path, ratings, counts):
@@ -132,41 +143,98 @@ def test_orders_that_the_file_tells(save, ratings, counts):
         labels=cells([name.capitalize() for name in names]),
         object_ids=IDS[rows].astype(float),
     )
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        found, _ = read_ratings(path, IDS, TRIALS)
+    found, _ = read_ratings(path, IDS, TRIALS)
     assert_ratings(found, counts.repeat(2, axis=0)[:, order], names)
 
 
 def test_adjectives_as_a_character_matrix(tmp_path, ratings):
     names = [name.ljust(8) for name in ADJECTIVES[::-1]]
     savemat(tmp_path / "r.mat", {"data": ratings, "names": names})
-    assert list(read(tmp_path / "r.mat")) == list(ADJECTIVES[::-1])
+    found = read(tmp_path / "r.mat", adjectives=None)
+    assert list(found) == list(ADJECTIVES[::-1])
 
 
 def test_adjectives_of_other_names_are_taken_as_they_are(save, ratings):
     names = [*ADJECTIVES[:-1], "bouncy"]
-    assert list(read(save(data=ratings, names=cells(names)))) == names
+    assert list(read(save(data=ratings, names=cells(names)), adjectives=None)) == names
 
 
 def test_known_adjectives_win_over_other_lists_of_ten(save, ratings):
     path = save(data=ratings, a=cells(list("abcdefghij")), b=cells(ADJECTIVES[::-1]))
-    assert list(read(path)) == list(ADJECTIVES[::-1])
+    assert list(read(path, adjectives=None)) == list(ADJECTIVES[::-1])
 
 
-def test_assumed_orders_are_warned_about(save, ratings):
+def test_no_order_is_assumed(save, ratings):
+    """Not even where the corpus has as many objects as the file."""
     path = save(a=ratings)
-    with pytest.warns(UserWarning, match=r"adjectives.*hard, soft.* and objects"):
+    mend = r"MatlabRatings\(.*mat', objects=\[\.\.\.\], adjectives=\[\.\.\.\]\)"
+    with pytest.raises(ValueError, match=rf"of its objects and adjectives; .*{mend}"):
         read_ratings(path, IDS, TRIALS)
+    with pytest.raises(ValueError, match=r"mat does not tell .* its adjectives; give"):
+        read_ratings(path, IDS, TRIALS, objects=IDS)
+    with pytest.raises(ValueError, match=r"mat does not tell .* its objects; give"):
+        read_ratings(path, IDS, TRIALS, adjectives=ADJECTIVES)
     path = save(a=ratings, names=cells(ADJECTIVES))
-    with pytest.warns(UserWarning, match=r"ratings\.mat .* order of its objects"):
+    with pytest.raises(ValueError, match=r"mat does not tell .* its objects; give"):
         read_ratings(path, IDS, TRIALS)
 
 
-def test_file_of_more_objects_than_the_corpus(save, ratings, counts):
+def test_orders_that_are_given(save, ratings, counts):
+    """They go before what the file tells; ids may be text."""
+    rows = np.random.default_rng(2).permutation(60)
+    path = save(a=ratings[rows, ::-1], ids=IDS, names=cells(ADJECTIVES))
+    for objects in (IDS[rows], [f"0{each}" for each in IDS[rows]]):
+        order = {"objects": objects, "adjectives": ADJECTIVES[::-1]}
+        found, people = read_ratings(path, IDS, TRIALS, **order)
+        assert_ratings(found, counts.repeat(2, axis=0)[:, ::-1], ADJECTIVES[::-1])
+        answer = people.loc[(IDS[7], 3), "rough"]
+        np.testing.assert_equal(answer, ratings[7, 2, 2] or np.nan)
+
+
+def test_adjectives_of_any_number(save, ratings, counts):
+    names = ["hard", "bouncy"]
+    found = read(save(a=ratings[:, :2]), adjectives=names)
+    assert_ratings(found, counts.repeat(2, axis=0), names)
+
+
+@pytest.mark.parametrize(
+    "told, message",
+    [
+        ({"objects": [*IDS[:-1], "101"]}, r"objects=\[101, .*\]\) must be distinct"),
+        ({"objects": []}, "must be distinct and at least one"),
+        ({"objects": IDS[:-1]}, "59 objects × 10 adjectives"),
+        ({"objects": ["sponge"]}, "has the object 'sponge'; give the ids that"),
+        ({"objects": [*IDS[:-1], 7]}, r"objects that the corpus does not have, \[7\]"),
+        ({"adjectives": ADJECTIVES[:9]}, "60 objects × 9 adjectives"),
+        ({"adjectives": "hard"}, "60 objects × 1 adjectives"),
+        ({"adjectives": ["hard"] * 10}, "must be distinct"),
+        ({"adjectives": range(10)}, "must list names as text"),
+        ({"variable": "b"}, r"has no variable 'b'; it has a: \(60, 10, 12\)"),
+    ],
+)
+def test_orders_that_do_not_fit(save, ratings, told, message):
+    with pytest.raises(ValueError, match=message):
+        read(save(a=ratings), **told)
+
+
+def test_the_variable_may_be_named(save, tmp_path, ratings, counts):
+    path = save(one=ratings, two=ratings[::-1])
+    assert_ratings(read(path, variable="one"), counts.repeat(2, axis=0))
+    assert_ratings(read(path, variable="two"), counts[::-1].repeat(2, axis=0))
+    savemat(path, {"study": {"first": ratings, "second": ratings[::-1]}})
+    assert_ratings(read(path, variable="study.first"), counts.repeat(2, axis=0))
+
+
+def test_file_of_more_objects_than_the_trials(save, ratings, counts):
     path = save(a=ratings, ids=IDS)
-    found = read(path, objects=IDS[[7, 3, 7]], known=IDS[[3, 7, 9]])
+    found = read(path, of_trials=IDS[[7, 3, 7]])
     assert_ratings(found, counts[[7, 3, 7]])
+
+
+def test_file_of_more_objects_than_the_corpus(save, ratings):
+    path = save(a=ratings, ids=IDS, names=cells(ADJECTIVES))
+    with pytest.raises(ValueError, match=r"corpus does not have, \[101, 102, 103, 105"):
+        read_ratings(path, IDS[[3, 7, 9]], IDS[[7, 3, 7]])
 
 
 def test_five_raters_and_five_levels(save):
@@ -248,23 +316,22 @@ def test_ambiguous_arrays_are_listed(save, ratings, counts):
 
 def test_ambiguous_axes_are_listed(save, ratings):
     with pytest.raises(ValueError, match=r"axes \(0, 1, 2\).*axes \(2, 1, 0\)"):
-        read(save(a=ratings[:12]), objects=IDS[:1], known=IDS[:12])
+        read(save(a=ratings[:12]), of_trials=IDS[:1], known=IDS[:12])
 
 
 def test_ambiguous_ids_and_adjectives(save, ratings):
     with pytest.raises(ValueError, match=r"object ids: \['a', 'b'\]"):
-        read(save(data=ratings, a=IDS, b=IDS[::-1]))
+        read(save(data=ratings, a=IDS, b=IDS[::-1]), objects=None)
     with pytest.raises(ValueError, match=r"adjectives: \['a', 'b'\]"):
-        read(
-            save(data=ratings, a=cells(list("abcdefghij")), b=cells(list("klmnopqrst")))
-        )
+        lists = {"a": cells(list("abcdefghij")), "b": cells(list("klmnopqrst"))}
+        read(save(data=ratings, **lists), adjectives=None)
 
 
 def test_object_without_ratings(save, ratings):
-    path = save(a=ratings, ids=np.arange(102, 162))
+    path = save(a=ratings[1:], ids=IDS[1:])
     with pytest.raises(ValueError, match=r"ratings\.mat has no ratings of object 101"):
-        read(path)
-    assert len(read(path, objects=IDS[1:])["hard"]) == 59
+        read(path, objects=None)
+    assert len(read(path, of_trials=IDS[1:], objects=None)["hard"]) == 59
     ratings[4, 2] = 0
     with pytest.raises(ValueError, match="no 'rough' rating of object 105"):
         read(save(a=ratings))
@@ -320,7 +387,7 @@ def test_references_in_version_7_3_to_no_text(tmp_path, ratings):
             file[name] = np.array([[target.ref]], dtype=h5py.ref_dtype)
             file[name].attrs["MATLAB_class"] = np.bytes_("cell")
         file["complex"] = np.zeros((60, 10, 12), "f8,f8")
-    assert list(read(path)) == list(ADJECTIVES[::-1])
+    assert list(read(path, adjectives=None)) == list(ADJECTIVES[::-1])
 
 
 def test_links_in_version_7_3_are_not_followed(tmp_path, ratings):
@@ -372,9 +439,7 @@ def file_v73(tmp_path, ratings):
 def read_closed(file):
     path = file.filename
     file.close()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        return read_ratings(path, IDS, TRIALS)[0]
+    return read_ratings(path, IDS, TRIALS)[0]
 
 
 def test_empty_variables_of_version_7_3(file_v73, counts):
@@ -452,5 +517,5 @@ def test_sparse_array_of_version_7_3(file_v73, counts):
 def test_ids_too_large_to_be_told_apart(save, ratings):
     ids = IDS.astype(float)
     ids[-1] = 1e300
-    with pytest.warns(UserWarning, match="order of its .* objects"):
+    with pytest.raises(ValueError, match="order of its objects"):
         read_ratings(save(a=ratings, ids=ids), IDS, TRIALS)

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 from test_phac2 import STATES, write_trial
-from test_ratings_file import save_v73
+from test_ratings_file import read_ratings, save_v73
 
 from sklearn_haptic.datasets import load_phac2
-from sklearn_haptic.datasets._ratings_file import read_ratings
+from sklearn_haptic.datasets._rated import ADJECTIVES
 
 pytestmark = pytest.mark.slow
 
@@ -270,17 +270,17 @@ def save_mat(path, *variables):
 
 
 RATINGS = np.random.default_rng(0).integers(1, 6, (2, 10, 12))
+ORDER = {"ids": OBJECTS, "names": np.array(ADJECTIVES, dtype=object)}
 
 
 def real_variables(**options):
     file = io.BytesIO()
-    savemat(file, {"ratings": RATINGS, "ids": OBJECTS}, **options)
+    savemat(file, {"ratings": RATINGS} | ORDER, **options)
     return file.getvalue()[128:]
 
 
 def assert_read(path):
-    with pytest.warns(UserWarning, match="order of its adjectives"):
-        ratings, _ = read_ratings(path, OBJECTS, OBJECTS)
+    ratings, _ = read_ratings(path, OBJECTS, OBJECTS)
     expected = [np.bincount(row, minlength=6)[1:] for row in RATINGS[:, 2]]
     np.testing.assert_array_equal(ratings["rough"], expected)
 
@@ -297,7 +297,7 @@ def test_unrelated_variables_are_not_decompressed(
     save_mat(path, bomb, real_variables(do_compression=True))
     assert path.stat().st_size < MIB
     assert_read(path)
-    peak, error = load_in_another_process(path=corpus, ratings_path=path)
+    peak, error = load_in_another_process(path=corpus, ratings=path)
     assert error is None
     assert peak < 40 * MIB
 
@@ -310,7 +310,7 @@ def test_ratings_that_expand_too_far(corpus, load_in_another_process):
             path, compressed_variable("a", (2, 10, 2 * 10**7), in_struct=in_struct)
         )
         assert path.stat().st_size < MIB
-        peak, error = load_in_another_process(path=corpus, ratings_path=path)
+        peak, error = load_in_another_process(path=corpus, ratings=path)
         assert peak < 40 * MIB
         assert error.startswith(f"OSError: {path} takes too much memory (4000")
         assert error.endswith("save its ratings alone, without compression.")
@@ -321,8 +321,8 @@ def test_ratings_that_expand_far_are_read(tmp_path):
     path = tmp_path / "ratings.mat"
     savemat(path, {"a": np.ones((2, 10, 10**5))}, do_compression=True)
     assert path.stat().st_size < 2 * 10**6 * 8 / 400
-    with pytest.warns(UserWarning, match="order of its"):
-        ratings, _ = read_ratings(path, OBJECTS, OBJECTS)
+    order = {"objects": OBJECTS, "adjectives": ADJECTIVES}
+    ratings, _ = read_ratings(path, OBJECTS, OBJECTS, **order)
     np.testing.assert_array_equal(ratings["hard"], [[10**5, 0, 0, 0, 0]] * 2)
 
 
@@ -338,12 +338,12 @@ def test_ratings_that_expand_far_are_read(tmp_path):
 )
 def test_version_7_3(corpus, load_in_another_process, shape, chunks, outcome):
     path = corpus.with_name("ratings.mat")
-    save_v73(path, {"ratings": RATINGS, "ids": OBJECTS})
+    save_v73(path, {"ratings": RATINGS} | ORDER)
     with h5py.File(path, "r+") as file:
         if outcome is not None:
             del file["ratings"]
         file.create_dataset("bomb", shape, "f8", chunks=chunks)
-    peak, error = load_in_another_process(path=corpus, ratings_path=path)
+    peak, error = load_in_another_process(path=corpus, ratings=path)
     assert peak < 40 * MIB
     if outcome is None:
         assert error is None
@@ -361,7 +361,7 @@ def test_ratings_of_version_7_3_that_expand_too_far(corpus, load_in_another_proc
         )
         bomb.id.write_direct_chunk((0, 0, 0), deflated_zeros(2 * 10**8))
     assert path.stat().st_size < MIB
-    peak, error = load_in_another_process(path=corpus, ratings_path=path)
+    peak, error = load_in_another_process(path=corpus, ratings=path)
     assert peak < 40 * MIB
     assert "191 MiB of values would come of a file of" in error
 

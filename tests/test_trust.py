@@ -58,7 +58,7 @@ from sklearn_haptic import (
     study,
 )
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
-from sklearn_haptic.datasets._ratings_file import ADJECTIVES
+from sklearn_haptic.datasets._rated import ADJECTIVES
 from sklearn_haptic.model_selection import sensor_contributions, sensor_subsets
 from sklearn_haptic.models._quantile_positions import population_quadrature
 from sklearn_haptic.study import read_study, run_study
@@ -262,7 +262,7 @@ def test_pickles_in_ratings_stay_data(tmp_path, payload, save):
         "bytes": np.frombuffer(pickle.dumps(payload), dtype=np.uint8),
     }
     save(ratings_path, variables)
-    corpus = load_phac2(path, ratings_path=ratings_path)
+    corpus = load_phac2(path, ratings=ratings_path)
     assert list(corpus.ratings) == [code.lower().strip(), *"bcdefghij"]
 
 
@@ -271,7 +271,7 @@ def test_pickles_are_no_corpus(tmp_path, payload):
     write_corpus(path)
     ratings_path.write_bytes(pickle.dumps(payload))
     with pytest.raises(OSError, match="is not a MATLAB file"):
-        load_phac2(path, ratings_path=ratings_path)
+        load_phac2(path, ratings=ratings_path)
     with pytest.raises(OSError, match="is not an HDF5 file"):
         load_phac2(ratings_path)
 
@@ -733,7 +733,7 @@ def calls_of_functions(folder):
     tiny = STUDY | {"adjectives": ["hard"], "n_repeats": 1}
     return calls | {
         "load_phac2": lambda: load_phac2(
-            folder / "corpus.h5", ratings_path=folder / "ratings.mat"
+            folder / "corpus.h5", ratings=folder / "ratings.mat"
         ),
         "sensor_contributions": contributions_of_sensors,
         "sensor_subsets": scores_of_subsets,

@@ -7,14 +7,17 @@ the robot's controller marks which rows belong to which exploratory procedure.
 
 import os
 import re
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 from sklearn.utils import Bunch
 
 from .._biotac import PROCEDURES, SAMPLING_RATES, SENSORS, Procedure
 from .._sklearn import Names, StrOptions, validate_params
 from .._validation import check_names
+from ..ratings import RatingTable
 from ._hdf5 import (
     check_expansion,
     check_stored,
@@ -23,7 +26,9 @@ from ._hdf5 import (
     open_hdf5,
     read_rows,
 )
-from ._ratings_file import LEVELS, read_ratings
+from ._rated import LEVELS, ratings_of_trials
+from ._rating_tables import collect_counts, count_answers, read_csv
+from ._ratings_file import MatlabRatings, read_matlab
 
 PROCEDURE_STATES = {
     "squeeze": b"SQUEEZE_SET_PRESSURE_SLOW",
@@ -64,7 +69,7 @@ slide. Twelve people rated each object from 1 to 5 on ten haptic adjectives.
         "procedure": [StrOptions(set(PROCEDURES))],
         "sensors": ["array-like", None],
         "trials": ["array-like", None],
-        "ratings_path": [str, os.PathLike, None],
+        "ratings": "no_validation",
         "remove_baseline": ["boolean"],
     },
     prefer_skip_nested_validation=True,
@@ -75,7 +80,12 @@ def load_phac2(
     procedure: Procedure = "hold",
     sensors: Names | None = None,
     trials: Names | None = None,
-    ratings_path: str | os.PathLike[str] | None = None,
+    ratings: str
+    | os.PathLike[str]
+    | MatlabRatings
+    | Mapping[str, RatingTable | pd.DataFrame]
+    | ArrayLike
+    | None = None,
     remove_baseline: bool = True,
 ) -> Bunch:
     """Load one exploratory procedure of the PHAC-2 corpus.
@@ -98,14 +108,25 @@ def load_phac2(
     trials : array-like of str, default=None
         Names of trials, such as ``"kitchen_sponge_114_10"``, in the order of the rows
         wanted; by default all, ordered by object id, then run.
-    ratings_path : str or path-like, default=None
-        The MATLAB file of ratings, of version 5, 7 or 7.3. Its variables are found by
-        shape: one numeric array with axes objects, 10 adjectives, and raters (ratings
-        1 to 5; 0 or NaN if missing) or 5 levels (counts), in any order. A cell array
-        of ten names gives the order of the adjectives, by default hard, soft, rough,
-        smooth, slippery, sticky, cold, warm, moldable, springy; a vector of ids gives
-        the order of the objects, by default ascending. A warning says which order was
-        assumed.
+    ratings : path, DataFrame, dict or MatlabRatings, default=None
+        What people answered, in one of three forms:
+
+        - a table with one row per answer, as a DataFrame of pandas or polars or the
+          path of a ``.csv`` file in UTF-8, with the columns ``object`` (its id) or
+          ``trial`` (its name), ``rater``, ``adjective`` and ``rating``. A missing
+          rating is left out, and nobody may answer twice. Ratings by object hold for
+          all its trials.
+        - a dict of the counts of each adjective: a
+          :class:`~sklearn_haptic.ratings.RatingTable`, as
+          :func:`~sklearn_haptic.ratings.rating_counts` returns it, or a
+          pandas.DataFrame indexed by the objects' ids, with one column per level;
+        - the path of a MATLAB file that holds the ids of its objects and the names of
+          its adjectives, or a :class:`~sklearn_haptic.datasets.MatlabRatings` that
+          says them.
+
+        The levels are the ordered categories of the ratings (an ordered categorical
+        column of pandas, an Enum of polars) or those that the counts are of; else
+        1 to 5. Ids may be text: "007" is the object 7.
     remove_baseline : bool, default=True
         Subtract from each channel its mean at rest in the same trial: over the rows
         in which the arm moves to its start, or rows 100 to 109 if there are none.
@@ -130,17 +151,19 @@ def load_phac2(
             The id of each trial's object, for grouped cross-validation.
         object_names : ndarray of shape (n_trials,)
             The name of each trial's object. Some names belong to two objects.
-        ratings : dict of str to ndarray of shape (n_trials, 5)
+        ratings : dict of str to ndarray of shape (n_trials, n_levels)
             For each adjective, how many people gave each trial's object each level.
-            Empty without ``ratings_path``.
-        rater_ratings : DataFrame of shape (n_rated, 10) or None
-            Each person's ratings: one row per object and person who rated it, one
-            column per adjective, NaN where a rating is missing. The index has the
-            object's id and the person's place in the file, from 1; only the file's
-            authors know whether a place means the same person for two objects. None
-            without ``ratings_path``, or if the file holds counts only.
-        levels : ndarray of shape (5,)
-            The levels 1 to 5.
+            Empty without ``ratings``.
+        rater_ratings : DataFrame of shape (n_rated, n_adjectives) or None
+            Each person's answers, as :func:`~sklearn_haptic.ratings.rating_counts` and
+            :func:`~sklearn_haptic.ratings.adjective_correlation` take them: one row per
+            object (or trial) and person who rated it, both in the index, and one
+            column per adjective, NaN where a rating is missing. A person is the
+            ``rater`` of the table, or the place in the MATLAB file, from 1; only the
+            file's authors know whether a place means the same person for two objects.
+            None without ``ratings``, or if they are counts.
+        levels : ndarray of shape (n_levels,)
+            The levels, lowest first: 1 to 5 unless ``ratings`` has others.
         sampling_rates : dict of str to int
             Samples per second of each sensor.
         DESCR : str
@@ -160,8 +183,9 @@ def load_phac2(
     ValueError
         If a name is unknown; if a trial lacks the procedure or a sensor, or holds
         data of another shape or type; if some trials have one finger and others two;
-        if the file links elsewhere; or if the ratings are not found, are ambiguous or
-        lack an object.
+        if the file links elsewhere; or if the ratings are not found or are ambiguous,
+        do not tell their order, lack an object, have one that the corpus does not
+        have, have a rating that is no level, or have two answers of one person.
 
     Notes
     -----
@@ -186,16 +210,27 @@ def load_phac2(
     >>> corpus.trials.loc["kitchen_sponge_114_10", "electrodes"].shape
     ... # doctest: +SKIP
     (500, 38)
+
+    With ratings from a table:
+
+    >>> corpus = load_phac2(
+    ...     "phac_train_test_pos_neg_90_10_1_20.h5", ratings="answers.csv"
+    ... )  # doctest: +SKIP
+    >>> corpus.ratings["hard"].shape  # doctest: +SKIP
+    (600, 5)
     """
     sensors = check_names(sensors, list(SENSORS), "sensor", "the corpus")
     with open_hdf5(path) as file:
         parsed = _parse_trial_names(file)
         names = check_names(trials, sorted(parsed, key=parsed.get), "trial", path)
         objects = np.array([parsed[name][0] for name in names])
-        ratings, rater_ratings = {}, None
-        if ratings_path is not None:
-            known = np.unique([object_id for object_id, _, _ in parsed.values()])
-            ratings, rater_ratings = read_ratings(ratings_path, known, objects)
+        counts: dict[str, np.ndarray] = {}
+        answers, levels = None, LEVELS.copy()
+        if ratings is not None:
+            object_of = {name: object_id for name, (object_id, _, _) in parsed.items()}
+            rated = _read_ratings(ratings, object_of)
+            counts, answers = ratings_of_trials(rated, object_of, names)
+            levels = rated.levels
         cells = {sensor: np.empty(len(names), dtype=object) for sensor in sensors}
         n_bytes = 0
         for i, name in enumerate(names):
@@ -218,11 +253,29 @@ def load_phac2(
         trials=pd.DataFrame(cells, index=pd.Index(names, name="trial", dtype=object)),
         objects=objects,
         object_names=np.array([parsed[name][2] for name in names]),
-        ratings=ratings,
-        rater_ratings=rater_ratings,
-        levels=LEVELS.copy(),
+        ratings=counts,
+        rater_ratings=answers,
+        levels=levels,
         sampling_rates={sensor: SAMPLING_RATES[sensor] for sensor in sensors},
         DESCR=DESCR,
+    )
+
+
+def _read_ratings(ratings, object_of):
+    """Return ratings of any form as `Rated`."""
+    if isinstance(ratings, (str, os.PathLike)):
+        if os.fspath(ratings).lower().endswith(".csv"):
+            return count_answers(read_csv(ratings), os.fspath(ratings))
+        ratings = MatlabRatings(ratings)
+    if isinstance(ratings, MatlabRatings):
+        return read_matlab(ratings, np.unique([*object_of.values()]))
+    if isinstance(ratings, Mapping):
+        return collect_counts(ratings)
+    if hasattr(ratings, "columns"):
+        return count_answers(ratings, "ratings")
+    raise TypeError(
+        f"ratings is of the type {type(ratings).__name__}; give a table of answers, "
+        "counts by adjective, the path of a file, or MatlabRatings."
     )
 
 

@@ -1,13 +1,16 @@
 """Ratings of objects from a MATLAB file whose variables have unknown names.
 
 The variables are recognised by shape and content: one array of objects × adjectives ×
-raters or levels, in any order of axes; optionally the names of the adjectives and the
-ids of the objects. What could be read in two ways is an error.
+raters or levels, in any order of axes; the names of the adjectives and the ids of the
+objects, unless they are given. What could be read in two ways is an error, and no order
+is assumed.
 """
 
 import math
-import warnings
+import os
+from collections.abc import Sequence
 from contextlib import contextmanager
+from dataclasses import KW_ONLY, dataclass
 from functools import partial
 from itertools import permutations
 
@@ -35,38 +38,66 @@ from ._mat5 import (
     list_mat5,
     rows_of_text,
 )
+from ._rated import ADJECTIVES, LEVELS, Rated, object_ids
 
-ADJECTIVES = (
-    *("hard", "soft", "rough", "smooth", "slippery"),
-    *("sticky", "cold", "warm", "moldable", "springy"),
-)
-LEVELS = np.arange(1, 6)
 # A longer vector does not hold the ids of objects.
 _MOST_OBJECTS = 10**6
 # So many bytes of values are read from a file of any size.
 _SMALL = 2**26
 
 
-def read_ratings(path, known_objects, objects):
-    """Read the ratings of objects: how many people gave each level, and who.
+@dataclass(frozen=True)
+class MatlabRatings:
+    """A MATLAB file of ratings, and what has to be known to read it.
+
+    It is given to `load_phac2` as ``ratings``. A plain path will do for a file that
+    tells all of this itself.
 
     Parameters
     ----------
     path : str or path-like
-        MATLAB file of version 5 or later; version 7.3 needs h5py.
-    known_objects : array-like of shape (n_objects,)
-        Ids of all the objects of the corpus, ascending: the order of the ratings
-        if the file holds no vector of ids.
-    objects : array-like of shape (n_trials,)
-        Id of each trial's object.
+        File of version 5, 7 or 7.3; version 7.3 needs h5py. It has a numeric array with
+        the axes objects, adjectives, and raters (ratings 1 to 5; 0 or NaN if missing)
+        or 5 levels (counts), in any order.
+    variable : str, default=None
+        Name of that array, ``"struct.field"`` for a field; by default the only array
+        of such a shape.
+    objects : sequence of int or str, default=None
+        Ids of the objects, in the order in which they lie along their axis; by default
+        those in the file's vector of ids.
+    adjectives : sequence of str, default=None
+        Names of the adjectives, in the order in which they lie along their axis; by
+        default the ten in the file's cell array or character matrix of names.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.datasets import MatlabRatings, load_phac2
+    >>> ratings = MatlabRatings(
+    ...     "ratings.mat", variable="counts", objects=[101, 102], adjectives=["hard"]
+    ... )
+    >>> corpus = load_phac2("corpus.h5", ratings=ratings)  # doctest: +SKIP
+    """
+
+    path: str | os.PathLike[str]
+    _: KW_ONLY
+    variable: str | None = None
+    objects: Sequence[int | str] | None = None
+    adjectives: Sequence[str] | None = None
+
+
+def read_matlab(file, known_objects):
+    """Read the ratings of objects: how many people gave each level, and who.
+
+    Parameters
+    ----------
+    file : MatlabRatings
+    known_objects : ndarray of shape (n_objects,)
+        Ids of all the objects of the corpus, by which a vector of ids is recognised.
 
     Returns
     -------
-    ratings : dict of str to ndarray of shape (n_trials, 5)
-        Counts of the levels.
-    rater_ratings : DataFrame of shape (n_rated, 10) or None
-        Each person's ratings of each of the objects, NaN where missing; None if the
-        file holds counts.
+    rated : Rated
+        Without answers if the file holds counts.
 
     Raises
     ------
@@ -75,62 +106,72 @@ def read_ratings(path, known_objects, objects):
     OSError
         If it is not a MATLAB file, is cut short or damaged, or expands too far.
     ValueError
-        If the ratings are not found, could be read in two ways or lack an object.
+        If the ratings are not found, could be read in two ways, or have an order that
+        is neither given nor told.
     """
-    assumed = []
+    path, ids, names = os.fspath(file.path), _objects(file), _adjectives(file)
     with _open_variables(path) as variables:
-        ids = _find_ids(path, variables, known_objects)
-        names = _find_adjectives(path, variables)
-        if names is None:
-            names = ADJECTIVES
-            assumed.append(f"adjectives (assumed: {', '.join(names)})")
         if ids is None:
-            ids = np.asarray(known_objects)
-            assumed.append("objects (assumed: ids ascending)")
-        array, kind = _find_array(path, variables, len(ids))
+            ids = _find_ids(path, variables, known_objects)
+        if names is None:
+            names = _find_adjectives(path, variables)
+        shape = [len(known_objects) if ids is None else len(ids)]
+        shape += [len(ADJECTIVES) if names is None else len(names)]
+        array, kind = _find_array(path, variables, file.variable, shape)
         if kind == "counts" and array.max() >= 2**63:
             raise ValueError(
                 f"{path} has a count of {array.max():.3g}, which no 64-bit integer "
                 "holds; divide the counts by a constant."
             )
-    counts = (_count_levels(array) if kind == "ratings" else array).astype(np.int64)
-    if assumed:
-        warnings.warn(
-            f"{path} does not tell the order of its {' and '.join(assumed)}; check "
-            "that it holds.",
-            UserWarning,
-            stacklevel=4,
+    untold = [
+        what for what, o in (("objects", ids), ("adjectives", names)) if o is None
+    ]
+    if untold:
+        options = ", ".join(f"{what}=[...]" for what in untold)
+        raise ValueError(
+            f"{path} does not tell the order of its {' and '.join(untold)}; give "
+            f"ratings=MatlabRatings({path!r}, {options}) with their ids or names in "
+            "the order of the file."
         )
-    row_of = {object_id: row for row, object_id in enumerate(ids.tolist())}
-    for object_id in np.unique(objects).tolist():
-        if object_id not in row_of:
-            raise ValueError(
-                f"{path} has no ratings of object {object_id}; it has objects "
-                f"{sorted(row_of)}. Leave the object's trials out through trials=."
-            )
-        for name, total in zip(names, counts[row_of[object_id]].sum(axis=1)):
-            if total == 0:
-                raise ValueError(
-                    f"{path} has no {name!r} rating of object {object_id}; leave the "
-                    "object's trials out through trials=."
-                )
-    rows = [row_of[object_id] for object_id in np.asarray(objects).tolist()]
-    ratings = {name: counts[rows, i] for i, name in enumerate(names)}
-    if kind == "counts":
-        return ratings, None
-    rated = np.unique(objects)
-    array = array[[row_of[object_id] for object_id in rated.tolist()]]
-    return ratings, _rater_ratings(array, rated, names)
+    counts = (_count_levels(array) if kind == "ratings" else array).astype(np.int64)
+    answers = _answers(array, ids, names) if kind == "ratings" else None
+    return Rated(path, "object", ids, names, counts, LEVELS.copy(), answers)
 
 
-def _rater_ratings(array, ids, names):
+def _objects(file):
+    """Return the ids of the objects that are given, or None."""
+    if file.objects is None:
+        return None
+    ids = object_ids(list(file.objects), "MatlabRatings(objects=...)")
+    return _check_distinct(ids, "objects")
+
+
+def _adjectives(file):
+    """Return the names of the adjectives that are given, or None."""
+    if file.adjectives is None:
+        return None
+    names = [file.adjectives] if isinstance(file.adjectives, str) else file.adjectives
+    if not all(isinstance(name, str) for name in names):
+        raise ValueError("MatlabRatings(adjectives=...) must list names as text.")
+    return _check_distinct([str(name) for name in names], "adjectives")
+
+
+def _check_distinct(given, what):
+    if not given or len(set(given)) < len(given):
+        raise ValueError(
+            f"MatlabRatings({what}={given}) must be distinct and at least one; list "
+            "each once, in the order of the file."
+        )
+    return given
+
+
+def _answers(array, ids, names):
     """Return a table of the ratings (n_objects, n_adjectives, n_raters).
 
     People who rated an object on no adjective have no row for it.
     """
-    n_raters = array.shape[2]
     answers = np.where(np.isin(array, LEVELS), array, np.nan)
-    rows = [ids, range(1, n_raters + 1)]
+    rows = [ids, range(1, array.shape[2] + 1)]
     return pd.DataFrame(
         answers.transpose(0, 2, 1).reshape(-1, len(names)),
         index=pd.MultiIndex.from_product(rows, names=["object", "rater"]),
@@ -138,19 +179,24 @@ def _rater_ratings(array, ids, names):
     ).dropna(how="all")
 
 
-def _find_array(path, variables, n_objects):
+def _find_array(path, variables, name, shape):
     """Return the array (objects, adjectives, ?) and whether it is ratings or counts."""
+    named = [v for v in variables if name in (None, v.name)]
+    if name is not None and not named:
+        raise ValueError(
+            f"{path} has no variable {name!r}; it has {_listing(variables)}."
+        )
     readings = []
-    for variable in variables:
+    for variable in named:
         if len(variable.shape) != 3 or variable.matlab_class not in NUMERIC_CLASSES:
             continue
         for axes in permutations(range(3)):
             n = [variable.shape[axis] for axis in axes]
-            if n[:2] == [n_objects, len(ADJECTIVES)]:
+            if n[:2] == shape:
                 array = variable.read().transpose(axes)
                 readings += [(variable, axes, array, kind) for kind in _kinds(array)]
     wanted = (
-        f"one numeric array of {n_objects} objects × {len(ADJECTIVES)} adjectives × "
+        f"one numeric array of {shape[0]} objects × {shape[1]} adjectives × "
         "raters (1 to 5; 0 or NaN if missing) or × 5 levels (counts), its axes in any "
         "order"
     )
@@ -165,8 +211,9 @@ def _find_array(path, variables, n_objects):
             for (name, _, shape, _), axes, _, kind in readings
         )
         raise ValueError(
-            f"{path} can be read in several ways: {listing}. Save {wanted} and nothing "
-            "else that could be taken for it."
+            f"{path} can be read in several ways: {listing}. Name the right one by "
+            f"MatlabRatings(..., variable=...), or save {wanted} and nothing else that "
+            "could be taken for it."
         )
     [(_, _, array, kind)] = readings
     return array, kind
@@ -221,11 +268,11 @@ def _find_ids(path, variables, known_objects):
             and np.abs(vector.astype(float)).max() < 2**53
             and len(np.unique(vector)) == size
         ):
-            vectors[name] = vector.astype(np.int64)
+            vectors[name] = vector.astype(np.int64).tolist()
     if len({tuple(vector) for vector in vectors.values()}) > 1:
         raise ValueError(
             f"{path} has several vectors that could be object ids: {list(vectors)}; "
-            "keep one."
+            "keep one, or give MatlabRatings(..., objects=[...])."
         )
     return next(iter(vectors.values()), None)
 
@@ -240,13 +287,13 @@ def _find_adjectives(path, variables):
         ):
             texts = read()
             if texts is not None and len(set(texts)) == n:
-                lists[name] = tuple(text.lower() for text in texts)
+                lists[name] = [text.lower() for text in texts]
     exact = {n: texts for n, texts in lists.items() if set(texts) == set(ADJECTIVES)}
     lists = exact or lists
-    if len(set(lists.values())) > 1:
+    if len({tuple(texts) for texts in lists.values()}) > 1:
         raise ValueError(
             f"{path} has several lists that could be the adjectives: {list(lists)}; "
-            "keep one."
+            "keep one, or give MatlabRatings(..., adjectives=[...])."
         )
     return next(iter(lists.values()), None)
 

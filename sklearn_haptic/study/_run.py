@@ -132,7 +132,7 @@ def run_study(
     corpus : callable
         Function that is called as ``corpus(procedure=..., sensors=[...])`` and returns
         what `load_phac2` and `make_haptic_corpus` return, the same each time:
-        ``functools.partial(load_phac2, path, ratings_path=ratings_path)``, or
+        ``functools.partial(load_phac2, path, ratings=ratings)``, or
         ``functools.partial(make_haptic_corpus, 60, 10, random_state=0)``.
     folder : str or path-like
         Where results are kept; it is made if it does not exist.

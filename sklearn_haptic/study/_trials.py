@@ -19,7 +19,7 @@ def compute_trials(study, procedure):
     corpus = study.corpus(procedure=procedure, sensors=study.sensors[:1])
     if not corpus.ratings:
         raise ValueError(
-            "The corpus has no ratings; give load_phac2 the file as ratings_path."
+            "The corpus has no ratings; give load_phac2 the ratings as ratings=."
         )
     columns = names_of_trials(corpus)
     for adjective, counts in corpus.ratings.items():
