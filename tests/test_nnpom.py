@@ -21,6 +21,8 @@ from sklearn_haptic.models._early_stopping import Monitor
 from sklearn_haptic.models._network import (
     Layout,
     NetworkLoss,
+    SoftplusGaps,
+    SquaredGaps,
     initial_params,
     level_probabilities,
     ordinal_loss,
@@ -37,40 +39,42 @@ REFERENCE_CASES = [
 ]
 
 
-def _from_orca(case):
-    """ORCA's parameters and exact gradient in this package's layout."""
+def _from_orca(case, gaps=SquaredGaps):
+    """ORCA's parameters in this package's layout."""
     n_hidden, n_features = int(case["hidden"]), case["X_train"].shape[1]
     params = case["params"].ravel()
     n_first = n_hidden * (n_features + 1)
     layer = params[:n_first].reshape(n_hidden, n_features + 1, order="F")
     output, t = params[n_first : n_first + n_hidden], params[n_first + n_hidden :]
-    gaps = t[1:] ** 2
-    gap_logits = gaps + np.log(-np.expm1(-gaps))
+    raw_gaps = t[1:]
+    if gaps is SoftplusGaps:
+        raw_gaps = t[1:] ** 2 + np.log(-np.expm1(-(t[1:] ** 2)))
     flat = np.concatenate(
-        (layer[:, 1:].T.ravel(), layer[:, 0], output, t[:1], gap_logits)
+        (layer[:, 1:].T.ravel(), layer[:, 0], output, t[:1], raw_gaps)
     )
-    return flat, Layout(n_features, n_hidden, (len(t) + 1,)), t
+    return flat, Layout(n_features, n_hidden, (len(t) + 1,), gaps), t
 
 
+def _to_orca(params, layout):
+    """This package's parameters, or their gradient, in ORCA's layout."""
+    coef, bias, [(output, first, raw_gaps)] = layout.split(params)
+    layer = np.column_stack((bias, coef.T)).ravel(order="F")
+    return np.concatenate((layer, output, first, raw_gaps))
+
+
+@pytest.mark.parametrize("gaps", [SoftplusGaps, SquaredGaps])
 @pytest.mark.parametrize("name", REFERENCE_CASES)
-def test_cost_and_gradient_equal_sixty_digit_arithmetic(shared_data, name):
+def test_cost_and_gradient_equal_sixty_digit_arithmetic(shared_data, name, gaps):
     case = np.load(shared_data / "nnpom_reference" / f"{name}.npz")
-    params, layout, t = _from_orca(case)
+    params, layout, t = _from_orca(case, gaps)
     y = case["y_train"].ravel().astype(int)[:, None] - 1
     observed = None, y, np.ones(y.shape)
     loss = NetworkLoss(layout, case["X_train"], [observed], float(case["lam"]))
     cost, grad = loss(params)
-    coef, bias, [(output, first, raw_gaps)] = layout.split(grad)
-    _, _, [head] = layout.split(params)
-    raw_gap_of_t = 2 * t[1:] / expit(head.raw_gaps)
-    ours = np.concatenate(
-        (
-            np.column_stack((bias, coef.T)).ravel(order="F"),
-            output,
-            first,
-            raw_gaps * raw_gap_of_t,
-        )
-    )
+    ours = _to_orca(grad, layout)
+    if gaps is SoftplusGaps:
+        _, _, [head] = layout.split(params)
+        ours[len(ours) - len(t) + 1 :] *= 2 * t[1:] / expit(head.raw_gaps)
     exact = case["exact_grad"].ravel()
     assert cost == pytest.approx(float(case["exact_cost"]), rel=1e-12)
     assert np.abs(ours - exact).max() <= 1e-12 * max(1, np.abs(exact).max())
@@ -81,7 +85,7 @@ def test_probabilities_equal_orca(shared_data, name):
     case = np.load(shared_data / "nnpom_reference" / f"{name}.npz")
     params, layout, _ = _from_orca(case)
     _, _, [(_, first, raw_gaps)] = layout.split(params)
-    thresholds = thresholds_from(first[0], raw_gaps)
+    thresholds = thresholds_from(first[0], raw_gaps, SquaredGaps)
     proba = level_probabilities(case["projected_test"], thresholds)
     np.testing.assert_allclose(proba, case["orca_proba_test"], atol=1e-12)
 
