@@ -192,8 +192,8 @@ def check_predicted_ratings(y_true, y_pred, levels, n_positions):
     if ratings.shape != (len(counts), n_positions):
         raise ValueError(
             f"y_pred has shape {ratings.shape}, but y_true has {len(counts)} trials "
-            f"and p has {n_positions} positions; give one row per trial and one column "
-            "per position."
+            f"and p has {n_positions} positions; give one row per trial in both, and "
+            "one column per position."
         )
     rows = np.repeat(np.arange(len(counts)), n_positions)
     matches, _ = match_levels(ratings.ravel(), None, levels, "y_pred", rows=rows)

@@ -159,7 +159,7 @@ def macro_mae(
     {
         "y_true": ["array-like"],
         "y_pred": ["array-like"],
-        "p": ["array-like"],
+        "p": "no_validation",  # but by check_positions
         "sample_weight": ["array-like", None],
         "average": ["boolean"],
         "levels": ["array-like", None],
