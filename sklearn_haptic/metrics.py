@@ -120,6 +120,10 @@ def macro_mae(
         If a row of ``y_proba`` is not a distribution, a trial has no ratings or
         unknown ones, or the shapes differ.
 
+    See Also
+    --------
+    macro_mae_at_positions : The same error of ratings predicted one by one.
+
     Notes
     -----
     At :math:`p_i = i / (n + 1)`, i = 1, …, n, the true rating is
@@ -661,12 +665,10 @@ def neg_macro_mae_scorer(
     model, X = _last_step(estimator, X)
     if getattr(model, "decode", None) == "quantile" and model.rule == "argmax":
         p = quantile_grid(model.n_quantiles)
-        predicted, score = (
-            model.predict_rating(X, p),
-            partial(macro_mae_at_positions, p=p),
-        )
+        score = partial(macro_mae_at_positions, p=p)
+        predicted = model.predict_rating(X, p)
     else:
-        predicted, score = model.predict_proba(X), macro_mae
+        score, predicted = macro_mae, model.predict_proba(X)
     return -_score_predicted(score, predicted, model.classes_, y, sample_weight)
 
 

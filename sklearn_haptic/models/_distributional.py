@@ -454,7 +454,7 @@ class DistributionalOrdinalRegressor(
         return cdf(self.predict_proba(X))
 
     def predict_quantile(self, X: ArrayLike, p: ArrayLike) -> np.ndarray:
-        """Predict the rating at given quantile positions, sorted along them.
+        """Predict the rating at given quantile positions.
 
         Parameters
         ----------
