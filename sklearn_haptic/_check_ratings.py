@@ -161,6 +161,45 @@ def check_distributions(y_true, y_proba, levels):
     return counts, shares(proba), levels
 
 
+def check_predicted_ratings(y_true, y_pred, levels, n_positions):
+    """Validate ratings and those predicted at quantile positions.
+
+    Parameters
+    ----------
+    y_true : array-like of shape (n_trials,) or (n_trials, n_levels)
+        As `check_ratings` takes it.
+    y_pred : array-like of shape (n_trials, n_positions)
+        Predicted ratings, numbers or words.
+    levels : array-like of shape (n_levels,) or None
+        The ordered levels; by default those of ``y_true``.
+    n_positions : int
+
+    Returns
+    -------
+    counts : ndarray of shape (n_trials, n_levels)
+        Counts as float64.
+    predicted : ndarray of int of shape (n_trials, n_positions)
+        Indices of levels.
+
+    Raises
+    ------
+    ValueError
+        As `check_ratings` does, if a predicted rating is not among the levels, or if
+        the shapes differ.
+    """
+    counts, levels = check_ratings(y_true, levels, name="y_true")
+    ratings = check_regular(y_pred, "y_pred")
+    if ratings.shape != (len(counts), n_positions):
+        raise ValueError(
+            f"y_pred has shape {ratings.shape}, but y_true has {len(counts)} trials "
+            f"and p has {n_positions} positions; give one row per trial in both, and "
+            "one column per position."
+        )
+    rows = np.repeat(np.arange(len(counts)), n_positions)
+    matches, _ = match_levels(ratings.ravel(), None, levels, "y_pred", rows=rows)
+    return counts, matches.argmax(axis=1).reshape(ratings.shape)
+
+
 def weighted(counts, sample_weight):
     """Multiply the counts of each trial by its weight; refuse totals out of range."""
     with np.errstate(over="ignore", under="ignore"):

@@ -116,6 +116,24 @@ def check_weights(sample_weight, X):
     return weight
 
 
+def check_positions(p):
+    """Validate quantile positions, a number or a list; return them as an array.
+
+    Raises
+    ------
+    ValueError
+        If they are not numbers from 0 to 1 in at most one dimension.
+    """
+    check_numbers(p, "p")
+    p = np.asarray(p, dtype=np.float64)
+    if p.ndim > 1 or not np.all((p >= 0) & (p <= 1)):
+        raise ValueError(
+            "p must be a number or a list of numbers from 0 to 1; got "
+            f"{p.tolist() if p.size < 10 else p.shape}."
+        )
+    return p
+
+
 def check_objects(objects, *, name="objects", row="row"):
     """Validate the object of each row; none may be missing.
 

@@ -7,6 +7,7 @@ levels: neighbours are 1 apart whatever their labels.
 """
 
 from collections.abc import Callable
+from functools import partial
 from numbers import Integral
 from typing import Any, Literal, Protocol, overload
 
@@ -14,17 +15,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import xlogy
 from sklearn.base import BaseEstimator
+from sklearn.pipeline import Pipeline
 
-from ._check_ratings import check_distributions
+from ._check_ratings import check_distributions, check_predicted_ratings
 from ._distributions import cdf, level_at, macro_error, quantile_grid, shares
 from ._sklearn import Interval, Trials, validate_params
-from ._validation import check_weights
+from ._validation import check_positions, check_weights
 
 __all__ = [
     "dispersion",
     "earth_movers_distance",
     "log_score",
     "macro_mae",
+    "macro_mae_at_positions",
     "neg_macro_mae_scorer",
     "neg_rps_scorer",
     "pit_histogram",
@@ -117,6 +120,10 @@ def macro_mae(
         If a row of ``y_proba`` is not a distribution, a trial has no ratings or
         unknown ones, or the shapes differ.
 
+    See Also
+    --------
+    macro_mae_at_positions : The same error of ratings predicted one by one.
+
     Notes
     -----
     At :math:`p_i = i / (n + 1)`, i = 1, …, n, the true rating is
@@ -149,6 +156,90 @@ def macro_mae(
     counts, proba, _ = check_distributions(y_true, y_proba, levels)
     p = quantile_grid(n_quantiles)
     errors = macro_error(level_at(proba, p), level_at(counts, p))
+    return _summarise(errors, sample_weight, average)
+
+
+@validate_params(
+    {
+        "y_true": ["array-like"],
+        "y_pred": ["array-like"],
+        "p": "no_validation",  # but by check_positions
+        "sample_weight": ["array-like", None],
+        "average": ["boolean"],
+        "levels": ["array-like", None],
+    },
+    prefer_skip_nested_validation=True,
+)
+def macro_mae_at_positions(
+    y_true: ArrayLike,
+    y_pred: ArrayLike,
+    p: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = None,
+    average: bool = True,
+    levels: ArrayLike | None = None,
+) -> float | NDArray[np.float64]:
+    r"""Macro-averaged mean absolute error of ratings predicted one by one, per trial.
+
+    This is the error of Richardson and Kuchenbecker (2020): each predicted rating is
+    compared with the true rating at its own quantile position. :func:`macro_mae` scores
+    a distribution, and collecting the ratings into one sorts them. The two agree where
+    no predicted rating falls as p grows. Where one does, sorting may lower this error
+    or raise it, so that models are compared as in the paper only by this score.
+
+    Parameters
+    ----------
+    y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
+        How many people chose each level, or one rating per trial.
+    y_pred : array-like of shape (n_trials, n_positions)
+        Predicted rating at each position, as ``predict_rating(X, p)`` of
+        :class:`~sklearn_haptic.DistributionalOrdinalRegressor` returns them.
+    p : array-like of shape (n_positions,)
+        The quantile positions, from 0 (lowest rating) to 1; 0.01, …, 0.99 in the
+        paper.
+    sample_weight : array-like of shape (n_trials,), default=None
+        Weight of each trial in the average.
+    average : bool, default=True
+        Whether to return the weighted mean rather than one score per trial.
+    levels : array-like of shape (n_levels,), default=None
+        The ordered levels, to which ratings and labelled columns are matched. By
+        default the ordered categories or column labels of ``y_true``; without labels,
+        1, 2, … for the columns of counts, or the sorted ratings.
+
+    Returns
+    -------
+    score : float or ndarray of shape (n_trials,)
+        Error in levels, from 0 (best) to n_levels - 1.
+
+    Raises
+    ------
+    ValueError
+        If a trial has no ratings, a rating is not among the levels, or the shapes
+        differ.
+
+    See Also
+    --------
+    macro_mae : The same error of a predicted distribution.
+
+    References
+    ----------
+    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
+    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
+    equation 3. :doi:`10.3389/fnbot.2019.00116`
+
+    Examples
+    --------
+    Two of four people chose 1, two chose 3. Both rows hold the same ratings:
+
+    >>> from sklearn_haptic.metrics import macro_mae_at_positions
+    >>> p = [0.2, 0.4, 0.6, 0.8]
+    >>> counts, ratings = [[2, 0, 2], [2, 0, 2]], [[1, 1, 3, 3], [1, 3, 1, 3]]
+    >>> macro_mae_at_positions(counts, ratings, p, average=False)
+    array([0., 1.])
+    """
+    positions = np.atleast_1d(check_positions(p))
+    counts, predicted = check_predicted_ratings(y_true, y_pred, levels, len(positions))
+    errors = macro_error(predicted, level_at(counts, positions))
     return _summarise(errors, sample_weight, average)
 
 
@@ -521,7 +612,8 @@ def neg_rps_scorer(
     >>> neg_rps_scorer(DummyClassifier(strategy="prior").fit(X, y), X, y)
     -0.25
     """
-    return -_score_estimator(ranked_probability_score, estimator, X, y, sample_weight)
+    proba, levels = estimator.predict_proba(X), estimator.classes_
+    return -_score_predicted(ranked_probability_score, proba, levels, y, sample_weight)
 
 
 def neg_macro_mae_scorer(
@@ -532,10 +624,17 @@ def neg_macro_mae_scorer(
 ) -> float:
     """Minus the macro-averaged error of an estimator, for ``scoring=``.
 
+    It is that of the predicted distribution, :func:`macro_mae`. Only a
+    :class:`~sklearn_haptic.DistributionalOrdinalRegressor` with ``decode="quantile"``
+    and ``rule="argmax"`` (the paper) is scored by the ratings that it decides on,
+    :func:`macro_mae_at_positions`: these are its predictions, and its distribution has
+    no more than what is left when they are sorted.
+
     Parameters
     ----------
     estimator : object
-        Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
+        Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels); also a
+        pipeline or a search that ends in such an estimator.
     X : array-like
         The trials that ``estimator`` takes.
     y : array-like of shape (n_trials, n_levels) or (n_trials,)
@@ -547,7 +646,7 @@ def neg_macro_mae_scorer(
     Returns
     -------
     score : float
-        Higher is better; see :func:`macro_mae`.
+        Higher is better; see :func:`macro_mae` and :func:`macro_mae_at_positions`.
 
     Raises
     ------
@@ -563,22 +662,42 @@ def neg_macro_mae_scorer(
     >>> round(neg_macro_mae_scorer(model, X, y), 4)
     -0.3333
     """
-    return -_score_estimator(macro_mae, estimator, X, y, sample_weight)
+    model, X = _last_step(estimator, X)
+    if getattr(model, "decode", None) == "quantile" and model.rule == "argmax":
+        p = quantile_grid(model.n_quantiles)
+        score = partial(macro_mae_at_positions, p=p)
+        predicted = model.predict_rating(X, p)
+    else:
+        score, predicted = macro_mae, model.predict_proba(X)
+    return -_score_predicted(score, predicted, model.classes_, y, sample_weight)
 
 
-def _score_estimator(score, estimator, X, y, sample_weight):
-    """Mean score of what an estimator predicts, over adjectives if it does several."""
-    proba = estimator.predict_proba(X)
-    if proba.ndim == 3:
-        if np.shape(y) != proba.shape:
+def _last_step(estimator, X):
+    """Return the model at the end of searches and pipelines, and what it is given."""
+    while True:
+        if hasattr(estimator, "best_estimator_"):
+            estimator = estimator.best_estimator_
+        elif isinstance(estimator, Pipeline):
+            X = estimator[:-1].transform(X) if len(estimator) > 1 else X
+            estimator = estimator[-1]
+        else:
+            return estimator, X
+
+
+def _score_predicted(score, predicted, levels, y, sample_weight):
+    """Mean score of what was predicted, over adjectives if there are several."""
+    if predicted.ndim == 3:
+        expected = (*predicted.shape[:2], len(levels))
+        if np.shape(y) != expected:
             raise ValueError(
-                f"y has shape {np.shape(y)}, but {proba.shape} is predicted; give "
+                f"y has shape {np.shape(y)}, but {expected} is predicted; give "
                 "counts of the same trials, adjectives and levels."
             )
         if sample_weight is not None:
-            sample_weight = np.repeat(sample_weight, proba.shape[1])
-        y, proba = (each.reshape(-1, proba.shape[2]) for each in (np.asarray(y), proba))
-    return score(y, proba, sample_weight=sample_weight, levels=estimator.classes_)
+            sample_weight = np.repeat(sample_weight, predicted.shape[1])
+        y = np.asarray(y).reshape(-1, len(levels))
+        predicted = predicted.reshape(len(y), -1)
+    return score(y, predicted, sample_weight=sample_weight, levels=levels)
 
 
 def _summarise(scores, sample_weight, average):

@@ -493,7 +493,7 @@ PARAMETERS = {
     TemporalMaxPool: {"split": ("half",), "memory": (3,)},
     NNPOM: {
         "n_hidden": (-1, 1.5, None), "alpha": (-1.0, np.nan, "auto"),
-        "solver": ("adam",), "max_iter": (0,), "tol": (-1.0,),
+        "gaps": ("exp",), "solver": ("adam",), "max_iter": (0,), "tol": (-1.0,),
         "early_stopping": ("yes",), "n_iter_no_change": (0,),
         "validation_fraction": (0.0, 1.0),
     },
@@ -627,7 +627,11 @@ ask(direct(DistributionalOrdinalRegressor(LogisticRegression(), monotone=True).f
 ask(direct(DistributionalOrdinalRegressor(LogisticRegression()).fit),
     check("several adjectives, and an estimator that cannot", X, TWO,
         "^y has the ratings of several adjectives, which .* cannot share; use an"))
-ask(using(["DistributionalOrdinalRegressor"], "predict_quantile", X),
+PREDICT_AT = (using(["DistributionalOrdinalRegressor"], "predict_quantile", X)
+              | using(["DistributionalOrdinalRegressor"], "predict_rating", X))
+AT_POSITIONS = direct(metrics.macro_mae_at_positions, y_true=COUNTS, y_pred=COUNTS)
+ask(PREDICT_AT | {name: lambda p, each=each: each(p=p)
+                  for name, each in AT_POSITIONS.items()},
     *(check(f"p={p}", p, f"^p must be a number .* from 0 to 1; got {p}")
       for p in (1.5, -0.1, np.nan)),
     check("p=[[0.5]]", [[0.5]], r"^p must be a number or a list .*; got \[\[0"),
@@ -685,6 +689,21 @@ ALWAYS_THE_SAME = check(
 ask(SCORES, OTHER_LEVELS, arg="y_true")
 ask(direct(metrics.macro_mae, y_true=COUNTS, y_proba=PROBA),
     *settings("n_quantiles", 0))
+RATED_AT = direct(metrics.macro_mae_at_positions,
+    y_true=COUNTS, y_pred=np.tile([1, 2, 3], (N, 1)), p=[0.2, 0.5, 0.8])
+ask(by_name("y_true", RATED_AT), *NOT_RATINGS, arg="y_true")
+ask(RATED_AT, OTHER_LEVELS, arg="y_true")
+ask(by_name("sample_weight", RATED_AT), *NOT_WEIGHTS, arg="sample_weight")
+ask(by_name("y_pred", RATED_AT),
+    check("a rating that is no level", np.full((N, 3), 4),
+        r"^ARG has the rating 4 in trial 0, .* levels=\[1, 2, 3\]; add it"),
+    check("NaN", replaced(np.ones((N, 3)), np.nan),
+        "^ARG has the rating nan in trial 1, which is not among levels"),
+    check("a column less", np.ones((N, 2)),
+        r"^ARG has shape \(12, 2\), but y_true has 12 trials and p has 3 positions;"),
+    check("a trial less", np.ones((N - 1, 3)), "^ARG has shape .*; give one row per"),
+    check("one dimension", np.ones(N), "^ARG has shape .*; give one row per trial"),
+    arg="y_pred")
 ask(direct(metrics.pit_histogram, y_true=COUNTS, y_proba=PROBA),
     *settings("n_bins", 0))
 ask(direct(metrics.neg_rps_scorer, metrics.neg_macro_mae_scorer, X=X, y=COUNTS),

@@ -31,7 +31,7 @@ PREDICTORS = [
     # With this tolerance weights equal repeated rows to seven digits.
     NNPOM(n_hidden=3, tol=1e-10, max_iter=5000),
     NNPOM(n_hidden=0, tol=1e-10),
-    NNPOM(n_hidden=2, solver="irprop+", tol=1e-10, max_iter=10_000),
+    NNPOM(2, gaps="squared", solver="irprop+", tol=1e-10, max_iter=10_000),
     DistributionalOrdinalRegressor(NNPOM(0, tol=1e-10)),
     DistributionalOrdinalRegressor(
         LogisticRegression(tol=1e-12, max_iter=5000), decode="quantile"

@@ -33,9 +33,12 @@ from sklearn_haptic.metrics import (
 from sklearn_haptic.models._network import (
     Layout,
     NetworkLoss,
+    SoftplusGaps,
+    SquaredGaps,
     initial_params,
     level_probabilities,
     linear_response,
+    ordinal_loss,
     sigmoid_of_sums,
     softplus,
     thresholds_from,
@@ -57,6 +60,13 @@ NETWORKS = [
     )
     for n_hidden in (0, 3)
     for solver in ("lbfgs", "irprop+")
+]
+NETWORKS += [
+    pytest.param(
+        NNPOM(n_hidden, gaps="squared", solver=solver, random_state=0),
+        id=f"{solver}{n_hidden}squared",
+    )
+    for n_hidden, solver in [(0, "lbfgs"), (3, "lbfgs"), (3, "irprop+")]
 ]
 fit_quietly = ignore_warnings(category=ConvergenceWarning)
 
@@ -93,7 +103,9 @@ def exact_cost(params, layout, X, positions, level, weight, alpha):
     coef, bias, [(output, first, raw_gaps)] = layout.split(
         np.array(params, dtype=object)
     )
-    gaps = [mpmath.log(1 + mpmath.exp(gap)) for gap in raw_gaps]
+    gaps = raw_gaps**2
+    if layout.gaps is SoftplusGaps:
+        gaps = [mpmath.log(1 + mpmath.exp(gap)) for gap in raw_gaps]
     cuts = [-mpmath.inf, *accumulate([first[0], *gaps]), mpmath.inf]
 
     def sigmoid(z):
@@ -127,6 +139,7 @@ def exact_cost_and_gradient(params, *data):
 @pytest.mark.slow
 @pytest.mark.parametrize("n_hidden", [0, 2])
 @pytest.mark.parametrize("shared", [False, True], ids=["rows", "positions"])
+@pytest.mark.parametrize("gaps", [SoftplusGaps, SquaredGaps])
 @examples(8)
 @given(
     seed=st.integers(0, 2**32 - 1),
@@ -134,14 +147,17 @@ def exact_cost_and_gradient(params, *data):
     weight_digits=st.integers(0, 12),
 )
 def test_cost_and_gradient_where_units_saturate(
-    n_hidden, shared, seed, size, weight_digits
+    n_hidden, shared, gaps, seed, size, weight_digits
 ):
     rng = np.random.default_rng(seed)
     X, level = rng.normal(size=(2, 2)), rng.integers(0, 4, (2, 2))
     positions = rng.normal(size=(2, 2)) if shared else None
     weight = 10 ** rng.uniform(-weight_digits, weight_digits, (2, 2))
-    layout = Layout(2 + shared, n_hidden, (4,))
+    layout = Layout(2 + shared, n_hidden, (4,), gaps)
     params = size * rng.uniform(-1, 1, layout.size)
+    if gaps is SquaredGaps:
+        _, _, [head] = layout.split(params)
+        head.raw_gaps[:] = np.copysign(np.abs(head.raw_gaps) ** 0.5, head.raw_gaps)
     observed = positions, level, weight
     cost, grad = NetworkLoss(layout, X, [observed], 0.7)(params)
     exact, exact_grad = exact_cost_and_gradient(params, layout, X, *observed, 0.7)
@@ -200,6 +216,12 @@ def test_linear_start_has_the_frequencies_of_the_levels(weight):
     """To full precision, where one rating stands among 1e200."""
     layout = Layout(1, 0, (len(weight),))
     params = initial_params(layout, [np.array(weight)], None)
+    squared = Layout(1, 0, (len(weight),), SquaredGaps)
+    np.testing.assert_allclose(
+        initial_params(squared, [np.array(weight)], None)[2:] ** 2,
+        softplus(params[2:]),
+        rtol=1e-14,
+    )
     with mpmath.workdps(300):
         cuts = [mpmath.mpf(params[1])]
         for gap in params[2:]:
@@ -208,6 +230,62 @@ def test_linear_start_has_the_frequencies_of_the_levels(weight):
         total = mpmath.fsum(weight)
         for (start, end), w in zip(pairwise(below), weight):
             assert abs((end - start) * total / w - 1) < 1e-9
+
+
+@pytest.mark.parametrize("root", [1e-150, 1e-9, 0.1, 0.9, 1.1, 6.0, 1e9, 1e150])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_squared_gaps_of_any_size(root, sign):
+    t = np.array([sign * root])
+    gap, log_factor = SquaredGaps.forward(t)
+    slope, log_slope = SquaredGaps.derivative(t)
+    with mpmath.workdps(400):
+        exact = mpmath.mpf(root) ** 2
+        left = mpmath.exp(-exact) if root < 1e9 else mpmath.mpf(0)
+        expected = mpmath.log1p(-left), 2 * sign * root * left / (1 - left)
+        expected = [float(x) for x in (exact, *expected)]
+    atol = np.finfo(float).tiny
+    np.testing.assert_allclose(
+        [gap[0], log_factor[0], log_slope[0]], expected, rtol=1e-14, atol=atol
+    )
+    assert slope[0] == 2 * t[0]
+
+
+@pytest.mark.parametrize("t", [0.0, -0.0, TINY, -1e-200, 1e-160, 1e200, -MAX])
+def test_squared_gaps_at_zero_and_beyond_all_numbers(t):
+    """Finite cost and gradient, which lead away from equal thresholds."""
+    t = np.array([t, 0.5])
+    for latent in (-1e300, 0.0, 1e300):
+        proba = level_probabilities(
+            np.array([latent]), thresholds_from(-0.4, t, SquaredGaps)
+        )
+        assert_distributions(proba)
+    for level in range(4):
+        loss, *grads = ordinal_loss(
+            np.zeros(1), np.array([level]), np.ones(1), -0.4, t, SquaredGaps
+        )
+        assert np.isfinite(loss) and all(np.isfinite(grad).all() for grad in grads)
+        if level == 1 and abs(t[0]) < 1:
+            assert loss > 600 and np.sign(grads[-1][0]) == -np.copysign(1, t[0])
+
+
+class NoDraws(np.random.RandomState):
+    def uniform(self, low, high, size):
+        return np.zeros(size)
+
+
+def test_thresholds_that_are_equal_at_the_start():
+    """They part, and the network ends at the frequencies of constant features."""
+    _, counts = touches()
+    model = NNPOM(2, gaps="squared", solver="irprop+", max_iter=2000, tol=1e-7)
+    model.set_params(random_state=NoDraws(0))
+    proba = model.fit(np.zeros((30, 2)), counts).predict_proba([[0, 0]])
+    assert np.isfinite(model.loss_) and (np.diff(model.thresholds_) > 0).all()
+    frequencies = counts.sum(axis=0) / counts.sum()
+    np.testing.assert_allclose(proba[0], frequencies, atol=1e-5)
+    with pytest.warns(ConvergenceWarning, match="did not converge"):
+        model.set_params(solver="lbfgs").fit(np.zeros((30, 2)), counts)
+    assert_distributions(model.predict_proba([[0, 0]]))
+    assert np.isfinite(model.loss_)
 
 
 # Fits whose result is known
@@ -222,7 +300,9 @@ def test_linear_start_has_the_frequencies_of_the_levels(weight):
 def test_constant_features_predict_the_frequencies(model, value, scale_features):
     _, counts = touches()
     X = np.full((30, 3), value)
-    model = clone(model).set_params(scale_features=scale_features, tol=1e-7)
+    model = clone(model).set_params(
+        scale_features=scale_features, tol=1e-7, max_iter=2000
+    )
     proba = fit_quietly(model.fit)(X, counts).predict_proba(X)
     assert_distributions(proba)
     frequencies = counts.sum(axis=0) / counts.sum()

@@ -19,8 +19,11 @@ from sklearn_haptic.metrics import ranked_probability_score
 from sklearn_haptic.models._conditioning import Conditioning
 from sklearn_haptic.models._early_stopping import Monitor
 from sklearn_haptic.models._network import (
+    GAPS,
     Layout,
     NetworkLoss,
+    SoftplusGaps,
+    SquaredGaps,
     initial_params,
     level_probabilities,
     ordinal_loss,
@@ -37,40 +40,42 @@ REFERENCE_CASES = [
 ]
 
 
-def _from_orca(case):
-    """ORCA's parameters and exact gradient in this package's layout."""
+def _from_orca(case, gaps=SquaredGaps):
+    """ORCA's parameters in this package's layout."""
     n_hidden, n_features = int(case["hidden"]), case["X_train"].shape[1]
     params = case["params"].ravel()
     n_first = n_hidden * (n_features + 1)
     layer = params[:n_first].reshape(n_hidden, n_features + 1, order="F")
     output, t = params[n_first : n_first + n_hidden], params[n_first + n_hidden :]
-    gaps = t[1:] ** 2
-    gap_logits = gaps + np.log(-np.expm1(-gaps))
+    raw_gaps = t[1:]
+    if gaps is SoftplusGaps:
+        raw_gaps = t[1:] ** 2 + np.log(-np.expm1(-(t[1:] ** 2)))
     flat = np.concatenate(
-        (layer[:, 1:].T.ravel(), layer[:, 0], output, t[:1], gap_logits)
+        (layer[:, 1:].T.ravel(), layer[:, 0], output, t[:1], raw_gaps)
     )
-    return flat, Layout(n_features, n_hidden, (len(t) + 1,)), t
+    return flat, Layout(n_features, n_hidden, (len(t) + 1,), gaps), t
 
 
+def _to_orca(params, layout):
+    """This package's parameters, or their gradient, in ORCA's layout."""
+    coef, bias, [(output, first, raw_gaps)] = layout.split(params)
+    layer = np.column_stack((bias, coef.T)).ravel(order="F")
+    return np.concatenate((layer, output, first, raw_gaps))
+
+
+@pytest.mark.parametrize("gaps", [SoftplusGaps, SquaredGaps])
 @pytest.mark.parametrize("name", REFERENCE_CASES)
-def test_cost_and_gradient_equal_sixty_digit_arithmetic(shared_data, name):
+def test_cost_and_gradient_equal_sixty_digit_arithmetic(shared_data, name, gaps):
     case = np.load(shared_data / "nnpom_reference" / f"{name}.npz")
-    params, layout, t = _from_orca(case)
+    params, layout, t = _from_orca(case, gaps)
     y = case["y_train"].ravel().astype(int)[:, None] - 1
     observed = None, y, np.ones(y.shape)
     loss = NetworkLoss(layout, case["X_train"], [observed], float(case["lam"]))
     cost, grad = loss(params)
-    coef, bias, [(output, first, raw_gaps)] = layout.split(grad)
-    _, _, [head] = layout.split(params)
-    raw_gap_of_t = 2 * t[1:] / expit(head.raw_gaps)
-    ours = np.concatenate(
-        (
-            np.column_stack((bias, coef.T)).ravel(order="F"),
-            output,
-            first,
-            raw_gaps * raw_gap_of_t,
-        )
-    )
+    ours = _to_orca(grad, layout)
+    if gaps is SoftplusGaps:
+        _, _, [head] = layout.split(params)
+        ours[len(ours) - len(t) + 1 :] *= 2 * t[1:] / expit(head.raw_gaps)
     exact = case["exact_grad"].ravel()
     assert cost == pytest.approx(float(case["exact_cost"]), rel=1e-12)
     assert np.abs(ours - exact).max() <= 1e-12 * max(1, np.abs(exact).max())
@@ -81,9 +86,75 @@ def test_probabilities_equal_orca(shared_data, name):
     case = np.load(shared_data / "nnpom_reference" / f"{name}.npz")
     params, layout, _ = _from_orca(case)
     _, _, [(_, first, raw_gaps)] = layout.split(params)
-    thresholds = thresholds_from(first[0], raw_gaps)
+    thresholds = thresholds_from(first[0], raw_gaps, SquaredGaps)
     proba = level_probabilities(case["projected_test"], thresholds)
     np.testing.assert_allclose(proba, case["orca_proba_test"], atol=1e-12)
+
+
+class GivenStart(np.random.RandomState):
+    """Draws the values that it is given."""
+
+    def uniform(self, low, high, size):
+        assert (low, high, size) == (-0.5, 0.5, len(self.values))
+        return self.values
+
+
+@pytest.mark.parametrize("data", ["melanoma_fs_H10", "tae_H3", "toy_H5"])
+def test_two_hundred_steps_equal_orca(shared_data, data):
+    """From the start values to the parameters, cost and predictions that it ends at."""
+    folder = shared_data / "nnpom_reference"
+    start = np.load(folder / f"{data}_init_eps0.5.npz")
+    end = np.load(folder / f"{data}_trained200.npz")
+    random_state = GivenStart(0)
+    random_state.values, layout, _ = _from_orca(start)
+    model = NNPOM(
+        layout.n_hidden,
+        float(end["lam"]),
+        scale_features=False,
+        gaps="squared",
+        solver="irprop+",
+        max_iter=200,
+        tol=0,
+        random_state=random_state,
+    )
+    with pytest.warns(ConvergenceWarning):
+        model.fit(start["X_train"], start["y_train"].ravel())
+    expected, _, _ = _from_orca(end)
+    coef, bias, [(output, _, _)] = layout.split(expected)
+    np.testing.assert_allclose(model.coefs_[0], coef, rtol=1e-12)
+    np.testing.assert_allclose(model.intercepts_, bias, rtol=1e-12)
+    np.testing.assert_allclose(model.coefs_[1], output, rtol=1e-12)
+    np.testing.assert_allclose(model.thresholds_, end["thresholds"], rtol=1e-12)
+    assert model.loss_ == pytest.approx(float(end["exact_cost"]), rel=1e-12)
+    np.testing.assert_allclose(
+        model.predict_proba(end["X_test"]), end["orca_proba_test"], atol=1e-12
+    )
+    np.testing.assert_array_equal(
+        model.predict(end["X_test"]), end["predicted_test"].ravel()
+    )
+
+
+def test_gaps_start_as_they_say():
+    """Between the squares or the softplus of ±0.5, whatever the number of units."""
+    for gaps, low, high in [("squared", 0, 0.25), ("softplus", 0.474, 0.975)]:
+        for n_hidden in (1, 5000):
+            layout = Layout(2, n_hidden, (40,), GAPS[gaps])
+            start = initial_params(layout, None, np.random.RandomState(0))
+            network = layout.network(start, [np.arange(40)], 40)
+            gap = np.diff(network.thresholds[0])
+            assert low < gap.min() < low + 0.05 and high - 0.05 < gap.max() < high
+            assert np.abs(start).max() < 0.5
+
+
+@pytest.mark.parametrize("n_hidden", [0, 2])
+def test_both_gaps_reach_the_same_minimum(n_hidden):
+    rng = np.random.default_rng(5)
+    X, y = rng.normal(size=(80, 3)), rng.integers(0, 4, 80)
+    softplus, squared = (
+        NNPOM(n_hidden, gaps=gaps, tol=1e-9, random_state=0).fit(X, y) for gaps in GAPS
+    )
+    assert squared.loss_ == pytest.approx(softplus.loss_, rel=1e-9)
+    np.testing.assert_allclose(squared.thresholds_, softplus.thresholds_, atol=1e-4)
 
 
 @pytest.mark.slow

@@ -600,6 +600,7 @@ def methods_of(model, X, y):
     }
     calls |= {
         "predict_quantile": lambda: model.predict_quantile(X, [0.1, 0.5]),
+        "predict_rating": lambda: model.predict_rating(X, [0.1, 0.5]),
         "sample": lambda: model.sample(X, 2, random_state=0),
         "score": lambda: model.score(X, y),
         "get_params": lambda: model.get_params(),
@@ -682,6 +683,7 @@ def calls_of_functions(folder):
         )
     }
     calls |= {
+        metrics.macro_mae_at_positions: (COUNTS, proba.argmax(1)[:, None] + 1, 0.5),
         metrics.neg_rps_scorer: (model, NAMED, COUNTS),
         metrics.neg_macro_mae_scorer: (model, NAMED, COUNTS),
         ratings.rating_counts: ([1, 2, 2], ["a", "a", "b"]),

@@ -71,6 +71,22 @@ def share_of_modes(predict, X, n_quantiles):
     return _average(predict, X, quantile_grid(n_quantiles), weight, "argmax")[0]
 
 
+def ratings_at(predict, X, positions, rule):
+    """Index of the level that a rule decides on for each trial at each position.
+
+    Returns
+    -------
+    level : ndarray of int of shape (n_trials, n_positions), or \
+            (n_trials, n_adjectives, n_positions)
+    """
+    size = max(1, min(_BATCH_SIZE, _BATCH_POSITIONS // len(positions)))
+    decided = [
+        decide(predict(X[batch], positions), rule)
+        for batch in gen_batches(len(X), size)
+    ]
+    return np.moveaxis(np.concatenate(decided), 1, -1)
+
+
 def share_of_medians(predict, X):
     """Share of the population for which each level is the median."""
     return _average_over_cells(predict, X, "median")

@@ -55,6 +55,46 @@ class SoftplusGaps:
         """Return the derivatives of what `forward` returns."""
         return expit(raw), expit(-raw)
 
+    @staticmethod
+    def from_softplus(raw):
+        """Return the parameters of the gaps that are the softplus of `raw`."""
+        return raw
+
+
+class SquaredGaps:
+    """Each gap is the square of a free parameter, as in Gutiérrez et al. (2016).
+
+    The cost rises without bound as a gap shrinks to nothing, so a minimum lies on
+    either side of zero. A parameter below 1e-150 in size counts as 1e-150, where cost
+    and gradient are still finite and lead away from zero; one beyond 1e150 as 1e150.
+    """
+
+    @staticmethod
+    def forward(raw):
+        """Return the gaps and ``log(1 - exp(-gap))``."""
+        gap = SquaredGaps._within_range(raw) ** 2
+        small = np.log(-np.expm1(-np.minimum(gap, 1)))
+        return gap, np.where(gap < 1, small, np.log1p(-np.exp(-np.maximum(gap, 1))))
+
+    @staticmethod
+    def derivative(raw):
+        """Return the derivatives of what `forward` returns."""
+        root = SquaredGaps._within_range(raw)
+        gap = root**2
+        return 2 * root, 2 * root * np.exp(-gap) / -np.expm1(-gap)
+
+    @staticmethod
+    def from_softplus(raw):
+        """Return the parameters of the gaps that are the softplus of `raw`."""
+        return np.sqrt(softplus(raw))
+
+    @staticmethod
+    def _within_range(raw):
+        return np.copysign(np.clip(np.abs(raw), 1e-150, 1e150), raw)
+
+
+GAPS = {"softplus": SoftplusGaps, "squared": SquaredGaps}
+
 
 def thresholds_from(first, raw_gaps, gaps=SoftplusGaps):
     """Return increasing thresholds from the first and the parameters of the gaps."""
@@ -520,6 +560,7 @@ def initial_params(layout, level_weights, random_state):
     first = below[:1] - above[1:2]
     # With q = p + share, exp(logit(q) - logit(p)) - 1 = share / (p (1 - q)).
     raw_gaps = np.log(share[1:-1]) - below[:-2] - above[2:]
+    raw_gaps = layout.gaps.from_softplus(raw_gaps)
     return np.concatenate((np.zeros(layout.n_inputs), first, raw_gaps))
 
 

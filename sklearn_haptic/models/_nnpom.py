@@ -28,7 +28,14 @@ from .._sklearn import (
 from .._validation import check_groups, check_table, check_weights
 from ._conditioning import Conditioning
 from ._early_stopping import Monitor, hold_out_trials, validation_error
-from ._network import Layout, Network, NetworkLoss, initial_params, monotone_bounds
+from ._network import (
+    GAPS,
+    Layout,
+    Network,
+    NetworkLoss,
+    initial_params,
+    monotone_bounds,
+)
 from ._observations import rank_levels, scaled_to_unit_weight, single_ratings
 from ._ordinal import OrdinalClassifierMixin
 from ._solvers import SOLVERS
@@ -65,6 +72,12 @@ class NNPOM(
         variance, so that the same alpha and the same start values suit any number
         of features in any unit; `coefs_` are for the features as given. The paper
         does not scale.
+    gaps : {"softplus", "squared"}, default="softplus"
+        What makes the gap between two thresholds, which must be positive, of a free
+        parameter t: its softplus, log(1 + exp(t)), or its square, as in the paper.
+        Parameters start evenly spread over (-0.5, 0.5) if there are hidden units, so
+        gaps start between 0.47 and 0.97 or between 0 and 0.25. Squares have a minimum
+        for either sign of t, and the cost rises without bound between them.
     solver : {"lbfgs", "irprop+"}, default="lbfgs"
         The paper uses "irprop+". "lbfgs" reaches the same cost in fewer iterations;
         it works on the features' principal directions, of which there are at most as
@@ -152,6 +165,7 @@ class NNPOM(
         "n_hidden": [Interval(Integral, 0, None, closed="left")],
         "alpha": [Interval(Real, 0, None, closed="left")],
         "scale_features": ["boolean"],
+        "gaps": [StrOptions(set(GAPS))],
         "solver": [StrOptions({"lbfgs", "irprop+"})],
         "max_iter": [Interval(Integral, 1, None, closed="left")],
         "tol": [Interval(Real, 0, None, closed="left")],
@@ -168,6 +182,7 @@ class NNPOM(
         alpha: float = 1.0,
         *,
         scale_features: bool = True,
+        gaps: Literal["softplus", "squared"] = "softplus",
         solver: Literal["lbfgs", "irprop+"] = "lbfgs",
         max_iter: int = 500,
         tol: float = 1e-4,
@@ -180,6 +195,7 @@ class NNPOM(
         self.n_hidden = n_hidden
         self.alpha = alpha
         self.scale_features = scale_features
+        self.gaps = gaps
         self.solver = solver
         self.max_iter = max_iter
         self.tol = tol
@@ -338,7 +354,7 @@ class NNPOM(
         learned = [each for each in adjectives if len(each.present) > 1]
         n_inputs = X.shape[1] + (positions is not None)
         n_present = tuple(len(each.present) for each in learned)
-        layout = Layout(n_inputs, self.n_hidden, n_present)
+        layout = Layout(n_inputs, self.n_hidden, n_present, GAPS[self.gaps])
         if not learned:  # every adjective has one level, which is always predicted
             network = layout.network(np.zeros(layout.size), present, n_levels)
             return network, 0.0, [], 0

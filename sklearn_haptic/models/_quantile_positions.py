@@ -48,8 +48,7 @@ def training_observations(counts, n_duplicates, sampling, balance, random_state)
         else:
             shift = random_state.uniform(size=(n_trials, n_duplicates))
         positions = shift if sampling == "random" else cell + shift / n_duplicates
-        tiny = np.finfo(float).eps
-        positions = np.clip(positions, tiny, 1 - tiny)
+        positions = clip_positions(positions)
         level = level_at(counts, positions)
         weight = np.ones_like(positions)
     if balance == "macro":
@@ -69,8 +68,13 @@ def _level_nodes(counts, n_duplicates):
     positions = (start[:, :, None] + share[:, :, None] * nodes).reshape(n_trials, -1)
     weight = (share[:, :, None] * node_weight).reshape(n_trials, -1) * n_duplicates
     level = np.broadcast_to(np.arange(n_levels).repeat(len(nodes)), weight.shape)
+    return clip_positions(positions), level, weight
+
+
+def clip_positions(positions):
+    """Return positions strictly between 0 and 1, whose log-odds are finite."""
     tiny = np.finfo(float).eps
-    return np.clip(positions, tiny, 1 - tiny), level, weight
+    return np.clip(positions, tiny, 1 - tiny)
 
 
 def share_below(latent, thresholds, inputs, to_position):
