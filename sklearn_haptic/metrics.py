@@ -506,6 +506,7 @@ def pit_histogram(
         share = np.clip(u - lower, 0, width) / np.where(point, 1, width)
         below[:, j] = (proportions * np.where(point, u > lower, share)).sum(axis=1)
     below[:, 0], below[:, -1] = 0, 1
+    np.minimum(below, 1, out=below)  # sums may round up
     return n_bins * np.diff(_mean(below, sample_weight))
 
 
