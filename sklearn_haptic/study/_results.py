@@ -65,7 +65,8 @@ def read_study(folder: str | PathLike[str]) -> Bunch:
     """
     folder = Path(folder)
     procedures = read_settings(folder).get("procedures", PROCEDURES)
-    name = rf"({'|'.join(map(re.escape, procedures))})_.*_\d+"
+    # Of files that name units of models; other files are ignored.
+    name = rf"({'|'.join(re.escape(str(each)) for each in procedures)})_.*_\d+"
     units = read_finished(folder, "models", name)
     if not units:
         raise ValueError(f"{folder} has no finished models yet; run_study makes them.")
