@@ -215,7 +215,7 @@ def test_score_table(folder):
 @pytest.fixture(scope="module")
 def kfold(tmp_path_factory):
     settings = SETTINGS | {"preset": "default", "n_splits": 2, "n_repeats": 1}
-    settings |= {"procedures": ["squeeze", "hold", "fast_slide"], "alpha": [1.0]}
+    settings |= {"procedures": ["squeeze", "hold", "fast_slide"], "n_hidden": [1]}
     return run_study(CORPUS, tmp_path_factory.mktemp("kfold"), **settings)
 
 
@@ -225,12 +225,11 @@ def test_sensors_compared_by_hand(kfold):
     )
     full = kfold.scores.query("held_out == 'none'")
     for (adjective, sensor), row in comparison.iterrows():
-        single = kfold.sensor_scores.query(
-            "adjective == @adjective and network == @sensor"
+        of_sensor = kfold.sensor_scores[kfold.sensor_scores["network"] == sensor]
+        single, combined = (
+            table[table["adjective"] == adjective].groupby("object")["macro_mae"].mean()
+            for table in (of_sensor, full)
         )
-        single = single.groupby("object")["macro_mae"].mean()
-        combined = full.query("adjective == @adjective")
-        combined = combined.groupby("object")["macro_mae"].mean()
         assert row["n_objects"] == 10
         assert row["difference"] == pytest.approx((single - combined).mean())
         assert row["p_objects"] == pytest.approx(wilcoxon(single - combined).pvalue)
