@@ -110,9 +110,10 @@ def print_comparisons(study):
     print(f"p < .05 for {differ} of {len(procedures)} adjectives")
 
 
-def print_summary(scores):
+def print_summary(study):
     """Print Figure 12 as a table."""
-    summary = contribution_summary(scores, by=["procedure", "adjective"])
+    table = score_table(study)
+    summary = contribution_summary(study.scores, by=["procedure", "adjective"])
     for p in ("p_starts", "p_objects"):
         differ = summary[summary[p] < 0.05]
         print(
@@ -120,10 +121,12 @@ def print_summary(scores):
             f"in {(differ['difference'] > 0).sum()} the sensor helps"
         )
     for (procedure, adjective), rows in summary.groupby(["procedure", "adjective"]):
-        full = rows.iloc[0]
+        full, guesses = rows.iloc[0], table.loc[(adjective, procedure)]
         print(
             f"\n{adjective}, {procedure}: MAE^M {full['full']:.3f} "
-            f"(sd over starts {full['full_sd']:.3f})"
+            f"(sd over starts {full['full_sd']:.3f}){'*' if guesses['no_better'] else ''}, "
+            f"marginal {guesses['marginal']:.3f}, "
+            f"barycentre {guesses['barycentre']:.3f}"
         )
         columns = ["held_out", "difference", "difference_sd", "p_starts", "p_objects"]
         print(rows[columns].to_string(index=False, float_format="{:.3f}".format))
@@ -175,7 +178,7 @@ def main():
         print_scores(study, metric)
     print_means(study)
     print_comparisons(study)
-    print_summary(study.scores)
+    print_summary(study)
     plot_contributions(study.scores).savefig(folder / "figure_12.png", dpi=150)
     plot_ratings(study.scores).savefig(folder / "figure_11.png", dpi=150)
     print(f"\nFigures saved in {folder}")

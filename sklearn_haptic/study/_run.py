@@ -284,8 +284,7 @@ def run_study(
     {'none': 4, 'pdc': 4, 'tdc': 4}
     """
     load, known_procedures, known_sensors = open_corpus(corpus)
-    coders = dict(sensors) if isinstance(sensors, Mapping) else {}
-    _check_coders(coders)
+    coders = _check_coders(sensors)
     given = {
         "split": split,
         "update": update,
@@ -299,7 +298,7 @@ def run_study(
         folder=Path(folder),
         procedures=known_procedures,
         sensors=check_names(
-            list(coders) if coders else sensors, known_sensors, "sensor", "the corpus"
+            list(coders) or sensors, known_sensors, "sensor", "the corpus"
         ),
         coders=coders,
         dictionaries=dictionaries,
@@ -311,12 +310,7 @@ def run_study(
         random_state=int(random_state),
         **PRESETS[preset] | given,
     )
-    if not isinstance(study.regressor.estimator, NNPOM):
-        raise ValueError(
-            f"regressor has the estimator {study.regressor.estimator!r}; give it an "
-            "NNPOM."
-        )
-    check_scoring(study.regressor, study.scoring)
+    _check_regressor(study.regressor, study.scoring)
     procedures = check_names(procedures, known_procedures, "procedure", "the corpus")
     open_study(study.folder, study.settings)
 
@@ -329,14 +323,10 @@ def run_study(
         for fold in range(study.n_folds)
     ]
     check_models(study, models)
-    features = dict.fromkeys(
-        study.features_unit(procedure, sensor, adjective, fold)
-        for _, procedure, adjective, fold in models
-        for sensor in study.sensors
-    )
+    features = _features_of(study, models)
     report = None
     if verbose:
-        report = Progress(study.folder, [*features, *models], effective_n_jobs(n_jobs))
+        report = Progress(study.folder, features + models, effective_n_jobs(n_jobs))
     complete_units(study, features, n_jobs=n_jobs, report=report)
     # Models read features alone: recordings in memory are not sent to other processes.
     study = replace(study, corpus=_forgotten)
@@ -348,13 +338,34 @@ def _forgotten(**_):
     raise AssertionError("models read no recordings")
 
 
-def _check_coders(coders):
+def _features_of(study, models):
+    """Units of the features that models take, each once."""
+    units = [
+        study.features_unit(procedure, sensor, adjective, fold)
+        for _, procedure, adjective, fold in models
+        for sensor in study.sensors
+    ]
+    return list(dict.fromkeys(units))
+
+
+def _check_regressor(regressor, scoring):
+    if not isinstance(regressor.estimator, NNPOM):
+        raise ValueError(
+            f"regressor has the estimator {regressor.estimator!r}; give it an NNPOM."
+        )
+    check_scoring(regressor, scoring)
+
+
+def _check_coders(sensors):
+    """Return the transformers that sensors are given; none if they are only named."""
+    coders = dict(sensors) if isinstance(sensors, Mapping) else {}
     for sensor, coder in coders.items():
         if not isinstance(coder, (KSVDTransformer, STHMPTransformer)):
             raise ValueError(
                 f"sensors[{sensor!r}] is {coder!r}; give a KSVDTransformer or an "
                 "STHMPTransformer, or name the sensors in a list."
             )
+    return coders
 
 
 def _choose_adjectives(study, procedure, adjectives):
