@@ -122,9 +122,10 @@ def print_summary(study):
         )
     for (procedure, adjective), rows in summary.groupby(["procedure", "adjective"]):
         full, guesses = rows.iloc[0], table.loc[(adjective, procedure)]
+        star = "*" if guesses["no_better"] else ""
         print(
             f"\n{adjective}, {procedure}: MAE^M {full['full']:.3f} "
-            f"(sd over starts {full['full_sd']:.3f}){'*' if guesses['no_better'] else ''}, "
+            f"(sd over starts {full['full_sd']:.3f}){star}, "
             f"marginal {guesses['marginal']:.3f}, "
             f"barycentre {guesses['barycentre']:.3f}"
         )

@@ -7,7 +7,6 @@ import pandas as pd
 from sklearn.utils import Bunch
 
 from .._biotac import PROCEDURES, SENSORS
-from .._validation import check_names
 
 
 def open_corpus(corpus):
@@ -62,10 +61,8 @@ def open_corpus(corpus):
                 "give trials (a DataFrame with one row per trial and one column per "
                 "sensor), objects (one id per trial) and ratings (counts by adjective)."
             )
-        for name in ("objects", *touches["ratings"]):
-            values = (
-                touches["objects"] if name == "objects" else touches["ratings"][name]
-            )
+        columns = {"objects": touches["objects"]} | touches["ratings"]
+        for name, values in columns.items():
             if len(values) != len(touches["trials"]):
                 raise ValueError(
                     f"corpus[{procedure!r}] has {len(touches['trials'])} trials, but "
@@ -89,14 +86,7 @@ def open_corpus(corpus):
 def _take(corpus, *, procedure, sensors):
     """Return the touches of a procedure, of the sensors asked for alone."""
     touches = corpus[procedure]
-    return Bunch(
-        **{
-            **touches,
-            "trials": touches["trials"][
-                check_names(sensors, [*touches["trials"]], "sensor", "the corpus")
-            ],
-        }
-    )
+    return Bunch(**{**touches, "trials": touches["trials"][sensors]})
 
 
 def check_file_names(names, what):
