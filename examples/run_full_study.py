@@ -4,11 +4,14 @@ Run it as
 
     python examples/run_full_study.py --demo                  # about a minute
     python examples/run_full_study.py --split paper --jobs 2  # a quarter of an hour
+    python examples/run_full_study.py --paper --jobs 2        # as in the paper: hours
     python examples/run_full_study.py --jobs 8 --phac2 \
         phac_train_test_pos_neg_90_10_1_20.h5 --ratings ratings.mat
 
 Interrupt it whenever you like: the same command goes on where it stopped. It prints the
-scores beside those of guesses that know no touch, and what each sensor contributes. The
+scores beside those of single sensors, of guesses that know no touch and, for generated
+touches, of the truth; whether the combined network beats single sensors; whether the
+exploratory procedures differ; and what each sensor contributes. The
 folder then holds every prediction (see docs/study.md), and two figures like those of
 the paper: figure_11.png has the predicted and true ratings of an object, figure_12.png
 what each sensor contributes.
@@ -19,11 +22,17 @@ from functools import partial
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import pandas as pd
 
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 from sklearn_haptic.model_selection import contribution_summary
 from sklearn_haptic.plotting import InverseCDFDisplay, SensorContributionsDisplay
-from sklearn_haptic.study import run_study
+from sklearn_haptic.study import (
+    compare_procedures,
+    compare_sensors,
+    run_study,
+    score_table,
+)
 
 SCORES = {"macro_mae": "MAE^M", "emd": "EMD", "rps": "RPS", "log_score": "log score"}
 DEMO = {
@@ -45,6 +54,7 @@ def parse_arguments():
     parser.add_argument("--ratings", help="MATLAB file of ratings, with --phac2")
     parser.add_argument("--folder", type=Path, help="where results are kept")
     parser.add_argument("--demo", action="store_true", help="a small study")
+    parser.add_argument("--paper", action="store_true", help="the paper's settings")
     parser.add_argument("--split", choices=["group_kfold", "paper"])
     parser.add_argument("--jobs", type=int, default=1, help="processes at a time")
     arguments = parser.parse_args()
@@ -61,39 +71,49 @@ def make_corpus(arguments):
 
 
 def print_scores(study, metric):
-    """Print a score of the full model and of both baselines; lower is better.
-
-    A star marks a model that is no better than the better baseline.
-    """
-    keys = ["adjective", "procedure"]
-    full = study.scores[study.scores["held_out"] == "none"]
-    model = full.groupby(keys)[metric].mean().unstack()
-    guesses = study.baselines.groupby([*keys, "strategy"])[metric].mean().unstack()
-    worse = model >= guesses.min(axis=1).unstack()
-    table = model.map("{:.3f}".format) + worse.map({True: "*", False: " "}.get)
-    # All procedures touch the same objects, and baselines know nothing else.
-    table = table.join(guesses.groupby("adjective").mean().map("{:.3f}".format))
-    print(f"\n{SCORES[metric]}\n{table.to_string()}")
-    print(f"{worse.to_numpy().sum()} of {worse.size} no better than a baseline (*)")
-    objects = full.groupby([*keys, "object"])[metric].mean().groupby(keys)
-    print(f"standard error over objects, mean: {objects.sem().mean():.3f}")
+    """Print a score of all networks, guesses and the truth; lower is better."""
+    table = score_table(study, metric=metric)
+    worse = table.pop("no_better")
+    shown = table.map("{:.3f}".format)
+    shown["combined"] += worse.map({True: "*", False: " "})
+    print(f"\n{SCORES[metric]}, lower is better\n{shown.to_string()}")
+    print(f"* no better than the better guess: {worse.sum()} of {len(worse)}")
 
 
 def print_means(study):
     """Print the mean of each score over all adjectives and procedures."""
-    keys, scores = ["adjective", "procedure"], list(SCORES)
-    full = study.scores[study.scores["held_out"] == "none"]
-    table = study.baselines.groupby([*keys, "strategy"])[scores].mean()
-    table = table.groupby("strategy").mean()
-    table.loc["model"] = full.groupby(keys)[scores].mean().mean()
-    print(f"\n{table.rename(columns=SCORES).to_string(float_format='{:.3f}'.format)}")
+    means = {
+        name: score_table(study, metric=metric).drop(columns="no_better").mean()
+        for metric, name in SCORES.items()
+    }
+    table = pd.DataFrame(means).map("{:.3f}".format)
+    print(f"\nmeans of all adjectives and procedures\n{table.to_string()}")
     largest = study.choices["alpha"] == study.choices["alpha"].max()
     print(f"\nlargest penalty chosen: {largest.sum()} of {len(largest)} networks")
 
 
-def print_summary(scores):
+def print_comparisons(study):
+    """Say whether combining sensors helps, and whether procedures differ."""
+    sensors = compare_sensors(study)
+    print("\nDoes the combined network beat the network of a single sensor? MAE^M of")
+    print("objects; a positive difference says yes; p by Wilcoxon's test over objects.")
+    print(sensors.to_string(index=False, float_format="{:.3f}".format))
+    if study.scores["procedure"].nunique() < 2:
+        return
+    procedures = compare_procedures(study)
+    print(
+        "\nDo the exploratory procedures differ? MAE^M of objects; p by Friedman's test"
+    )
+    print("over objects (Wilcoxon's for two procedures).")
+    print(procedures.to_string(index=False, float_format="{:.3f}".format))
+    differ = (procedures["p_objects"] < 0.05).sum()
+    print(f"p < .05 for {differ} of {len(procedures)} adjectives")
+
+
+def print_summary(study):
     """Print Figure 12 as a table."""
-    summary = contribution_summary(scores, by=["procedure", "adjective"])
+    table = score_table(study)
+    summary = contribution_summary(study.scores, by=["procedure", "adjective"])
     for p in ("p_starts", "p_objects"):
         differ = summary[summary[p] < 0.05]
         print(
@@ -101,10 +121,13 @@ def print_summary(scores):
             f"in {(differ['difference'] > 0).sum()} the sensor helps"
         )
     for (procedure, adjective), rows in summary.groupby(["procedure", "adjective"]):
-        full = rows.iloc[0]
+        full, guesses = rows.iloc[0], table.loc[(adjective, procedure)]
+        star = "*" if guesses["no_better"] else ""
         print(
             f"\n{adjective}, {procedure}: MAE^M {full['full']:.3f} "
-            f"(sd over starts {full['full_sd']:.3f})"
+            f"(sd over starts {full['full_sd']:.3f}){star}, "
+            f"marginal {guesses['marginal']:.3f}, "
+            f"barycentre {guesses['barycentre']:.3f}"
         )
         columns = ["held_out", "difference", "difference_sd", "p_starts", "p_objects"]
         print(rows[columns].to_string(index=False, float_format="{:.3f}".format))
@@ -146,13 +169,17 @@ def main():
     options = DEMO if arguments.demo else {}
     if arguments.split is not None:
         options = options | {"split": arguments.split}
-    folder = arguments.folder or Path("study_demo" if arguments.demo else "study")
+    if arguments.paper:
+        options = options | {"preset": "paper"}
+    name = "study_paper" if arguments.paper else "study"
+    folder = arguments.folder or Path(name + "_demo" * arguments.demo)
     corpus = make_corpus(arguments)
     study = run_study(corpus, folder, n_jobs=arguments.jobs, **options)
     for metric in ("macro_mae", "rps"):
         print_scores(study, metric)
     print_means(study)
-    print_summary(study.scores)
+    print_comparisons(study)
+    print_summary(study)
     plot_contributions(study.scores).savefig(folder / "figure_12.png", dpi=150)
     plot_ratings(study.scores).savefig(folder / "figure_11.png", dpi=150)
     print(f"\nFigures saved in {folder}")

@@ -24,6 +24,7 @@ from sklearn.model_selection import RepeatedKFold
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
+from sklearn.utils import Bunch
 
 from sklearn_haptic import (
     NNPOM,
@@ -42,7 +43,13 @@ from sklearn_haptic import (
 )
 from sklearn_haptic.datasets import MatlabRatings, load_phac2, make_haptic_corpus
 from sklearn_haptic.ratings import RatingTable
-from sklearn_haptic.study import read_study, run_study
+from sklearn_haptic.study import (
+    compare_procedures,
+    compare_sensors,
+    read_study,
+    run_study,
+    score_table,
+)
 
 
 class Call(NamedTuple):
@@ -1336,6 +1343,13 @@ def write_files(folder, files):
         path.write_bytes(data)
 
 
+TAPS = {
+    "trials": pd.DataFrame({"mic": [np.zeros((60, 1)), np.ones((60, 1))]}),
+    "objects": [1, 2],
+    "ratings": {"hard": np.ones((2, 5))},
+}
+
+
 def studying(folder, corpus=no_corpus, files=None, **settings):
     """Call of `run_study` beside files, given by name."""
     write_files(folder, files or {})
@@ -1361,8 +1375,26 @@ ask({"run_study": studying},
     *settings("random_state", "zero"),
     *settings("n_hidden", [0], [], says=HIDDEN),
     *settings("alpha", [-1.0], ["low"], [np.nan], says=ALPHA),
-    *settings("sensors", ["force"], says="^Unknown sensor 'force'; PHAC-2 has 5"),
-    *settings("procedures", ["tap"], says="^Unknown procedure 'tap'; PHAC-2 has 4"),
+    *settings("sensors", ["force"], says="^Unknown sensor 'force'; the corpus has 5"),
+    *settings("sensors", {"pdc": LogisticRegression()},
+        says=r"^sensors\['pdc'\] is Log.*; give a KSVDTransformer or an STHMPTr"),
+    *settings("procedures", ["tap"], says="^Unknown procedure 'tap'; the corpus has 4"),
+    *wrong(preset="fast", update="fast", dictionaries="none", standardise=2),
+    *settings("corpus", {}, {"tap": 3},
+        says="^corpus is a dict, but not of procedures; give one Bunch or dict"),
+    check("a procedure without trials", corpus={"tap": {"objects": [1]}},
+        says=r"^corpus\['tap'\] has no trials; give trials \(a DataFrame"),
+    check("a procedure with a list of trials", corpus={"tap": TAPS | {"trials": [1]}},
+        says=r"^corpus\['tap'\] has trials that are no DataFrame; give trials"),
+    check("two trials and one object", corpus={"tap": TAPS | {"objects": [1]}},
+        says=r"^corpus\['tap'\] has 2 trials, but 1 rows of 'objects'; give one row"),
+    check("procedures 'tap' and 'tap_on'", corpus={"tap": TAPS, "tap_on": TAPS},
+        says="procedures 'tap' and 'tap_on', whose files could be mistaken .*; rename"),
+    check("a procedure named 3", corpus={"tap": TAPS, 3: TAPS},
+        says="^corpus has the procedure 3; name it by text"),
+    check("procedures without a common sensor",
+        corpus={"tap": TAPS, "rub": TAPS | {"trials": TAPS["trials"][[]]}},
+        says="have no sensor in common; give them the same columns of trials"),
     check("a regressor without an NNPOM",
         regressor=DistributionalOrdinalRegressor(LogisticRegression()),
         says="^regressor has the estimator LogisticRegression.*; give it an NNPOM"),
@@ -1380,11 +1412,36 @@ ask({"run_study": studying},
     check("units without settings", files={"study/trials/hold.csv": b"trial\n"},
         says="holds units of a study, but no study.json .*; restore that file"),
     in_folder=True)
+def finished(function):
+    """Caller of a function of a finished study of one procedure."""
+    cell = {"adjective": ["hard"], "procedure": ["hold"], "fold": [0]}
+    score = {"object": [1], "trial": [1], "emd": [0.5], "proba_1": [1.0]}
+    study = Bunch(
+        scores=pd.DataFrame({**cell, "held_out": ["none"], **score}),
+        sensor_scores=pd.DataFrame({**cell, **score, "network": ["pac"]}),
+        baselines=pd.DataFrame({**cell, **score, "strategy": ["marginal"]}),
+        truth=pd.DataFrame(),
+    )
+    return partial(call, function, study)
+
+
+METRIC = r"^metric='rsp' must be one of \['emd'\]"
+ask({"score_table": finished(score_table), "compare_sensors": finished(compare_sensors),
+     "compare_procedures": finished(compare_procedures)},
+    *settings("metric", "rsp", says=METRIC))
+ask({"compare_sensors": finished(compare_sensors),
+     "compare_procedures": finished(compare_procedures)},
+    *settings("by", "object", says="^by has 'object', but it must be among"))
+ask({"compare_procedures": finished(compare_procedures)},
+    check("a study of one procedure", metric="emd",
+        says="^The study has no object that is tested with two procedures or more"))
 ask({"read_study": reading},
     check("no study", "holds no study: study.json is missing; run_study"),
     check("settings of random bytes", **{"study.json": b"\xff\xfe\x00"},
         says=DAMAGED_SETTINGS),
     check("settings that are a number", **{"study.json": b"3"}, says=DAMAGED_SETTINGS),
+    check("procedures that are no list", **{"study.json": b'{"procedures": 3}'},
+        says=DAMAGED_SETTINGS),
     check("no finished models", **{"study.json": b"{}"},
         says="has no finished models yet; run_study makes them"),
     check("an empty record", b"", DAMAGED_UNIT),

@@ -40,7 +40,13 @@ from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.model_selection import contribution_summary
 from sklearn_haptic.study import read_study, run_study
 from sklearn_haptic.study._choice import fit_best
-from sklearn_haptic.study._features import cells_of, learn_features, rotate_features
+from sklearn_haptic.study._features import (
+    cells_of,
+    choose_trials,
+    default_coder,
+    learn_features,
+    rotate_features,
+)
 from sklearn_haptic.study._models import compute_models
 from sklearn_haptic.study._progress import Progress
 from sklearn_haptic.study._split import Parts, split_objects
@@ -108,7 +114,7 @@ def data_of(folder):
 
 def assert_same_study(one, other):
     """Equal in every bit: inf and signs of zero too."""
-    for name in ("scores", "choices"):
+    for name in ("scores", "sensor_scores", "choices"):
         pd.testing.assert_frame_equal(one[name], other[name], check_exact=True)
 
 
@@ -213,7 +219,7 @@ def test_files_that_are_no_units(folder, copied, content):
     assert_same_study(run_study(CORPUS, copied, **SETTINGS), read_study(folder))
 
 
-@pytest.mark.parametrize("name", ["choices", "baselines"])
+@pytest.mark.parametrize("name", ["choices", "baselines", "truth"])
 @pytest.mark.parametrize("value", ["nothing", None, 3, {"alpha": 1}, [1]])
 def test_record_without_choices(copied, name, value):
     path = copied / "models" / "fast_slide_hard_0.json"
@@ -316,6 +322,9 @@ def test_extended(folder, tmp_path):
         ("alpha", [1.0]),
         ("sensors", ["tdc", "pdc"]),
         ("split", "paper"),
+        ("update", "exact"),
+        ("dictionaries", "training objects"),
+        ("standardise", False),
         ("random_state", 1),
         ("scoring", metrics.neg_macro_mae_scorer),
         ("regressor", DistributionalOrdinalRegressor(NNPOM(tol=1e-3))),
@@ -570,7 +579,8 @@ def test_objects_with_names_like_numbers(folder, tmp_path):
         return bunch
 
     study, expected = run_study(corpus, tmp_path, **SETTINGS), read_study(folder)
-    expected.scores["object"] = expected.scores["object"].map(to_name)
+    for table in (expected.scores, expected.sensor_scores):
+        table["object"] = table["object"].map(to_name)
     assert_same_study(study, expected)
 
 
@@ -747,7 +757,12 @@ def study_of(folder, **changes):
     defaults = {
         "corpus": CORPUS,
         "folder": folder,
+        "procedures": list(PROCEDURES),
         "sensors": SENSORS,
+        "coders": {},
+        "update": "approximate",
+        "dictionaries": "all objects",
+        "standardise": True,
         "split": "group_kfold",
         "n_splits": 2,
         "n_repeats": 1,
@@ -853,6 +868,7 @@ def test_models_of_a_fold(folder):
         fusion = SensorFusionNNPOM(columns, frozen, final, held_out=held_out)
         proba = fitted(fusion, X, "start", 0).predict_proba(X[test])
         rows = table[table["held_out"] == (held_out or "none")]
+        rows = rows[rows["network"] == "combined"]
         np.testing.assert_array_equal(rows.filter(like="proba_"), proba)
         np.testing.assert_array_equal(rows["object"], corpus.objects[test])
 
@@ -934,21 +950,24 @@ def test_every_part_of_a_name_makes_another_seed():
     assert len({derive_seed(*name) for name in names}) == len(names)
 
 
+def features_of(trials, objects, procedure):
+    """Features and dictionary of temperature."""
+    coder = default_coder("tdc", "approximate", trials).set_params(random_state=0)
+    cells = cells_of(procedure, "tdc")
+    return learn_features(trials, choose_trials(objects, 0), coder, cells)
+
+
 def test_dictionary_of_three_fifths_of_the_trials_of_each_object():
     """Only trials that it was learnt from change the dictionary."""
     corpus = make_haptic_corpus(2, 5, "fast_slide", sensors=["tdc"], random_state=0)
     trials = list(corpus.trials["tdc"])
-    features, dictionary = learn_features(
-        trials, corpus.objects, "fast_slide", "tdc", seed=0
-    )
+    features, dictionary = features_of(trials, corpus.objects, "fast_slide")
     assert features.dtype == np.float32
     assert features.shape == (10, 15 * 2 * 2 * 10)  # cells, fingers, signs, atoms
     learnt_from = np.zeros(10, dtype=bool)
     for i in range(10):
         changed = [*trials[:i], 1 + trials[i] ** 2, *trials[i + 1 :]]
-        other, other_dictionary = learn_features(
-            changed, corpus.objects, "fast_slide", "tdc", seed=0
-        )
+        other, other_dictionary = features_of(changed, corpus.objects, "fast_slide")
         learnt_from[i] = not np.array_equal(other_dictionary, dictionary)
         assert not np.array_equal(other[i], features[i])
     assert learnt_from.reshape(2, 5).sum(axis=1).tolist() == [3, 3]
@@ -967,9 +986,7 @@ def test_pyramid_of_the_paper_at_full_size(procedure, n_windows, cells):
     """The paper's section 2.2.2; the shortest of 600 trials is pooled here by hand."""
     corpus = make_haptic_corpus(60, 10, procedure, sensors=["tdc"], random_state=0)
     trials = list(corpus.trials["tdc"])
-    features, dictionary = learn_features(
-        trials, corpus.objects, procedure, "tdc", seed=0
-    )
+    features, dictionary = features_of(trials, corpus.objects, procedure)
     assert features.shape == (600, sum(cells) * 2 * 2 * 10)  # cells, fingers, signs
     shortest = np.argmin([len(trial) for trial in trials])
     coder = KSVDTransformer(window=50, dict_init=dictionary, remove_mean=False)

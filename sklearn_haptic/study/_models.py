@@ -1,18 +1,20 @@
 """The models of a fold: sensors combined, tested with all of them and without each."""
 
+from itertools import chain
+
 import numpy as np
 import pandas as pd
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 
 from .._check_ratings import check_ratings
-from .._holdouts import fit_holdouts
+from .._holdouts import FULL_MODEL, fit_holdouts
 from .._trial_scores import score_trials
 from ..models import DummyDistribution, SensorFusionNNPOM
 from ._choice import choose_network, for_early_stopping
 from ._features import rotate_features
 from ._store import read_unit, unit_path
-from ._trials import counts_of
+from ._trials import counts_of, truth_of
 
 
 def check_models(study, models):
@@ -43,13 +45,14 @@ def check_models(study, models):
 def compute_models(study, procedure, adjective, fold):
     """Return the scores of a fold, and a record with its choices and baselines.
 
-    The scores have one row per model and test trial, see `read_study`.
+    The scores have one row per model and test trial, see `read_study`; those of the
+    combined network come first, under the name "combined" in the column ``network``.
     """
     name = procedure, adjective, fold
     trials, _ = read_unit(study.folder, ("trials", procedure))
-    objects, counts = trials["object"].to_numpy(), counts_of(trials, adjective)
-    parts = study.split_objects(objects, adjective)[fold]
-    X, fusion, choices = choose_sensor_networks(study, name, counts, parts)
+    counts = counts_of(trials, adjective)
+    parts = study.split_objects(trials["object"].to_numpy(), adjective)[fold]
+    X, fusion, choices, predictions = choose_sensor_networks(study, name, counts, parts)
     combined, choice = choose_network(
         study,
         (*name, "combined"),
@@ -59,28 +62,31 @@ def compute_models(study, procedure, adjective, fold):
         counts,
         parts,
     )
+    holdouts = predict_holdouts(study, name, combined, X, counts, parts)
+    scored = chain((("combined", *each) for each in holdouts), predictions)
+    tested, true = trials.iloc[parts.test], counts[parts.test]
     tables = [
         pd.DataFrame(
             {
                 "procedure": procedure,
                 "adjective": adjective,
                 "fold": fold,
+                "network": network,
                 "held_out": held_out,
                 "start": start,
-                "object": objects[parts.test],
-                "trial": trials["trial"].to_numpy()[parts.test],
-                **score_trials(counts[parts.test], proba),
+                "object": tested["object"].to_numpy(),
+                "trial": tested["trial"].to_numpy(),
+                **score_trials(true, proba),
                 **{f"proba_{k}": p for k, p in enumerate(proba.T, start=1)},
-                **{f"count_{k}": c[parts.test] for k, c in enumerate(counts.T, 1)},
+                **{f"count_{k}": c for k, c in enumerate(true.T, start=1)},
             }
         )
-        for start, held_out, proba in predict_holdouts(
-            study, name, combined, X, counts, parts
-        )
+        for network, start, held_out, proba in scored
     ]
     return pd.concat(tables, ignore_index=True), {
         "choices": [*choices, choice],
         "baselines": score_baselines(counts, parts),
+        "truth": score_truth(true, truth_of(tested, adjective)),
     }
 
 
@@ -98,17 +104,23 @@ def choose_sensor_networks(study, name, counts, parts):
     Returns
     -------
     X : ndarray of shape (n_trials, n_features)
-        Rotated features of all sensors, side by side.
+        Features of all sensors, side by side, as the networks take them.
     fusion : SensorFusionNNPOM
         Unfitted, with the networks of the sensors frozen.
     choices : list of dict
         What was chosen for each sensor.
+    predictions : list of (sensor, start, held_out, proba)
+        What each sensor's network predicts alone for the test trials: the network
+        that was chosen, whose hidden units the combined network takes.
     """
-    features, columns, networks, choices = [], {}, {}, []
+    features, columns, networks, choices, predictions = [], {}, {}, [], []
     n_features = 0
     for sensor in study.sensors:
-        arrays, _ = read_unit(study.folder, ("features", name[0], sensor))
-        X = rotate_features(arrays["features"], parts.train)
+        unit = study.features_unit(name[0], sensor, *name[1:])
+        X = read_unit(study.folder, unit)[0]["features"]
+        if study.standardise:
+            X = rotate_features(X, parts.train)
+        X = X.astype(np.float64, copy=False)
         model, choice = choose_network(
             study, (*name, sensor), study.regressor, "estimator", X, counts, parts
         )
@@ -116,10 +128,11 @@ def choose_sensor_networks(study, name, counts, parts):
         columns[sensor] = slice(n_features, n_features + X.shape[1])
         networks[sensor] = FrozenEstimator(model.estimator_)
         choices.append(choice)
+        predictions.append((sensor, 0, FULL_MODEL, model.predict_proba(X[parts.test])))
         n_features += X.shape[1]
     final = study.regressor.estimator
     fusion = SensorFusionNNPOM(columns, networks, final_estimator=final)
-    return np.hstack(features), fusion, choices
+    return np.hstack(features), fusion, choices, predictions
 
 
 def predict_holdouts(study, name, combined, X, counts, parts):
@@ -193,3 +206,34 @@ def score_baselines(counts, parts):
             | {f"proba_{k}": float(p) for k, p in enumerate(model.proba_, start=1)}
         )
     return baselines
+
+
+def score_truth(counts, proba):
+    """Score the distribution of the whole population, where it is known.
+
+    Parameters
+    ----------
+    counts : ndarray of shape (n_test, n_levels)
+        Ratings of each test trial's object.
+    proba : ndarray of shape (n_test, n_levels) or (n_test, 0)
+        Probability of each level in the population of which the raters are a sample.
+
+    Returns
+    -------
+    truth : list of dict
+        One, with the mean of each score over the trials; none without ``proba``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.study._models import score_truth
+    >>> (truth,) = score_truth(np.array([[3, 1]]), np.array([[0.75, 0.25]]))
+    >>> truth["emd"], truth["rps"]
+    (0.0, 0.1875)
+    >>> score_truth(np.array([[3, 1]]), np.empty((1, 0)))
+    []
+    """
+    if proba.shape[1] == 0:
+        return []
+    scores = score_trials(counts, proba)
+    return [{name: float(score.mean()) for name, score in scores.items()}]

@@ -5,20 +5,20 @@ of a procedure, the features of a sensor, or all models of a fold. Its result de
 nothing but the corpus, the settings and its name, from which its seeds follow.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
 from time import perf_counter
-from typing import Literal
+from typing import Any, Literal
 
 from joblib import effective_n_jobs
 from sklearn.metrics import check_scoring
 from sklearn.utils import Bunch
 from sklearn.utils.parallel import Parallel, delayed
 
-from .._biotac import PROCEDURES, SENSORS
 from .._sklearn import (
     Interval,
     Names,
@@ -28,9 +28,12 @@ from .._sklearn import (
     validate_params,
 )
 from .._validation import check_names
+from ..features import KSVDTransformer, STHMPTransformer
 from ..models import NNPOM, DistributionalOrdinalRegressor
+from ._corpus import open_corpus
 from ._features import compute_features
 from ._models import check_models, compute_models
+from ._presets import PRESETS
 from ._progress import Progress
 from ._results import read_study
 from ._store import open_study, read_record, read_unit, write_unit
@@ -80,14 +83,18 @@ def complete_units(study, units, *, n_jobs, report=None):
 
 @validate_params(
     {
-        "corpus": [callable],
+        "corpus": [callable, Mapping],
         "folder": [str, PathLike],
+        "preset": [StrOptions(set(PRESETS))],
         "adjectives": ["array-like", None],
         "procedures": ["array-like", None],
-        "sensors": ["array-like", None],
-        "split": [StrOptions({"group_kfold", "paper"})],
+        "sensors": ["array-like", Mapping, None],
+        "split": [StrOptions({"group_kfold", "paper"}), None],
         "n_splits": [Interval(Integral, 2, None, closed="left")],
         "n_repeats": [Interval(Integral, 1, None, closed="left")],
+        "update": [StrOptions({"approximate", "exact"}), None],
+        "dictionaries": [StrOptions({"all objects", "training objects"})],
+        "standardise": ["boolean", None],
         "n_hidden": ["array-like"],
         "alpha": ["array-like"],
         "n_starts": [Interval(Integral, 1, None, closed="left")],
@@ -102,15 +109,19 @@ def complete_units(study, units, *, n_jobs, report=None):
 # Threads of one process share this limit; it holds until the last of them has ended.
 @one_blas_thread
 def run_study(
-    corpus: Callable[..., Bunch],
+    corpus: Callable[..., Bunch] | Mapping[str, Mapping[str, Any]],
     folder: str | PathLike[str],
     *,
+    preset: Literal["default", "paper"] = "default",
     adjectives: Names | None = None,
     procedures: Names | None = None,
-    sensors: Names | None = None,
-    split: Literal["group_kfold", "paper"] = "group_kfold",
+    sensors: Names | Mapping[str, KSVDTransformer | STHMPTransformer] | None = None,
+    split: Literal["group_kfold", "paper"] | None = None,
     n_splits: int = 5,
     n_repeats: int = 2,
+    update: Literal["approximate", "exact"] | None = None,
+    dictionaries: Literal["all objects", "training objects"] = "all objects",
+    standardise: bool | None = None,
     n_hidden: Sequence[int] = (1, 5, 10, 20, 30),
     alpha: Sequence[float] = (0.001, 0.01, 0.1, 1.0, 10.0),
     n_starts: int = 10,
@@ -129,22 +140,38 @@ def run_study(
 
     Parameters
     ----------
-    corpus : callable
-        Function that is called as ``corpus(procedure=..., sensors=[...])`` and returns
-        what `load_phac2` and `make_haptic_corpus` return, the same each time:
+    corpus : callable, or mapping of str to Bunch or dict
+        Either a function that is called as ``corpus(procedure=..., sensors=[...])`` and
+        returns what `load_phac2` and `make_haptic_corpus` return, the same each time:
         ``functools.partial(load_phac2, path, ratings=ratings)``, or
         ``functools.partial(make_haptic_corpus, 60, 10, random_state=0)``.
+
+        Or the recordings in memory, of any procedures and any sensors: for the name of
+        each procedure a Bunch or dict of ``trials``, a DataFrame with one row per trial
+        (its index names them), one column per sensor, and arrays of shape ``(n_times,
+        n_channels)`` or images of shape ``(n_times, height, width)`` in its cells;
+        ``objects``, the id of each trial's object; and ``ratings``, for each adjective
+        counts of shape ``(n_trials, n_levels)``.
     folder : str or path-like
         Where results are kept; it is made if it does not exist.
+    preset : {"default", "paper"}, default="default"
+        What ``split``, ``update``, ``standardise``, ``regressor`` and ``scoring`` are
+        where they are not given. "paper" has all particulars that the text of the paper
+        fixes; "default" differs where other settings were measured to be better.
     adjectives : array-like of str, default=None
         Adjectives to predict, by default all that the corpus has ratings of.
     procedures : array-like of str, default=None
-        Some of ``"squeeze"``, ``"hold"``, ``"slow_slide"`` and ``"fast_slide"``, by
-        default all.
-    sensors : array-like of str, default=None
-        Some of ``"pac"``, ``"pdc"``, ``"tac"``, ``"tdc"`` and ``"electrodes"``, by
-        default all.
-    split : {"group_kfold", "paper"}, default="group_kfold"
+        Some of those of the corpus, by default all. A function as corpus has
+        ``"squeeze"``, ``"hold"``, ``"slow_slide"`` and ``"fast_slide"``.
+    sensors : array-like of str, or mapping of str to transformer, default=None
+        Some of those of the corpus, by default all. A function as corpus has ``"pac"``,
+        ``"pdc"``, ``"tac"``, ``"tdc"`` and ``"electrodes"``, which are coded as in the
+        paper. Other signals are coded by a `KSVDTransformer` of 25 atoms with windows
+        of 50 samples, images by an `STHMPTransformer` of 10 atoms, both without removal
+        of means. A mapping gives each sensor a transformer of its own: ``{"mic":
+        KSVDTransformer(40, window=22)}``.
+    split : {"group_kfold", "paper"}, default=None
+        By default that of the preset, which bears its name or is "group_kfold".
         "group_kfold" tests on every object: ``n_repeats`` times the objects are
         divided at random into ``n_splits`` folds, the same for every adjective and
         procedure, and a ninth of the objects not tested are for validation. "paper"
@@ -155,6 +182,18 @@ def run_study(
         Number of folds of "group_kfold".
     n_repeats : int, default=2
         Number of times that "group_kfold" divides the objects.
+    update : {"approximate", "exact"}, default=None
+        Update of an atom in K-SVD, where ``sensors`` gives no transformer; see
+        `KSVDTransformer`. By default exact with the preset "paper", else approximate.
+    dictionaries : {"all objects", "training objects"}, default="all objects"
+        Whose recordings dictionaries are learned from, 60 % of the trials of each. "all
+        objects", as in the paper, includes the test objects. "training objects" learns
+        a dictionary for each fold, with the split "paper" for each adjective too, which
+        takes that many times the time and the disk.
+    standardise : bool, default=None
+        Whether to standardise features and rotate them to the principal axes of the
+        training trials, or to take them as they were extracted. By default they are
+        taken as extracted with the preset "paper" alone.
     n_hidden : array-like of int, default=(1, 5, 10, 20, 30)
         Numbers of hidden units among which each network's is chosen.
     alpha : array-like of float, default=(0.001, 0.01, 0.1, 1.0, 10.0)
@@ -165,13 +204,14 @@ def run_study(
     regressor : DistributionalOrdinalRegressor, default=None
         How networks are fitted and distributions predicted. Its estimator is an
         `NNPOM`, whose ``n_hidden`` and ``alpha`` are chosen; early stopping, if any, is
-        on the validation objects. By default a regressor of
-        ``NNPOM(early_stopping=True, max_iter=200, n_iter_no_change=30)``;
-        ``DistributionalOrdinalRegressor(**PAPER_2020)`` is the paper's.
+        on the validation objects. By default ``DistributionalOrdinalRegressor(
+        **PAPER_2020)`` with the preset "paper", else a regressor of
+        ``NNPOM(early_stopping=True, max_iter=200, n_iter_no_change=30)``.
     scoring : str, callable or None, default=None
         Score on the validation objects by which networks are chosen, higher being
-        better. By default the regressor's own, the negative ranked probability score;
-        :func:`~sklearn_haptic.metrics.neg_macro_mae_scorer` is the paper's.
+        better. By default :func:`~sklearn_haptic.metrics.neg_macro_mae_scorer` with
+        the preset "paper", else the regressor's own, the negative ranked probability
+        score.
     random_state : int, default=0
         Seed of everything random. The seeds of a unit follow from this one and the
         unit's name.
@@ -195,21 +235,23 @@ def run_study(
     See Also
     --------
     read_study : Read the results without computing any.
+    score_table : Every network beside the guesses that know no touch.
     sklearn_haptic.model_selection.contribution_summary : What each sensor contributes.
 
     Notes
     -----
-    Each sensor has a dictionary of its own for each procedure. As in the paper it is
-    learned from 60 % of the trials of every object, test objects included, but from no
-    ratings. All other steps are fitted to training trials only, per procedure,
+    Each sensor has a dictionary of its own for each procedure. As in the paper it is by
+    default learned from 60 % of the trials of every object, test objects included, but
+    from no ratings. All other steps are fitted to training trials only, per procedure,
     adjective and fold:
 
-    1. Features are standardised and rotated to their principal axes; no axis is
-       dropped.
+    1. Features are taken as extracted, or standardised and rotated to their principal
+       axes; no axis is dropped.
     2. One network per sensor is chosen by its score on the validation objects, then a
        network that combines their activations.
     3. The combined network is fitted again from each random start, with all sensors and
-       without each of them, and predicts the ratings of the test objects.
+       without each of them, and predicts the ratings of the test objects. So does the
+       network of each sensor alone.
 
     References
     ----------
@@ -241,34 +283,39 @@ def run_study(
     >>> study.scores.groupby("held_out").size().to_dict()
     {'none': 4, 'pdc': 4, 'tdc': 4}
     """
-    if regressor is None:
-        network = NNPOM(early_stopping=True, max_iter=200, n_iter_no_change=30)
-        regressor = DistributionalOrdinalRegressor(network)
-    if not isinstance(regressor.estimator, NNPOM):
-        raise ValueError(
-            f"regressor has the estimator {regressor.estimator!r}; give it an NNPOM."
-        )
-    check_scoring(regressor, scoring)
+    load, known_procedures, known_sensors = open_corpus(corpus)
+    coders = _check_coders(sensors)
+    given = {
+        "split": split,
+        "update": update,
+        "standardise": standardise,
+        "regressor": regressor,
+        "scoring": scoring,
+    }
+    given = {name: value for name, value in given.items() if value is not None}
     study = Study(
-        corpus=corpus,
+        corpus=load,
         folder=Path(folder),
-        sensors=check_names(sensors, list(SENSORS), "sensor", "PHAC-2"),
-        split=split,
+        procedures=known_procedures,
+        sensors=check_names(
+            list(coders) or sensors, known_sensors, "sensor", "the corpus"
+        ),
+        coders=coders,
+        dictionaries=dictionaries,
         n_splits=int(n_splits),
         n_repeats=int(n_repeats),
         n_hidden=_check_grid("n_hidden", n_hidden, int, 1),
         alpha=_check_grid("alpha", alpha, float, 0),
         n_starts=int(n_starts),
-        regressor=regressor,
-        scoring=scoring,
         random_state=int(random_state),
+        **PRESETS[preset] | given,
     )
-    procedures = check_names(procedures, list(PROCEDURES), "procedure", "PHAC-2")
+    _check_regressor(study.regressor, study.scoring)
+    procedures = check_names(procedures, known_procedures, "procedure", "the corpus")
     open_study(study.folder, study.settings)
 
     trials = list(product(["trials"], procedures))
     complete_units(study, trials, n_jobs=n_jobs)
-    features = list(product(["features"], procedures, study.sensors))
     models = [
         ("models", procedure, adjective, fold)
         for procedure in procedures
@@ -276,12 +323,49 @@ def run_study(
         for fold in range(study.n_folds)
     ]
     check_models(study, models)
+    features = _features_of(study, models)
     report = None
     if verbose:
         report = Progress(study.folder, features + models, effective_n_jobs(n_jobs))
     complete_units(study, features, n_jobs=n_jobs, report=report)
+    # Models read features alone: recordings in memory are not sent to other processes.
+    study = replace(study, corpus=_forgotten)
     complete_units(study, models, n_jobs=n_jobs, report=report)
     return read_study(study.folder)
+
+
+def _forgotten(**_):
+    raise AssertionError("models read no recordings")
+
+
+def _features_of(study, models):
+    """Units of the features that models take, each once."""
+    units = [
+        study.features_unit(procedure, sensor, adjective, fold)
+        for _, procedure, adjective, fold in models
+        for sensor in study.sensors
+    ]
+    return list(dict.fromkeys(units))
+
+
+def _check_regressor(regressor, scoring):
+    if not isinstance(regressor.estimator, NNPOM):
+        raise ValueError(
+            f"regressor has the estimator {regressor.estimator!r}; give it an NNPOM."
+        )
+    check_scoring(regressor, scoring)
+
+
+def _check_coders(sensors):
+    """Return the transformers that sensors are given; none if they are only named."""
+    coders = dict(sensors) if isinstance(sensors, Mapping) else {}
+    for sensor, coder in coders.items():
+        if not isinstance(coder, (KSVDTransformer, STHMPTransformer)):
+            raise ValueError(
+                f"sensors[{sensor!r}] is {coder!r}; give a KSVDTransformer or an "
+                "STHMPTransformer, or name the sensors in a list."
+            )
+    return coders
 
 
 def _choose_adjectives(study, procedure, adjectives):

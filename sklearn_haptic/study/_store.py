@@ -160,6 +160,8 @@ def read_settings(folder):
         settings = json.loads(_read_own(path))
         if not isinstance(settings, dict):
             raise ValueError("it holds no settings")
+        if not isinstance(settings.get("procedures", []), list):
+            raise ValueError("its procedures are no list")
         return settings
     except FileNotFoundError as error:
         raise ValueError(

@@ -10,6 +10,7 @@ from pathlib import Path
 from sklearn.utils import Bunch
 
 from .._sklearn import Scorer
+from ..features import KSVDTransformer, STHMPTransformer
 from ..models import DistributionalOrdinalRegressor
 from ._split import split_objects
 
@@ -45,7 +46,14 @@ class Study:
 
     corpus: Callable[..., Bunch]
     folder: Path
+    procedures: list[str]
+    """All that the corpus knows."""
     sensors: list[str]
+    coders: dict[str, KSVDTransformer | STHMPTransformer]
+    """Those given in place of the defaults."""
+    update: str
+    dictionaries: str
+    standardise: bool
     split: str
     n_splits: int
     n_repeats: int
@@ -81,3 +89,10 @@ class Study:
             n_repeats=self.n_repeats,
             seed=self.seed("split", name),
         )
+
+    def features_unit(self, procedure, sensor, adjective, fold):
+        """Name of the unit of the features that a fold takes from a sensor."""
+        unit = "features", procedure, sensor
+        if self.dictionaries == "all objects":
+            return unit
+        return *unit, adjective if self.split == "paper" else "all", fold

@@ -14,7 +14,8 @@ def compute_trials(study, procedure):
     """Return a table of trials, one row per trial, and an empty record.
 
     Columns: ``trial``, its name; ``object``; and, for each adjective and level such as
-    ``rough_1``, how many people chose that level.
+    ``rough_1``, how many people chose that level; and where the corpus knows the
+    truth, such as ``rough_1_true``, the probability of that level in the population.
     """
     corpus = study.corpus(procedure=procedure, sensors=study.sensors[:1])
     if not corpus.ratings:
@@ -26,6 +27,9 @@ def compute_trials(study, procedure):
         check_text(adjective, "The adjective")
         for k, count in enumerate(np.asarray(counts).T, start=1):
             columns[f"{adjective}_{k}"] = count
+    for adjective, proba in corpus.get("true_proba", {}).items():
+        for k, p in enumerate(np.asarray(proba, dtype=float).T, start=1):
+            columns[f"{adjective}_{k}_true"] = p
     return pd.DataFrame(columns), {}
 
 
@@ -94,10 +98,15 @@ def check_ids(ids, name):
 
 def adjectives_of(trials):
     """Return the adjectives in a table made by `compute_trials`."""
-    counts = trials.columns.drop(["trial", "object"])
+    counts = trials.filter(regex=r"_\d+$").columns
     return list(dict.fromkeys(name.rpartition("_")[0] for name in counts))
 
 
 def counts_of(trials, adjective):
     """Return counts (n_trials, n_levels) from a table made by `compute_trials`."""
     return trials.filter(regex=rf"^{re.escape(adjective)}_\d+$").to_numpy()
+
+
+def truth_of(trials, adjective):
+    """Return probabilities (n_trials, n_levels); no columns if they are not known."""
+    return trials.filter(regex=rf"^{re.escape(adjective)}_\d+_true$").to_numpy()

@@ -1,0 +1,326 @@
+"""The paper's study, done again by hand, and the tables that compare its networks."""
+
+from functools import partial
+from itertools import product
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import friedmanchisquare, wilcoxon
+from sklearn.base import clone
+from sklearn.frozen import FrozenEstimator
+from sklearn.utils import Bunch
+
+from sklearn_haptic import (
+    PAPER_2020,
+    DistributionalOrdinalRegressor,
+    KSVDTransformer,
+    SensorFusionNNPOM,
+    metrics,
+)
+from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.study import (
+    compare_procedures,
+    compare_sensors,
+    read_study,
+    run_study,
+    score_table,
+)
+from sklearn_haptic.study._store import read_settings, read_unit
+from sklearn_haptic.study._study import derive_seed
+
+pytestmark = pytest.mark.slow
+
+SENSORS = ["pdc", "tdc"]
+CELLS = {"squeeze": (16, 8, 4, 2, 1), "fast_slide": (8, 4, 2, 1)}
+WINDOWED = {"pdc": 25, "tdc": 10}  # atoms
+GRID = list(product([1, 3], [0.1, 1.0]))
+CORPUS = partial(make_haptic_corpus, 10, 3, random_state=0)
+SETTINGS = {
+    "preset": "paper",
+    "adjectives": ["hard", "cold"],
+    "procedures": ["squeeze", "fast_slide"],
+    "sensors": SENSORS,
+    "n_hidden": [1, 3],
+    "alpha": [0.1, 1.0],
+    "n_starts": 2,
+    "verbose": False,
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The folder of a finished study; not to be changed."""
+    folder = tmp_path_factory.mktemp("paper")
+    run_study(CORPUS, folder, **SETTINGS)
+    return folder
+
+
+def macro_error(counts, proba):
+    """Equation 3 by loops: the mean over trials, from 99 positions."""
+    errors = []
+    for count, p in zip(counts, proba):
+        by_level = {}
+        for i in range(1, 100):
+            true = np.searchsorted(np.cumsum(count) * 100, i * count.sum())
+            # One rating a position, so shares are whole numbers of 99ths.
+            predicted = np.searchsorted(np.cumsum(p) * 99, i - 0.5)
+            by_level.setdefault(true, []).append(abs(true - predicted))
+        errors.append(np.mean([np.mean(each) for each in by_level.values()]))
+    return errors
+
+
+def test_the_papers_features(folder):
+    """Levels by procedure, K-SVD with exact update, means kept, nothing rescaled."""
+    for procedure, sensor in product(CELLS, SENSORS):
+        features = read_unit(folder, ("features", procedure, sensor))[0]
+        trials = list(CORPUS(procedure=procedure, sensors=[sensor]).trials[sensor])
+        coder = KSVDTransformer(
+            WINDOWED[sensor],
+            window=50,
+            max_iter=0,
+            remove_mean=False,
+            dict_init=features["dictionary"],
+        )
+        codes = coder.fit(trials).transform(trials)
+        for i, row in enumerate(features["features"]):
+            pooled = []
+            for n in CELLS[procedure]:
+                for cell in range(n):
+                    n_windows = len(codes[i])
+                    first, last = cell * n_windows // n, (cell + 1) * n_windows // n
+                    if n > n_windows:  # a window and its neighbours
+                        middle = (2 * cell + 1) * n_windows // (2 * n)
+                        first, last = max(middle - 1, 0), middle + 2
+                    pooled.append(codes[i][first:last].max(axis=0))
+            np.testing.assert_allclose(
+                row, np.concatenate(pooled), rtol=1e-4, atol=1e-2
+            )
+
+
+def test_the_papers_dictionaries_are_exact(folder, tmp_path):
+    settings = SETTINGS | {"adjectives": ["hard"], "procedures": ["squeeze"]}
+    run_study(CORPUS, tmp_path, **settings | {"update": "approximate"})
+    exact, approximate = (
+        read_unit(each, ("features", "squeeze", "tdc"))[0]["dictionary"]
+        for each in (folder, tmp_path)
+    )
+    assert not np.allclose(exact, approximate)
+    stored = read_settings(folder)
+    assert (stored["update"], stored["standardise"]) == ("exact", False)
+    assert stored["split"] == "paper"
+    assert "neg_macro_mae_scorer" in stored["scoring"]
+
+
+@pytest.mark.parametrize("adjective", ["hard", "cold"])
+def test_the_papers_study_by_hand(folder, adjective):
+    """Split, grid, choice by the macro-averaged error, starts, holdouts, scores."""
+    study = read_study(folder)
+    corpus = CORPUS(procedure="squeeze", sensors=["tdc"])
+    y, objects = corpus.ratings[adjective], corpus.objects
+    mine = study.scores.query("procedure == 'squeeze' and adjective == @adjective")
+    singly = study.sensor_scores.query(
+        "procedure == 'squeeze' and adjective == @adjective"
+    )
+    chosen = study.choices.query("procedure == 'squeeze' and adjective == @adjective")
+    chosen = chosen.set_index("network")
+
+    # 80 %, 10 % and 10 % of the objects, at random for the adjective.
+    rng = np.random.RandomState(derive_seed(0, "split", adjective))
+    names = np.unique(objects)
+    test = np.isin(objects, rng.permutation(names)[:1])
+    rest = np.unique(objects[~test])
+    validation = np.isin(objects, rng.permutation(rest)[:1])
+    train = ~test & ~validation
+    assert set(mine["object"]) == set(objects[test])
+
+    def fitted(estimator, X, *name):
+        model = DistributionalOrdinalRegressor(
+            **PAPER_2020 | {"estimator": estimator},
+            random_state=derive_seed(0, "squeeze", adjective, 0, *name),
+        )
+        return model.fit(X[train], y[train], X_val=X[validation], y_val=y[validation])
+
+    def network(n_hidden, alpha):
+        network = clone(PAPER_2020["estimator"])
+        return network.set_params(n_hidden=n_hidden, alpha=alpha)
+
+    def search(make, X, name):
+        best = None
+        for n_hidden, alpha in GRID:
+            model = fitted(make(n_hidden, alpha), X, name, n_hidden, alpha)
+            proba = model.predict_proba(X[validation])
+            error = np.mean(macro_error(y[validation], proba))
+            if best is None or error < best[0] - 1e-12:
+                best = error, n_hidden, alpha, model
+        error, n_hidden, alpha, model = best
+        row = chosen.loc[name]
+        assert (row["n_hidden"], row["alpha"]) == (n_hidden, alpha)
+        assert row["score"] == pytest.approx(-error, abs=1e-10)
+        return model
+
+    blocks, frozen, columns, at = [], {}, {}, 0
+    for sensor in SENSORS:
+        X = read_unit(folder, ("features", "squeeze", sensor))[0]["features"]
+        X = X.astype(float)
+        model = search(network, X, sensor)
+        frozen[sensor] = FrozenEstimator(model.estimator_)
+        blocks.append(X)
+        columns[sensor] = slice(at, at + X.shape[1])
+        at += X.shape[1]
+        rows = singly[singly["network"] == sensor]
+        proba = model.predict_proba(X[test])
+        np.testing.assert_allclose(rows.filter(like="proba_"), proba, atol=1e-10)
+        np.testing.assert_allclose(
+            rows["macro_mae"], macro_error(y[test], proba), atol=1e-10
+        )
+    X = np.hstack(blocks)
+    search(
+        lambda *size: SensorFusionNNPOM(columns, frozen, network(*size)), X, "combined"
+    )
+    size = chosen.loc["combined", ["n_hidden", "alpha"]]
+    final = network(int(size["n_hidden"]), float(size["alpha"]))
+    for start, held_out in product(range(2), (None, *SENSORS)):
+        fusion = SensorFusionNNPOM(columns, frozen, final, held_out=held_out)
+        proba = fitted(fusion, X, "start", start).predict_proba(X[test])
+        rows = mine[
+            (mine["start"] == start) & (mine["held_out"] == (held_out or "none"))
+        ]
+        np.testing.assert_allclose(rows.filter(like="proba_"), proba, atol=1e-10)
+        np.testing.assert_allclose(
+            rows["macro_mae"], macro_error(y[test], proba), atol=1e-10
+        )
+
+
+def test_score_table(folder):
+    study = read_study(folder)
+    table = score_table(study, metric="rps")
+    guesses = ["marginal", "barycentre"]
+    assert [*table][: 1 + len(SENSORS)] == ["combined", *SENSORS]
+    assert {*table} == {"combined", *SENSORS, *guesses, "truth", "no_better"}
+    for (adjective, procedure), row in table.iterrows():
+        corpus = CORPUS(procedure=procedure, sensors=["tdc"])
+        rows = study.scores.query(
+            "adjective == @adjective and procedure == @procedure and held_out == 'none'"
+        )
+        assert row["combined"] == pytest.approx(rows["rps"].mean())
+        test = np.isin(corpus.objects, rows["object"])
+        truth = metrics.ranked_probability_score(
+            corpus.ratings[adjective][test], corpus.true_proba[adjective][test]
+        )
+        assert row["truth"] == pytest.approx(truth)
+        assert row["no_better"] == (row["combined"] >= row[guesses].min())
+
+
+@pytest.fixture(scope="module")
+def kfold(tmp_path_factory):
+    settings = SETTINGS | {"preset": "default", "n_splits": 2, "n_repeats": 1}
+    settings |= {"procedures": ["squeeze", "hold", "fast_slide"], "n_hidden": [1]}
+    return run_study(CORPUS, tmp_path_factory.mktemp("kfold"), **settings)
+
+
+def test_sensors_compared_by_hand(kfold):
+    comparison = compare_sensors(kfold, by="adjective").set_index(
+        ["adjective", "network"]
+    )
+    full = kfold.scores.query("held_out == 'none'")
+    for (adjective, sensor), row in comparison.iterrows():
+        of_sensor = kfold.sensor_scores[kfold.sensor_scores["network"] == sensor]
+        single, combined = (
+            table[table["adjective"] == adjective].groupby("object")["macro_mae"].mean()
+            for table in (of_sensor, full)
+        )
+        assert row["n_objects"] == 10
+        assert row["difference"] == pytest.approx((single - combined).mean())
+        assert row["p_objects"] == pytest.approx(wilcoxon(single - combined).pvalue)
+
+
+def test_procedures_compared_by_hand(kfold):
+    comparison = compare_procedures(kfold, metric="rps").set_index("adjective")
+    full = kfold.scores.query("held_out == 'none'")
+    for adjective, row in comparison.iterrows():
+        cell = full[full["adjective"] == adjective]
+        of_procedure = dict(iter(cell.groupby("procedure")))
+        columns = [
+            of_procedure[name].groupby("object")["rps"].mean()
+            for name in ("squeeze", "hold", "fast_slide")
+        ]
+        assert row["squeeze"] == pytest.approx(columns[0].mean())
+        result = friedmanchisquare(*columns)
+        assert row["statistic"] == pytest.approx(result.statistic)
+        assert row["p_objects"] == pytest.approx(result.pvalue)
+    assert len(compare_procedures(kfold, by=None)) == 1
+
+
+def test_dictionaries_of_training_objects(tmp_path):
+    """Recordings of other objects do not change them; those of the default do."""
+    settings = SETTINGS | {"adjectives": ["hard"], "procedures": ["squeeze"]}
+    settings |= {"sensors": ["tdc"], "alpha": [1.0], "n_starts": 1}
+    study = run_study(CORPUS, tmp_path / "all", **settings)
+    tested = study.scores["object"].unique()
+
+    def learned(corpus, dictionaries, *fold):
+        folder = tmp_path / f"{dictionaries} {id(corpus)}"
+        run_study(corpus, folder, **settings | {"dictionaries": dictionaries})
+        unit = "features", "squeeze", "tdc", *fold
+        return read_unit(folder, unit)[0]["dictionary"]
+
+    corpus = {"squeeze": CORPUS(procedure="squeeze")}
+    changed = {"squeeze": Bunch(**corpus["squeeze"])}
+    trials = corpus["squeeze"].trials.copy()
+    of_test = np.isin(corpus["squeeze"].objects, tested)
+    trials["tdc"] = [
+        x + np.sin(np.arange(len(x)))[:, None] * 50 if test else x
+        for x, test in zip(trials["tdc"], of_test)
+    ]
+    changed["squeeze"].trials = trials
+    fold = "hard", 0
+    one = learned(corpus, "training objects", *fold)
+    np.testing.assert_array_equal(learned(changed, "training objects", *fold), one)
+    one = learned(corpus, "all objects")
+    assert not np.allclose(learned(changed, "all objects"), one)
+
+
+def test_corpus_in_memory_is_that_of_a_function(tmp_path):
+    settings = SETTINGS | {"preset": "default", "split": "paper"}
+    settings |= {"n_hidden": [1], "alpha": [1.0]}
+    expected = run_study(CORPUS, tmp_path / "function", **settings)
+    corpus = {p: dict(CORPUS(procedure=p)) for p in settings["procedures"]}
+    study = run_study(corpus, tmp_path / "memory", n_jobs=2, **settings)
+    for name in ("scores", "sensor_scores", "choices", "baselines", "truth"):
+        pd.testing.assert_frame_equal(study[name], expected[name], check_exact=True)
+
+
+def test_any_procedures_and_sensors(tmp_path):
+    rng = np.random.default_rng(0)
+    objects = np.repeat(["cork", "felt", "foam", "wool"], 3)
+    trials = {
+        "my_mic": [rng.normal(size=(rng.integers(60, 90), 2)) for _ in objects],
+        "skin": [rng.normal(size=(9, 4, 5)) for _ in objects],
+    }
+    columns = {
+        name: pd.Series(list(each), dtype=object) for name, each in trials.items()
+    }
+    touches = {
+        "trials": pd.DataFrame(columns),
+        "objects": objects,
+        "ratings": {"itchy": rng.integers(1, 5, size=(12, 4))},
+    }
+    settings = {"n_hidden": [1], "alpha": [1.0], "n_starts": 1, "split": "paper"}
+    study = run_study({"stroke it": touches}, tmp_path / "a", verbose=False, **settings)
+    assert [*score_table(study)][:3] == ["combined", "my_mic", "skin"]
+    assert study.truth.empty
+    sensors = {"my_mic": KSVDTransformer(5, window=8)}
+    run_study(
+        {"stroke it": touches},
+        tmp_path / "b",
+        sensors=sensors,
+        verbose=False,
+        **settings,
+    )
+    arrays, _ = read_unit(tmp_path / "b", ("features", "stroke it", "my_mic"))
+    assert arrays["dictionary"].shape == (5, 8)
+    with pytest.raises(ValueError, match="holds a study with coders="):
+        run_study(
+            {"stroke it": touches}, tmp_path / "b", sensors=["my_mic"], **settings
+        )
