@@ -314,6 +314,12 @@ def run_study(
     procedures = check_names(procedures, known_procedures, "procedure", "the corpus")
     open_study(study.folder, study.settings)
 
+    _complete_study(study, procedures, adjectives, n_jobs, verbose)
+    return read_study(study.folder)
+
+
+def _complete_study(study, procedures, adjectives, n_jobs, verbose):
+    """Compute the units that are not finished: trials, then features, then models."""
     trials = list(product(["trials"], procedures))
     complete_units(study, trials, n_jobs=n_jobs)
     models = [
@@ -331,7 +337,6 @@ def run_study(
     # Models read features alone: recordings in memory are not sent to other processes.
     study = replace(study, corpus=_forgotten)
     complete_units(study, models, n_jobs=n_jobs, report=report)
-    return read_study(study.folder)
 
 
 def _forgotten(**_):
