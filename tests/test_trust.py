@@ -61,7 +61,13 @@ from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 from sklearn_haptic.datasets._rated import ADJECTIVES
 from sklearn_haptic.model_selection import sensor_contributions, sensor_subsets
 from sklearn_haptic.models._quantile_positions import population_quadrature
-from sklearn_haptic.study import read_study, run_study
+from sklearn_haptic.study import (
+    compare_procedures,
+    compare_sensors,
+    read_study,
+    run_study,
+    score_table,
+)
 from sklearn_haptic.study._store import open_study, write_unit
 
 matplotlib.use("Agg")
@@ -277,6 +283,7 @@ def test_pickles_are_no_corpus(tmp_path, payload):
 
 
 SCORES = pd.DataFrame({"trial": ["cup_602_01"], "rps": [0.1]})
+NOTHING = {"choices": [], "baselines": [], "truth": []}
 
 
 @pytest.fixture
@@ -285,7 +292,8 @@ def folder(tmp_path):
     (tmp_path / "secret.csv").write_text("trial,rps\nsecret,1\n")
     folder = tmp_path / "study"
     open_study(folder, {})
-    write_unit(folder, ("models", "hold", "hard", 0), SCORES, choices=[], baselines=[])
+    table = SCORES.assign(network="combined")
+    write_unit(folder, ("models", "hold", "hard", 0), table, **NOTHING)
     return folder
 
 
@@ -334,7 +342,8 @@ def test_text_of_a_study_stays_text(folder, payload):
     code = f"__import__('os').mkdir({str(payload.trace)!r})"
     table = pd.DataFrame({"trial": [code, "=1+1"], code: [code, "{{1}}"]})
     unit = "models", "hold", "hard", 0
-    write_unit(folder, unit, table, choices=[{"!": code}], baselines=[])
+    record = NOTHING | {"choices": [{"!": code}]}
+    write_unit(folder, unit, table.assign(network="combined"), **record)
     result = read_study(folder)
     pd.testing.assert_frame_equal(result.scores, table)
     assert result.choices["!"].tolist() == [code]
@@ -733,6 +742,7 @@ def calls_of_functions(folder):
     seeded = ("make_haptic_pipeline", "make_haptic_corpus")
     calls |= {name: partial(calls[name], random_state=0) for name in seeded}
     tiny = STUDY | {"adjectives": ["hard"], "n_repeats": 1}
+    tiny["procedures"] = ["fast_slide", "hold"]
     return calls | {
         "load_phac2": lambda: load_phac2(
             folder / "corpus.h5", ratings=folder / "ratings.mat"
@@ -741,6 +751,9 @@ def calls_of_functions(folder):
         "sensor_subsets": scores_of_subsets,
         "run_study": lambda: run_study(folder=folder / "study", **tiny),
         "read_study": lambda: read_study(folder / "study"),
+        "score_table": lambda: score_table(read_study(folder / "study")),
+        "compare_sensors": lambda: compare_sensors(read_study(folder / "study")),
+        "compare_procedures": lambda: compare_procedures(read_study(folder / "study")),
     }
 
 

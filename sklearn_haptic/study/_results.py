@@ -79,7 +79,7 @@ def read_study(folder: str | PathLike[str]) -> Bunch:
             )
     scores = pd.concat([table for table, _ in units], ignore_index=True)
     combined = scores["network"] == "combined"
-    of_sensors = scores[~combined].drop(columns=["held_out", "start"])
+    of_sensors = scores[~combined].drop(columns=["held_out", "start"], errors="ignore")
     return Bunch(
         scores=scores[combined].drop(columns="network").reset_index(drop=True),
         sensor_scores=of_sensors.reset_index(drop=True),
