@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.linear_model import orthogonal_mp_gram
 
-from sklearn_haptic.features import _sparse_coding
 from sklearn_haptic.features._sparse_coding import batch_omp, dense_codes, row_norms
 
 DTYPES = [np.float64, np.float32]
@@ -224,13 +223,14 @@ def test_more_coefficients_than_features_reconstructs():
     )
 
 
-def test_chunks_do_not_show(monkeypatch):
+def test_many_signals_are_coded_as_few_are():
     rng = np.random.default_rng(8)
     atoms = random_dictionary(25, 50, rng)
-    signals = rng.normal(size=(100, 50))
-    codes = codes_of(signals, atoms, 4)
-    monkeypatch.setattr(_sparse_coding, "_CHUNK_SIZE", 7)
-    np.testing.assert_allclose(codes_of(signals, atoms, 4), codes, rtol=1e-12)
+    signals = rng.normal(size=(20_011, 50))
+    few = [codes_of(some, atoms, 4) for some in np.array_split(signals, 200)]
+    np.testing.assert_allclose(
+        codes_of(signals, atoms, 4), np.concatenate(few), rtol=1e-12
+    )
 
 
 def test_more_atoms_than_a_byte_counts():

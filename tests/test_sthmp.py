@@ -11,7 +11,7 @@ from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic._biotac import biotac_layout
 from sklearn_haptic._sequences import Sequences
-from sklearn_haptic.features import _dictionary_coder, _sthmp
+from sklearn_haptic.features import _dictionary_coder
 from sklearn_haptic.features._dictionary_coder import encode
 from sklearn_haptic.features._pooling import TemporalMaxPool
 from sklearn_haptic.features._sthmp import (
@@ -333,13 +333,13 @@ def test_frames_are_of_norm_one():
         np.testing.assert_allclose(np.linalg.norm(frames, axis=1), 1)
 
 
-def test_chunks_do_not_change_the_result(monkeypatch):
-    trials = electrodes()
-    estimator = small().fit(trials)
-    expected = list(estimator.transform(trials))
-    monkeypatch.setattr(_sthmp, "_CHUNK_SIZE", 50)
-    for frames, whole in zip(estimator.transform(trials), expected):
-        np.testing.assert_allclose(frames, whole, atol=1e-12)
+def test_frames_of_a_long_trial_are_coded_as_alone():
+    """Their 10,000 patches per finger are more than are coded at a time."""
+    (trial,) = electrodes((2_000,))
+    estimator = small().fit([trial])
+    (frames,) = estimator.transform([trial])
+    alone = estimator.transform([frame[np.newaxis] for frame in trial[::97]])
+    np.testing.assert_allclose(frames[::97], np.concatenate(list(alone)), atol=1e-12)
 
 
 # The estimator
