@@ -32,30 +32,11 @@ class Candidates(NamedTuple):
 def read_candidates(search, metric=None):
     """Read cost, score and standard error of each candidate of a search.
 
-    Parameters
-    ----------
-    search : fitted search or dict
-        The search, or its ``cv_results_``. In a search by successive halving only
-        the last iteration counts, the one with the most resources.
-    metric : str, default=None
-        Name of the score; by default that of ``refit``, or the only one.
-
-    Returns
-    -------
-    candidates : Candidates
-        Arrays of shape (n_candidates,), in the order of the search.
-
-    Raises
-    ------
-    ValueError
-        If the metric is unknown or not given among several, there are fewer than
-        two splits, or no score is finite.
-
-    Warns
-    -----
-    UserWarning
-        If the search did not time how its candidates predict. Their cost is then the
-        mean time to fit and score them on one fold.
+    The search, its ``cv_results_`` and the metric are those of
+    `speed_accuracy_frontier`, and so are the errors and the warning where the search
+    did not time how its candidates predict: their cost is then the mean time to fit and
+    score them on one fold. In a search by successive halving only the last iteration
+    counts. The arrays are in the order of the search.
     """
     if isinstance(search, Mapping):
         results = search
@@ -136,19 +117,10 @@ def _check_metric(results, metric):
 
 
 def is_non_dominated(cost, score):
-    """Tell which candidates no other beats in cost and score.
+    """Tell which candidates no other beats in cost and score, both of one shape.
 
-    Parameters
-    ----------
-    cost : ndarray of shape (n_candidates,)
-        Lower is better.
-    score : ndarray of shape (n_candidates,)
-        Higher is better.
-
-    Returns
-    -------
-    mask : ndarray of shape (n_candidates,)
-        True on the frontier. Candidates equal in both do not dominate each other.
+    Lower cost and higher score are better. Candidates equal in both do not dominate
+    each other.
     """
     costs, group = np.unique(cost, return_inverse=True)
     best = np.full(len(costs), -np.inf)
@@ -161,17 +133,8 @@ def best_and_cheapest(candidates):
     """Choose by score, and by cost within one standard error of the best score.
 
     Costs up to a tenth above the lowest count as equally low; of these candidates, the
-    one with the best score is chosen.
-
-    Parameters
-    ----------
-    candidates : Candidates
-        As read by :func:`read_candidates`.
-
-    Returns
-    -------
-    best, cheapest : int
-        Positions in the arrays of ``candidates``.
+    one with the best score is chosen. Returned are the positions of the best and of the
+    cheapest in the arrays of `candidates`.
     """
     _, seconds, score, score_se, *_ = candidates
     best = np.lexsort((seconds, -score))[0]

@@ -33,10 +33,8 @@ def check_ratings(y, levels=None, *, name="y"):
 
     Returns
     -------
-    counts : ndarray of shape (n_trials, n_levels)
-        Counts as float64.
+    counts : ndarray of float64 of shape (n_trials, n_levels)
     levels : ndarray of shape (n_levels,)
-        The ordered levels.
 
     Raises
     ------
@@ -109,29 +107,10 @@ def check_two_ratings(counts, name):
 def check_distributions(y_true, y_proba, levels):
     """Validate ratings and the distributions predicted for them.
 
-    Parameters
-    ----------
-    y_true : array-like of shape (n_trials,) or (n_trials, n_levels)
-        As `check_ratings` takes it.
-    y_proba : array-like of shape (n_trials, n_levels)
-        Predicted probability of each level.
-    levels : array-like of shape (n_levels,) or None
-        The ordered levels; by default those of ``y_true``, or else of ``y_proba``.
-
-    Returns
-    -------
-    counts : ndarray of shape (n_trials, n_levels)
-        Counts as float64.
-    proba : ndarray of shape (n_trials, n_levels)
-        Probabilities that sum to 1.
-    levels : ndarray of shape (n_levels,)
-        The ordered levels.
-
-    Raises
-    ------
-    ValueError
-        As `check_ratings` does, if a row of ``y_proba`` is no distribution, or if the
-        shapes differ.
+    Return the counts, the probabilities (rows sum to 1), both of shape (n_trials,
+    n_levels) and float64, and the levels: by default those of ``y_true``, or else of
+    ``y_proba``. Errors are those of `check_ratings`, and a ValueError if a row of
+    ``y_proba`` is no distribution or the shapes differ.
     """
     if levels is None and not names_levels(y_true):  # the predictions may name them
         levels, _ = levels_of_columns(y_proba, None, "y_proba")
@@ -164,28 +143,10 @@ def check_distributions(y_true, y_proba, levels):
 def check_predicted_ratings(y_true, y_pred, levels, n_positions):
     """Validate ratings and those predicted at quantile positions.
 
-    Parameters
-    ----------
-    y_true : array-like of shape (n_trials,) or (n_trials, n_levels)
-        As `check_ratings` takes it.
-    y_pred : array-like of shape (n_trials, n_positions)
-        Predicted ratings, numbers or words.
-    levels : array-like of shape (n_levels,) or None
-        The ordered levels; by default those of ``y_true``.
-    n_positions : int
-
-    Returns
-    -------
-    counts : ndarray of shape (n_trials, n_levels)
-        Counts as float64.
-    predicted : ndarray of int of shape (n_trials, n_positions)
-        Indices of levels.
-
-    Raises
-    ------
-    ValueError
-        As `check_ratings` does, if a predicted rating is not among the levels, or if
-        the shapes differ.
+    ``y_pred``, numbers or words, has the shape (n_trials, n_positions). Return the
+    counts, of shape (n_trials, n_levels), and the predicted ratings as indices of
+    levels, by default those of ``y_true``. Errors are those of `check_ratings`, and a
+    ValueError if a predicted rating is not among the levels or the shapes differ.
     """
     counts, levels = check_ratings(y_true, levels, name="y_true")
     ratings = check_regular(y_pred, "y_pred")
@@ -220,30 +181,11 @@ def weighted(counts, sample_weight):
 def validate_rated_trials(estimator, X, y, levels=None):
     """Validate what is given to ``fit``: features and ratings of trials.
 
-    Parameters
-    ----------
-    estimator : estimator object
-        Gets ``n_features_in_`` and, of a DataFrame, ``feature_names_in_``.
-    X : array-like of shape (n_trials, n_features)
-    y : array-like of shape (n_trials,), (n_trials, n_levels) or \
-            (n_trials, n_adjectives, n_levels)
-        As `check_ratings` takes it, or such counts of each of several adjectives.
-    levels : array-like of shape (n_levels,), default=None
-        As in `check_ratings`.
-
-    Returns
-    -------
-    X : ndarray of shape (n_trials, n_features)
-        Features as float64.
-    counts : ndarray of shape (n_trials, n_levels) or (n_trials, n_adjectives, n_levels)
-        Counts as float64.
-    levels : ndarray of shape (n_levels,)
-        The ordered levels.
-
-    Raises
-    ------
-    ValueError
-        As scikit-learn's validation and `check_ratings` do.
+    ``y`` is what `check_ratings` takes, or such counts of several adjectives, of shape
+    (n_trials, n_adjectives, n_levels). The estimator gets ``n_features_in_`` and, of a
+    DataFrame, ``feature_names_in_``. Return the features and counts as float64, and the
+    ordered levels. Errors are those of scikit-learn's validation and of
+    `check_ratings`.
     """
     # Not `y` itself: what it is turned into no longer says what its levels are.
     required = None if y is None else "no_validation"
@@ -307,9 +249,7 @@ def match_levels(ratings, container, levels, name, *, row="trial", rows=None):
     Returns
     -------
     matches : ndarray of bool of shape (n_ratings, n_levels)
-        Which level each rating is.
     levels : ndarray of shape (n_levels,)
-        The ordered levels.
 
     Raises
     ------

@@ -109,20 +109,10 @@ def check_trials(X, *, ndims=(2,), n_channels=None, names=None):
 
 
 def check_sequences(sequences, *, n_columns=None):
-    """Check the lengths and columns of sequences without computing any array.
+    """Check the lengths and columns of `Sequences` without computing any array.
 
-    Parameters
-    ----------
-    sequences : Sequences
-        Sequences to check.
-    n_columns : int, default=None
-        Required number of columns; by default any.
-
-    Raises
-    ------
-    ValueError
-        If there are no sequences, or if one is empty or has another number of columns.
-        The message names the trial.
+    A ValueError says that there are none, or names the trial that is empty or has not
+    `n_columns` columns, if these are given.
     """
     _check_any(sequences)
     for i, length in enumerate(sequences.lengths):

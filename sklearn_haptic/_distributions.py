@@ -30,17 +30,8 @@ def quantile_grid(n_quantiles):
 def level_at(counts, p):
     """Return the inverse CDF, as indices of levels.
 
-    Parameters
-    ----------
-    counts : ndarray of shape (..., n_levels)
-        Non-negative counts, weights or probabilities, not all zero.
-    p : float or ndarray broadcastable to (..., n_p)
-        Quantile positions within [0, 1]; a vector is shared by all distributions.
-
-    Returns
-    -------
-    index : ndarray of int of shape (..., n_p)
-        Index of the level at each position, from 0.
+    Of counts of shape (..., n_levels) it is taken at quantile positions `p` within [0,
+    1], broadcastable to (..., n_p); a vector is shared by all distributions.
     """
     below = np.cumsum(counts, axis=-1, dtype=np.float64)
     below = np.ldexp(below, -np.frexp(below[..., -1:])[1])  # totals in [1/2, 1)
@@ -58,19 +49,10 @@ def level_at(counts, p):
 
 
 def macro_error(predicted, true, counted=True):
-    """Return the absolute error per trial, averaged over the levels true in it.
+    """Return the absolute error per trial, in levels, averaged over those true in it.
 
-    Parameters
-    ----------
-    predicted, true : ndarray of int of shape (n_trials, n_observations)
-        Indices of levels.
-    counted : bool or ndarray of bool of shape (n_trials, n_observations), default=True
-        Which observations count; at least one per trial.
-
-    Returns
-    -------
-    error : ndarray of shape (n_trials,)
-        Errors in levels.
+    `predicted` and `true` are indices of levels, of shape (n_trials, n_observations),
+    and `counted` says which observations count, at least one per trial.
     """
     error = np.abs(predicted - true)
     total = np.zeros(len(error))

@@ -16,21 +16,8 @@ from sklearn.utils.metadata_routing import (
 def make_splitter(estimator, y, groups=None, cv=None):
     """Return a splitter of trials: by group, if groups are given and cv is a number.
 
-    Parameters
-    ----------
-    estimator : estimator object
-        Without groups, the labels of a classifier are stratified.
-    y : array-like of shape (n_trials, ...)
-        Labels or counts.
-    groups : array-like of shape (n_trials,), default=None
-        The object of each trial.
-    cv : int, splitter or iterable, default=None
-        A number of folds, by default 5; or a splitter, or the folds themselves.
-
-    Returns
-    -------
-    splitter : object
-        An object with the method ``split(X, y, groups)``.
+    The number of folds is 5 if `cv` is None; a splitter or the folds themselves are
+    used as they are. Without groups, the labels `y` of a classifier are stratified.
 
     Examples
     --------
@@ -50,20 +37,8 @@ def make_splitter(estimator, y, groups=None, cv=None):
 def route(estimator, splitter, groups, params):
     """Return the arguments of the splitter's ``split`` and of the estimator's ``fit``.
 
-    Parameters
-    ----------
-    estimator : estimator object
-        The estimator to fit.
-    splitter : object
-        A splitter, as `make_splitter` returns it.
-    groups : array-like of shape (n_trials,) or None
-        Groups for the splitter; with metadata routing, for whichever requests them.
-    params : dict
-        Arguments for ``fit``; with metadata routing, for whichever requests them.
-
-    Returns
-    -------
-    for_split, for_fit : dict
+    Groups are for the splitter and `params`, a dict, for ``fit``; with metadata
+    routing, both are for whichever requests them.
 
     Examples
     --------
@@ -89,26 +64,11 @@ def route(estimator, splitter, groups, params):
 
 
 def validation_split(n_trials, groups, fraction, random_state):
-    """Divide trials into training and validation trials, whole groups if there are any.
+    """Divide trials into training and validation trials; return the indices of both.
 
-    Parameters
-    ----------
-    n_trials : int
-    groups : array-like of shape (n_trials,) or None
-        The object of each trial.
-    fraction : float
-        Share of the objects, or of the trials, for validation; at least one.
-    random_state : int, RandomState instance or None
-
-    Returns
-    -------
-    train, validation : ndarray of int
-        Indices of trials.
-
-    Raises
-    ------
-    ValueError
-        If nothing would be left to train on.
+    If the object of each trial is given as `groups`, objects stay whole. `fraction` is
+    the share of the objects, or of the trials, that validates, at least one. If nothing
+    would be left to train on, a ValueError says so.
     """
     units = "trial" if groups is None else "object"
     n_units = n_trials if groups is None else len(np.unique(groups))

@@ -15,32 +15,23 @@ FULL_MODEL = "none"
 def fit_holdouts(regressor, X, y, *, random_state, groups=None, X_val=None, y_val=None):
     """Fit the full model, and one holdout per sensor, from one start.
 
-    The networks of the sensors are fitted once, with the full model; the holdouts
-    share them.
+    The networks of the sensors are fitted once, with the full model; the holdouts share
+    them.
 
     Parameters
     ----------
     regressor : DistributionalOrdinalRegressor
         A regressor whose estimator is a `SensorFusionNNPOM`; it is cloned.
-    X : array-like of shape (n_trials, n_features)
-        Features of each trial.
-    y : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people gave the trial's object each rating, or one rating.
+    X, y, groups, X_val, y_val
+        As in :meth:`DistributionalOrdinalRegressor.fit`.
     random_state : int
         The start.
-    groups, X_val, y_val : array-like, default=None
-        As in :meth:`DistributionalOrdinalRegressor.fit`.
 
     Returns
     -------
     models : dict of str to DistributionalOrdinalRegressor
         The fitted models by the sensor held out. The first, ``"none"``, is the full
-        model.
-
-    Raises
-    ------
-    ValueError
-        If a sensor is called "none".
+        model; no sensor may be called so, else a ValueError is raised.
 
     Examples
     --------

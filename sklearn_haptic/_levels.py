@@ -42,28 +42,11 @@ def in_alphabetical_order(table):
 
 
 def levels_of_ratings(values, container, levels, name):
-    """Find the levels of ratings.
+    """Find the levels of ratings, an ndarray without missing values.
 
-    Parameters
-    ----------
-    values : ndarray of shape (n_ratings,)
-        The ratings, none of them missing.
-    container : array-like
-        What they were taken from.
-    levels : ndarray of shape (n_levels,) or None
-        The levels if they are given.
-    name : str
-        What messages call the ratings.
-
-    Returns
-    -------
-    levels : ndarray of shape (n_levels,)
-        The ordered levels; a rating may still not be among them.
-
-    Warns
-    -----
-    UserWarning
-        If the ratings are words, and nothing tells their order.
+    Their `container` may name the levels unless these are given; `name` is what
+    messages call the ratings. A rating may still not be among the levels. If the
+    ratings are words and nothing tells their order, a UserWarning says so.
     """
     if levels is not None:
         return levels

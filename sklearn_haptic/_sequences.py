@@ -42,13 +42,11 @@ class Sequences(Sequence[FloatArray]):
     Attributes
     ----------
     feature_names : ndarray of str objects of shape (n_columns,)
-        Names of the columns.
     row_index : pandas.Index of shape (n_trials,) or None
-        Index of the trials.
     lengths : list of int of shape (n_trials,)
-        Number of rows of each array, known without computing any array.
+        Known without computing any array.
     unit : str
-        What one row stands for, such as "windows" or "frames".
+        Such as "windows" or "frames".
 
     Raises
     ------

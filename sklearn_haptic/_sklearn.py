@@ -179,18 +179,8 @@ def fit_task(
 ) -> Iterator[FitTask]:
     """Tell callbacks that a fit begins and, unless it raises an error, that it ended.
 
-    Parameters
-    ----------
-    estimator : estimator object
-        The estimator whose ``fit`` this is.
-    X, y : object
-        The data that the callbacks are given.
-    max_subtasks : int, default=0
-        Largest number of iterations, or number of estimators that are fitted.
-
-    Yields
-    ------
-    task : FitTask
+    They are given the data X and y. `max_subtasks` is the largest number of iterations,
+    or the number of estimators that are fitted. A `FitTask` is yielded.
     """
     context = estimator._init_callback_context(max_subtasks=max_subtasks)
     context.call_on_fit_task_begin(estimator=estimator, X=X, y=y)

@@ -13,26 +13,11 @@ from .metrics import (
 def score_trials(counts, proba):
     """Compute every score of each predicted distribution; lower is better in all.
 
-    Parameters
-    ----------
-    counts : array-like of shape (n_trials, n_levels)
-        How many people gave each trial's object each rating.
-    proba : array-like of shape (n_trials, n_levels)
-        Predicted probability of each rating.
-
-    Returns
-    -------
-    scores : dict of str to ndarray of shape (n_trials,)
-        "macro_mae", "emd" and "rps" in levels, "log_score" in nats, and "rps_1", …,
-        one per threshold between levels k and k + 1: the ranked probability score
-        (RPS) of ratings that only tell whether the level is above k. These terms sum
-        to "rps".
-
-    Raises
-    ------
-    ValueError
-        If a row of ``proba`` is not a distribution, a trial has no ratings, or the
-        shapes differ.
+    Of counts and probabilities of shape (n_trials, n_levels), return a dict of scores
+    of shape (n_trials,): "macro_mae", "emd" and "rps" in levels, "log_score" in nats,
+    and "rps_1", …, one per threshold between levels k and k + 1: the ranked probability
+    score (RPS) of ratings that only tell whether the level is above k. These terms sum
+    to "rps". Errors are those of `check_distributions`.
 
     Examples
     --------

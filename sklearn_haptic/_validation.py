@@ -26,17 +26,8 @@ _NO_NUMBERS = (str, bytes, date, timedelta, np.datetime64, np.timedelta64)
 def check_numbers(values, name):
     """Refuse values that NumPy might quietly convert, but that are not real numbers.
 
-    Parameters
-    ----------
-    values : array-like
-        Numbers in any container. Other faults are left to scikit-learn.
-    name : str
-        What error messages call ``values``.
-
-    Raises
-    ------
-    ValueError
-        If a value is text, a date, complex or masked, or rows differ in length.
+    Text, dates, complex or masked values, and rows that differ in length raise a
+    ValueError that calls the values `name`. Other faults are left to scikit-learn.
     """
     array = check_regular(values, name)
     if not (hasattr(values, "columns") and hasattr(values, "dtypes")):
@@ -96,11 +87,8 @@ def check_table(estimator, X, **options):
 def check_weights(sample_weight, X):
     """Validate the weights of trials; return them as float64, by default all 1.
 
-    Raises
-    ------
-    ValueError
-        If they are not one finite, non-negative number per trial, their sum
-        overflows, or all are 0.
+    A ValueError says that they are not one finite, non-negative number per trial, that
+    their sum overflows, or that all are 0.
     """
     if sample_weight is not None:
         check_numbers(sample_weight, "sample_weight")
@@ -119,10 +107,7 @@ def check_weights(sample_weight, X):
 def check_positions(p):
     """Validate quantile positions, a number or a list; return them as an array.
 
-    Raises
-    ------
-    ValueError
-        If they are not numbers from 0 to 1 in at most one dimension.
+    A ValueError says that they are not numbers from 0 to 1 in at most one dimension.
     """
     check_numbers(p, "p")
     p = np.asarray(p, dtype=np.float64)
@@ -137,11 +122,8 @@ def check_positions(p):
 def check_objects(objects, *, name="objects", row="row"):
     """Validate the object of each row; none may be missing.
 
-    Raises
-    ------
-    ValueError
-        If an object is missing, or text is mixed with something else; the message
-        names the row.
+    A ValueError names the row whose object is missing, or that mixes text with
+    something else.
     """
     objects, named = drop_missing(objects, name)
     if not named.all():
@@ -205,17 +187,9 @@ def is_missing(value):
 def check_names(asked, known, what, where):
     """Return the names asked for, or all that are known if ``asked`` is None.
 
-    Parameters
-    ----------
-    asked : sequence of str, or None
-    known : list of str
-    what, where : str
-        What error messages call a name, and what has these names.
-
-    Raises
-    ------
-    ValueError
-        If no name is asked for, one is unknown, or one is asked for twice.
+    A ValueError says that no name is asked for, that one is unknown, or that one is
+    asked for twice; `what` and `where` are its words for a name and for what has these
+    names.
     """
     if asked is None:
         return known

@@ -140,9 +140,7 @@ def macro_mae(
 
     References
     ----------
-    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
-    equation 3. :doi:`10.3389/fnbot.2019.00116`
+    Richardson and Kuchenbecker (2020), equation 3. :doi:`10.3389/fnbot.2019.00116`
 
     S. Baccianella, A. Esuli and F. Sebastiani, "Evaluation measures for ordinal
     regression", ISDA 2009. :doi:`10.1109/ISDA.2009.230`
@@ -223,9 +221,7 @@ def macro_mae_at_positions(
 
     References
     ----------
-    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
-    equation 3. :doi:`10.3389/fnbot.2019.00116`
+    Richardson and Kuchenbecker (2020), equation 3. :doi:`10.3389/fnbot.2019.00116`
 
     Examples
     --------
@@ -257,17 +253,11 @@ def ranked_probability_score(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
-        Predicted probability of each level.
     sample_weight : array-like of shape (n_trials,), default=None
-        Weight of each trial in the average.
     average : bool, default=True
-        Whether to return the weighted mean rather than one score per trial.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels, to which ratings and labelled columns are matched. By
-        default the ordered categories or column labels of ``y_true``, or else of
-        ``y_proba``; without labels, the columns of counts or the sorted ratings.
+        All five are those of :func:`macro_mae`.
 
     Returns
     -------
@@ -325,17 +315,11 @@ def earth_movers_distance(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
-        Predicted probability of each level.
     sample_weight : array-like of shape (n_trials,), default=None
-        Weight of each trial in the average.
     average : bool, default=True
-        Whether to return the weighted mean rather than one score per trial.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels, to which ratings and labelled columns are matched. By
-        default the ordered categories or column labels of ``y_true``, or else of
-        ``y_proba``; without labels, the columns of counts or the sorted ratings.
+        All five are those of :func:`macro_mae`.
 
     Returns
     -------
@@ -386,17 +370,11 @@ def log_score(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating per trial.
     y_proba : array-like of shape (n_trials, n_levels)
-        Predicted probability of each level.
     sample_weight : array-like of shape (n_trials,), default=None
-        Weight of each trial in the average.
     average : bool, default=True
-        Whether to return the weighted mean rather than one score per trial.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels, to which ratings and labelled columns are matched. By
-        default the ordered categories or column labels of ``y_true``, or else of
-        ``y_proba``; without labels, the columns of counts or the sorted ratings.
+        All five are those of :func:`macro_mae`.
 
     Returns
     -------
@@ -457,9 +435,7 @@ def pit_histogram(
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels, to which ratings and labelled columns are matched. By
-        default the ordered categories or column labels of ``y_true``, or else of
-        ``y_proba``; without labels, the columns of counts or the sorted ratings.
+        As in :func:`macro_mae`.
 
     Returns
     -------
@@ -529,9 +505,7 @@ def dispersion(
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial.
     levels : array-like of shape (n_levels,), default=None
-        The ordered levels, to which ratings and labelled columns are matched. By
-        default the ordered categories or column labels of ``y_true``, or else of
-        ``y_proba``; without labels, the columns of counts or the sorted ratings.
+        As in :func:`macro_mae`.
 
     Returns
     -------
@@ -637,12 +611,9 @@ def neg_macro_mae_scorer(
         Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels); also a
         pipeline or a search that ends in such an estimator.
     X : array-like
-        The trials that ``estimator`` takes.
     y : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people chose each level, or one rating per trial; of shape (n_trials,
-        n_adjectives, n_levels) where ``estimator`` predicts several adjectives.
     sample_weight : array-like of shape (n_trials,), default=None
-        Weight of each trial in the average.
+        All three are those of :func:`neg_rps_scorer`.
 
     Returns
     -------

@@ -277,9 +277,7 @@ def inverse_cdf(
 
     References
     ----------
-    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
-    section 2.3.1. :doi:`10.3389/fnbot.2019.00116`
+    Richardson and Kuchenbecker (2020), section 2.3.1. :doi:`10.3389/fnbot.2019.00116`
 
     Examples
     --------
@@ -429,9 +427,8 @@ def adjective_correlation(
        :doi:`10.1037/0033-2909.112.1.155`
     .. [3] S. Holm, "A simple sequentially rejective multiple test procedure",
        Scandinavian Journal of Statistics 6(2), 65–70, 1979.
-    .. [4] B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-       distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
-       section 3.1. :doi:`10.3389/fnbot.2019.00116`
+    .. [4] Richardson and Kuchenbecker (2020), section 3.1.
+       :doi:`10.3389/fnbot.2019.00116`
 
     Examples
     --------

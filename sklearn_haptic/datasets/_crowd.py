@@ -40,15 +40,8 @@ _STRETCH = 0.15  # sd of a person's relative use of the scale about its middle
 def population(percepts):
     """Return the distribution of ratings in the whole population.
 
-    Parameters
-    ----------
-    percepts : ndarray of shape (n_objects, 6)
-        Standard scores in the order of ``PERCEPTS``.
-
-    Returns
-    -------
-    proba : ndarray of shape (n_objects, 10, 5)
-        Probability of each level of each adjective.
+    Percepts are standard scores of shape (n_objects, 6), in the order of ``PERCEPTS``;
+    the probabilities of each level of each adjective have the shape (n_objects, 10, 5).
     """
     centre = _MEANS + percepts @ _LOADINGS
     variance = (
@@ -64,21 +57,9 @@ def population(percepts):
 def rate(percepts, groups, n_raters, rng):
     """Draw the ratings of disjoint groups of people, each with its own objects.
 
-    Parameters
-    ----------
-    percepts : ndarray of shape (n_objects, 6)
-        Standard scores in the order of ``PERCEPTS``.
-    groups : ndarray of shape (n_objects,)
-        Which group of people rates each object.
-    n_raters : int
-        People in a group.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Returns
-    -------
-    ratings : ndarray of shape (n_objects, n_raters, 10)
-        Levels from 1 to 5.
+    Percepts are as in `population`; `groups` tells which group of people, of `n_raters`
+    each, rates each object. The levels, from 1 to 5, have the shape (n_objects,
+    n_raters, 10).
     """
     people = (groups.max() + 1, n_raters, len(ADJECTIVES))
     bias = rng.normal(scale=_BIAS, size=people)[groups]

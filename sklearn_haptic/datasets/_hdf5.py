@@ -38,14 +38,8 @@ def read_start(path, n_bytes):
 def open_hdf5(path):
     """Open an HDF5 file for reading, and close it in any case.
 
-    Raises
-    ------
-    ImportError
-        If h5py is not installed.
-    FileNotFoundError
-        If there is no file.
-    OSError
-        If the file is not HDF5, is cut short, is damaged or is being written.
+    An ImportError is raised if h5py is not installed, a FileNotFoundError if there is
+    no file, and an OSError if it is not HDF5, cut short, damaged or being written.
     """
     try:
         import h5py
@@ -79,10 +73,7 @@ def names_in(group):
 def read_attribute(node, name):
     """Return a scalar attribute of a group or dataset, or None if there is none.
 
-    Raises
-    ------
-    ValueError
-        If the attribute is an array.
+    If the attribute is an array, a ValueError is raised.
     """
     with _reading(node):
         if name not in node.attrs:
@@ -100,10 +91,8 @@ def read_attribute(node, name):
 def get_node(group, path):
     """Return the group or dataset at ``path`` below a group.
 
-    Raises
-    ------
-    ValueError
-        If it is not there or is reached through a soft or external link.
+    If it is not there, or is reached through a soft or external link, a ValueError is
+    raised.
     """
     from h5py import Group, h5l
 
@@ -141,19 +130,9 @@ def dtype_of(node):
 def check_stored(node, dtype_kinds):
     """Check that a node is a dataset, with values of given kinds in its own file.
 
-    Parameters
-    ----------
-    node : h5py.Dataset
-        Dataset to be read.
-    dtype_kinds : str
-        The NumPy kind codes that are accepted, ``"iuf"`` for real numbers.
-
-    Raises
-    ------
-    ValueError
-        If it is no dataset, or its values are in another file or of another kind.
-    OSError
-        If the file does not store as many values as it declares.
+    `dtype_kinds` are NumPy's kind codes that are accepted, ``"iuf"`` for real numbers.
+    A ValueError is raised if it is no dataset, or its values are in another file or of
+    another kind; an OSError if the file does not store as many values as it declares.
     """
     from h5py import h5d
 
@@ -215,10 +194,7 @@ def largest_expansion(path, small=SMALL):
 def check_expansion(node, n_bytes, small=SMALL):
     """Refuse to read far more bytes than the file of a node can plausibly hold.
 
-    Raises
-    ------
-    OSError
-        If they exceed `largest_expansion` of the file.
+    If they exceed `largest_expansion` of the file, an OSError is raised.
     """
     if n_bytes <= small:
         return

@@ -215,19 +215,8 @@ def _list_struct(content, order, name):
 def rows_of_text(units):
     """Return the rows of a character matrix of UTF-16, stripped of blanks.
 
-    Parameters
-    ----------
-    units : ndarray of shape (n_rows, n_columns)
-        Characters; an array with another number of axes is not text.
-
-    Returns
-    -------
-    rows : list of str or None
-
-    Raises
-    ------
-    UnicodeError
-        If they are not UTF-16.
+    An array with another number of axes than two is not text, so None is returned. A
+    UnicodeError is raised if the characters are not UTF-16.
     """
     if units.ndim != 2:
         return None

@@ -195,9 +195,7 @@ def load_phac2(
 
     References
     ----------
-    .. [1] B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-       distributions of haptic adjectives", Frontiers in Neurorobotics 13:116, 2020,
-       :doi:`10.3389/fnbot.2019.00116`.
+    .. [1] Richardson and Kuchenbecker (2020). :doi:`10.3389/fnbot.2019.00116`
 
     Examples
     --------

@@ -40,26 +40,11 @@ def ratings_of_trials(
 ) -> tuple[dict[str, np.ndarray], pd.DataFrame | None]:
     """Return the counts of each trial, and the answers that they count.
 
-    Parameters
-    ----------
-    rated : Rated
-    object_of : mapping of str to int
-        The object of each trial of the corpus, by its name.
-    trials : iterable of str
-        The trials whose ratings are wanted.
-
-    Returns
-    -------
-    ratings : dict of str to ndarray of shape (n_trials, n_levels)
-        Counts of the levels, for each adjective.
-    answers : DataFrame of shape (n_rated, n_adjectives) or None
-        Sorted by id and person.
-
-    Raises
-    ------
-    ValueError
-        If something rated is not in the corpus, or a trial has no rating on an
-        adjective.
+    `object_of` maps the name of each trial of the corpus to its object; `trials` names
+    those whose ratings are wanted. Counts are a dict from each adjective to an array of
+    shape (n_trials, n_levels); answers are a DataFrame of shape (n_rated, n_adjectives)
+    sorted by id and person, or None. A ValueError says that something rated is not in
+    the corpus, or that a trial has no rating on an adjective.
     """
     source, by, ids, adjectives, counts, _, answers = rated
     if by == "trial":
@@ -101,12 +86,8 @@ def _its_trials(by):
 def object_ids(values: Iterable[Any], source: str) -> list[int]:
     """Return ids of objects as whole numbers, which they are in a corpus.
 
-    Text is read as a number, so "007" and "7" are the object 7.
-
-    Raises
-    ------
-    ValueError
-        If one is missing or no whole number.
+    Text is read as a number, so "007" and "7" are the object 7. If one is missing or no
+    whole number, a ValueError is raised.
     """
     read: dict[object, int] = {}
     for value in values:

@@ -24,12 +24,8 @@ _MISSING = {"", "NA", "NaN"}  # as pandas or polars, R and MATLAB write them
 def read_csv(path):
     """Read the columns of answers from a CSV file, as text; NA becomes None.
 
-    Raises
-    ------
-    FileNotFoundError
-        If there is no file.
-    ValueError
-        If it is not text in UTF-8 with as many cells in each row, or lacks a column.
+    A FileNotFoundError is raised if there is no file, a ValueError if it is not text in
+    UTF-8 with as many cells in each row, or lacks a column.
     """
     data = read_start(path, -1)
     try:
@@ -56,22 +52,10 @@ def read_csv(path):
 def count_answers(table, source):
     """Count the answers of a table with one row per answer.
 
-    Parameters
-    ----------
-    table : DataFrame of pandas or polars
-        Columns "object" or "trial", "rater", "adjective" and "rating".
-    source : str
-        What error messages call it.
-
-    Returns
-    -------
-    rated : Rated
-
-    Raises
-    ------
-    ValueError
-        If a column is missing, an id, rater or adjective is missing, a rating is not
-        among the levels, or somebody answered twice.
+    A DataFrame of pandas or polars has the columns "object" or "trial", "rater",
+    "adjective" and "rating"; `source` is what error messages call it. A ValueError says
+    that a column, an id, a rater or an adjective is missing, that a rating is not among
+    the levels, or that somebody answered twice.
     """
     by = _what_was_rated([*table.columns], source)
     ids = _without_gaps(table, by, source)
@@ -204,21 +188,10 @@ def _places(column):
 def collect_counts(tables):
     """Collect counts given for each adjective.
 
-    Parameters
-    ----------
-    tables : mapping of str to RatingTable or DataFrame
-        A DataFrame of pandas is indexed by the ids of objects, and has one column per
-        level.
-
-    Returns
-    -------
-    rated : Rated
-
-    Raises
-    ------
-    ValueError
-        If a table does not say which objects or levels its counts are of, has an
-        object twice, or has other levels than the others.
+    They are in a RatingTable, or in a DataFrame of pandas indexed by the ids of objects
+    with one column per level. A ValueError says that a table does not say which objects
+    or levels its counts are of, has an object twice, or has other levels than the
+    others.
     """
     each = {name: _read_counts(table, name) for name, table in tables.items()}
     if not each:

@@ -88,16 +88,8 @@ class MatlabRatings:
 def read_matlab(file, known_objects):
     """Read the ratings of objects: how many people gave each level, and who.
 
-    Parameters
-    ----------
-    file : MatlabRatings
-    known_objects : ndarray of shape (n_objects,)
-        Ids of all the objects of the corpus, by which a vector of ids is recognised.
-
-    Returns
-    -------
-    rated : Rated
-        Without answers if the file holds counts.
+    A vector of ids is recognised by `known_objects`, those of the corpus. The result
+    has no answers if the file holds counts.
 
     Raises
     ------

@@ -111,28 +111,10 @@ def make_haptic_corpus(
     -------
     corpus : :class:`~sklearn.utils.Bunch`
         Dictionary-like object with the attributes of
-        :func:`~sklearn_haptic.datasets.load_phac2` and the truth behind them:
+        :func:`~sklearn_haptic.datasets.load_phac2`, where signals are in counts above
+        rest, an object is named by its material, and the number of a person stands for
+        different people in the three groups; and with the truth behind them:
 
-        trials : DataFrame of shape (n_objects * n_trials, n_sensors)
-            One row per trial, named by the index, and one column per sensor. Each cell
-            is a float32 array in counts of the 12-bit converter above rest, with n
-            frames of 10 ms: pac ``(22 * n, 2)``; pdc, tac and tdc ``(n, 2)``, one
-            column per finger; electrodes ``(n, 38)``, the 19 of finger 0, then those
-            of finger 1.
-        objects : ndarray of shape (n_objects * n_trials,)
-            The id of each trial's object, for grouped cross-validation.
-        object_names : ndarray of shape (n_objects * n_trials,)
-            The material of each trial's object, which is its name.
-        ratings : dict of str to ndarray of shape (n_objects * n_trials, 5)
-            For each adjective, how many people gave each trial's object each level.
-        levels : ndarray of shape (5,)
-            The levels 1 to 5.
-        sampling_rates : dict of str to int
-            Samples per second of each sensor.
-        rater_ratings : DataFrame of shape (n_objects * n_raters, 10)
-            Each person's ratings, one row per object and person, with both in the
-            index; ``ratings`` counts them. A number stands for different people in the
-            three groups.
         true_proba : dict of str to ndarray of shape (n_objects * n_trials, 5)
             For each adjective, the probability of each level in the population of
             which the raters are a sample.
@@ -142,8 +124,6 @@ def make_haptic_corpus(
             conduction and firmness from about 0 to 1, roughness and liveliness as
             standard scores, and the logarithms of four gains that depend on shape
             alone and that people do not rate.
-        DESCR : str
-            What the corpus is.
 
     Raises
     ------
@@ -166,9 +146,7 @@ def make_haptic_corpus(
 
     References
     ----------
-    .. [1] B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-       distributions of haptic adjectives", Frontiers in Neurorobotics 13:116, 2020,
-       :doi:`10.3389/fnbot.2019.00116`.
+    .. [1] Richardson and Kuchenbecker (2020). :doi:`10.3389/fnbot.2019.00116`
     .. [2] V. Chu et al., "Robotic learning of haptic adjectives through physical
        interaction", Robotics and Autonomous Systems 63, 279–292, 2015,
        :doi:`10.1016/j.robot.2014.09.021`.

@@ -32,14 +32,12 @@ from ._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows
 
 
 def encode(observations, atoms, n_nonzero_coefs, *, remove_mean=True, sign="split"):
-    """Code observations over a dictionary.
+    """Code observations, float32 or float64, over a dictionary.
 
     Parameters
     ----------
     observations : ndarray of shape (n_obs, n_obs_features)
-        Observations, float32 or float64.
     atoms : ndarray of shape (n_atoms, n_obs_features)
-        Dictionary.
     n_nonzero_coefs : int
         Most atoms that one code may use.
     remove_mean : bool, default=True
@@ -50,8 +48,6 @@ def encode(observations, atoms, n_nonzero_coefs, *, remove_mean=True, sign="spli
     Returns
     -------
     codes : ndarray of shape (n_obs, n_atoms) or (n_obs, 2 * n_atoms)
-        One column per atom or, with `sign="split"`, the positive parts of all atoms
-        followed by the negative parts of all.
 
     Examples
     --------
@@ -81,26 +77,11 @@ def centre(observations, remove_mean):
 
 
 def draw_observations(trials, counts, limit, observe, rng):
-    """Gather at most `limit` observations, drawn without replacement.
+    """Gather at most `limit` observations as rows, drawn without replacement.
 
-    Parameters
-    ----------
-    trials : list of ndarray
-        Trials from which to draw.
-    counts : list of int
-        Number of observations in each trial.
-    limit : int or None
-        Most observations; None takes all.
-    observe : callable
-        Takes a trial and the indices of one or more of its observations; returns these
-        observations as rows.
-    rng : RandomState
-        Source of randomness.
-
-    Returns
-    -------
-    observations : ndarray of shape (n_obs, n_obs_features)
-        The observations drawn, in the order of the trials.
+    Trial by trial, `counts` has the number of observations, and `observe` takes a trial
+    and the indices of one or more of its observations, which it returns as rows. They
+    stay in the order of the trials. None as the limit takes all.
     """
     ends = np.cumsum(counts)
     if limit is None or limit >= ends[-1]:
@@ -132,27 +113,11 @@ def learn_dictionary(
 ):
     """Learn a dictionary by K-SVD, from given or from drawn initial atoms.
 
-    Parameters
-    ----------
-    observations : ndarray of shape (n_obs, n_obs_features)
-        Training observations.
-    n_atoms, n_nonzero_coefs, remove_mean, update, max_iter, tol
-        As in :class:`KSVDTransformer`.
-    dict_init : ndarray of shape (n_atoms, n_obs_features) or None
-        Initial atoms; None draws them from the observations.
-    seed : int
-        Seed of the initial atoms and of the order of updates.
-    callback : callable, default=None
-        See :func:`ksvd`.
-
-    Returns
-    -------
-    atoms : ndarray of shape (n_atoms, n_obs_features)
-        The dictionary.
-    n_iter : int
-        Iterations run.
-    error : float
-        Root mean squared error of the observations coded over the dictionary.
+    `dict_init` has the initial atoms; None draws them from the observations, of shape
+    (n_obs, n_obs_features). `seed` is that of this draw and of the order of updates,
+    `callback` that of :func:`ksvd`, and all else as in :class:`KSVDTransformer`. Return
+    the atoms, of shape (n_atoms, n_obs_features), the iterations run, and the root mean
+    squared error of the observations coded over the atoms.
     """
     rng = np.random.RandomState(seed)
     signals, scale = centre(observations, remove_mean)

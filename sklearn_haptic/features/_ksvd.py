@@ -42,7 +42,6 @@ def ksvd(
     Parameters
     ----------
     signals : ndarray of shape (n_signals, n_features)
-        Training signals.
     atoms : ndarray of shape (n_atoms, n_features)
         Initial dictionary of unit-norm atoms.
     n_nonzero_coefs : int
@@ -73,7 +72,7 @@ def ksvd(
     ----------
     M. Aharon, M. Elad and A. Bruckstein, "K-SVD: an algorithm for designing
     overcomplete dictionaries for sparse representation", IEEE Trans. Signal
-    Processing 54(11), 2006, doi:10.1109/TSP.2006.881199. The approximate update
+    Processing 54(11), 2006. :doi:`10.1109/TSP.2006.881199`. The approximate update
     is that of R. Rubinstein et al., Technion CS-2008-08, 2008.
 
     Examples
@@ -122,24 +121,9 @@ def ksvd(
 def initial_atoms(signals, n_atoms, rng, *, scale=None):
     """Draw unit-norm training signals, no two nearly parallel, as a dictionary.
 
-    If there are not enough such signals, random directions fill the rest.
-
-    Parameters
-    ----------
-    signals : ndarray of shape (n_signals, n_features)
-        Training signals.
-    n_atoms : int
-        Number of atoms.
-    rng : RandomState
-        Source of randomness.
-    scale : ndarray of shape (n_signals,), default=None
-        Signals at rounding level relative to this are not drawn; by default only
-        all-zero signals are not.
-
-    Returns
-    -------
-    atoms : ndarray of shape (n_atoms, n_features)
-        Initial dictionary.
+    If there are not enough such signals, random directions fill the rest. Signals at
+    rounding level relative to `scale`, of shape (n_signals,), are not drawn; by default
+    only all-zero signals are not.
     """
     left = unit_rows(signals[_informative(signals, scale)])
     atoms = unit_rows(rng.normal(size=(n_atoms, signals.shape[1])))

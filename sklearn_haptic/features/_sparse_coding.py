@@ -127,20 +127,10 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
 def dense_codes(support, coefs, n_atoms, *, sign="none"):
     """Write sparse codes as a dense array, with one or two columns per atom.
 
-    Parameters
-    ----------
-    support, coefs : ndarray of shape (n_slots, n_signals)
-        Codes as :func:`batch_omp` returns them.
-    n_atoms : int
-        Number of atoms in the dictionary.
-    sign : {"none", "absolute", "split"}, default="none"
-        Keep coefficients, take their absolute values, or give the positive parts of all
-        atoms followed by the negative parts of all.
-
-    Returns
-    -------
-    codes : ndarray of shape (n_signals, n_atoms) or (n_signals, 2 * n_atoms)
-        Dense codes, of the dtype of `coefs`.
+    `support` and `coefs` are codes as :func:`batch_omp` returns them. The `sign` "none"
+    keeps coefficients, "absolute" takes their absolute values, and "split" gives the
+    positive parts of all atoms followed by the negative parts of all: n_atoms columns,
+    or twice as many.
     """
     n_columns = 2 * n_atoms if sign == "split" else n_atoms
     codes = np.zeros((coefs.shape[1], n_columns), dtype=coefs.dtype)
@@ -159,15 +149,7 @@ def dense_codes(support, coefs, n_atoms, *, sign="none"):
 def row_norms(signals):
     """Return the norms of rows in float64; no square overflows or underflows.
 
-    Parameters
-    ----------
-    signals : ndarray of shape (n_signals, n_features)
-        Rows of any magnitude.
-
-    Returns
-    -------
-    norms : ndarray of shape (n_signals,)
-        Their Euclidean norms, infinite if larger than any number.
+    A norm larger than any number is infinite.
     """
     _, norms, units = _scaled(signals.astype(np.float64, copy=False))
     with np.errstate(over="ignore"):

@@ -30,17 +30,10 @@ _CHUNK_SIZE = 8192
 def electrode_images(trial, layout):
     """Turn electrode readings into images, the fingers side by side.
 
-    Parameters
-    ----------
-    trial : ndarray of shape (n_times, n_fingers * n_electrodes)
-        Readings of one finger after the other.
-    layout : ndarray of shape (height, width, n_electrodes)
-        Weight of each of a finger's electrodes in each pixel.
-
-    Returns
-    -------
-    images : ndarray of shape (n_times, height, n_fingers * width)
-        Images of the dtype of `trial`. Time is contiguous in memory.
+    A trial of shape (n_times, n_fingers * n_electrodes) has one finger after the other;
+    `layout`, of shape (height, width, n_electrodes), is the weight of each of a
+    finger's electrodes in each pixel. The images, of shape (n_times, height, n_fingers
+    * width), have the dtype of the trial and time contiguous in memory.
 
     Examples
     --------
@@ -63,21 +56,10 @@ def electrode_images(trial, layout):
 
 
 def image_patches(images, patch_size, step=1):
-    """View the patches of images.
+    """View the patches of images of shape (n_times, height, width).
 
-    Parameters
-    ----------
-    images : ndarray of shape (n_times, height, width)
-        Images.
-    patch_size : tuple of int (patch_height, patch_width)
-        Size of a patch in pixels.
-    step : int, default=1
-        Pixels from one patch to the next.
-
-    Returns
-    -------
-    patches : ndarray of shape (n_times, n_rows, n_columns, patch_height, patch_width)
-        A view, no copy.
+    They have the shape (n_times, n_rows, n_columns, patch_height, patch_width); from
+    one to the next it is `step` pixels.
 
     Examples
     --------
@@ -92,20 +74,11 @@ def image_patches(images, patch_size, step=1):
 
 
 def spatial_grids(locations, cells):
-    """Lay the levels of a pyramid as grids over the locations of patches.
+    """Lay the levels of a pyramid as grids over the rows and columns of patches.
 
-    Parameters
-    ----------
-    locations : tuple of int (n_rows, n_columns)
-        Numbers of rows and of columns of patches.
-    cells : sequence of int
-        Number of cells along a side, one per level.
-
-    Returns
-    -------
-    grids : tuple of tuple of int (n_rows, n_columns)
-        Cells along both sides, one pair per level. No side has more cells than
-        locations. A grid equal to one before it is left out.
+    `cells` has the number of cells along a side, one per level; a grid is the cells
+    along both sides. No side has more cells than locations, and a grid equal to one
+    before it is left out.
 
     Examples
     --------
@@ -121,18 +94,9 @@ def spatial_max_pool(codes, grids):
     """Pool codes over a pyramid of grids of cells.
 
     Location x of W along a side, counted from 1, belongs to cell ceil(x s / W) of s.
-
-    Parameters
-    ----------
-    codes : ndarray of shape (n_rows, n_columns, n_codes, n_times)
-        Codes of the patch at each location.
-    grids : sequence of tuple of int (n_rows, n_columns)
-        Cells along both sides, one pair per level.
-
-    Returns
-    -------
-    pooled : ndarray of shape (n_cells, n_codes, n_times)
-        Maxima: levels in the order given, and within each the cells row by row.
+    Codes of shape (n_rows, n_columns, n_codes, n_times) become maxima of shape
+    (n_cells, n_codes, n_times): levels in the order of the grids, and within each the
+    cells row by row.
 
     Examples
     --------
@@ -155,20 +119,10 @@ def spatial_max_pool(codes, grids):
 
 
 def normalise_frames(frames):
-    """Divide rows by their norms; all-zero rows stay.
+    """Divide rows of any magnitude by their norms, in place; all-zero rows stay.
 
-    It does what :func:`unit_rows` does, but in place and in the precision of the codes,
-    which is faster for many frames.
-
-    Parameters
-    ----------
-    frames : ndarray of shape (n_times, n_features)
-        Rows of any magnitude, which are overwritten.
-
-    Returns
-    -------
-    frames : ndarray of shape (n_times, n_features)
-        The same array.
+    It does what :func:`unit_rows` does, but in the precision of the codes and without a
+    copy, which is faster for many frames.
 
     Examples
     --------
@@ -201,25 +155,11 @@ def encode_frames(
 ):
     """Code the frames of a trial: code their patches, pool over space, normalise.
 
-    Parameters
-    ----------
-    trial : ndarray of shape (n_times, n_channels) or (n_times, height, width)
-        Electrode readings, or images if `layout` is None.
-    atoms : ndarray of shape (n_atoms, n_patch_pixels)
-        Dictionary.
-    layout : ndarray of shape (height, width, n_electrodes) or None
-        See :func:`electrode_images`.
-    patch_size, step
-        See :func:`image_patches`.
-    grids : sequence of tuple of int
-        See :func:`spatial_max_pool`.
-    n_nonzero_coefs, remove_mean, sign
-        See :func:`encode`.
-
-    Returns
-    -------
-    frames : ndarray of shape (n_times, n_cells * n_codes)
-        One row per frame, of norm 1 or all zero. Time is contiguous in memory.
+    A trial holds electrode readings or, if `layout` is None, images of shape (n_times,
+    height, width). The other parameters are those of :func:`electrode_images`,
+    :func:`image_patches`, :func:`spatial_max_pool` and :func:`encode`. Return one row
+    per frame, of norm 1 or all zero, in the shape (n_times, n_cells * n_codes) with
+    time contiguous in memory.
     """
     images = trial if layout is None else electrode_images(trial, layout)
     patches = image_patches(images, patch_size, step)
@@ -289,12 +229,8 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         absolute values, or keep coefficients as they are. The authors of ST-HMP
         recommend the split.
     memory : str or object with the joblib.Memory interface, default=None
-        Folder or :class:`joblib.Memory` in which to cache the dictionary, so that a
-        search over later steps learns none twice. Results are the same, bit for bit.
-        Set `random_state` to an int, and clear the cache after an upgrade. With
-        callbacks the cache is not used, because they have to see every iteration.
-        Codes are not cached; give :class:`TemporalMaxPool` a cache too, since its rows
-        are smaller. By default nothing is cached.
+        Where to cache the dictionary, as in :class:`KSVDTransformer`. By default
+        nothing is cached.
     random_state : int, RandomState instance or None, default=None
         Seeds the draw of training patches and of initial atoms, and the order of
         updates.
@@ -422,7 +358,6 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         Returns
         -------
         self : STHMPTransformer
-            The fitted transformer.
 
         Raises
         ------

@@ -18,19 +18,9 @@ from ._dictionary_coder import DictionaryCoder, encode
 def sliding_windows(trial, window, overlap):
     """View the windows of a trial's channels.
 
-    Parameters
-    ----------
-    trial : ndarray of shape (n_times, n_channels)
-        Recording.
-    window : int
-        Time samples per window.
-    overlap : float
-        Fraction of a window that it shares with the next.
-
-    Returns
-    -------
-    windows : ndarray of shape (n_windows, n_channels, window)
-        A view, no copy.
+    A window has `window` time samples, and shares the fraction `overlap` of them with
+    the next. The trial has the shape (n_times, n_channels), its windows (n_windows,
+    n_channels, window).
 
     Examples
     --------
@@ -52,23 +42,11 @@ def window_step(window, overlap):
 def encode_windows(
     trial, atoms, n_nonzero_coefs, *, window, overlap, remove_mean, sign
 ):
-    """Code the windows of a trial.
+    """Code the windows of a trial, of shape (n_times, n_channels).
 
-    Parameters
-    ----------
-    trial : ndarray of shape (n_times, n_channels)
-        Recording.
-    atoms : ndarray of shape (n_atoms, window)
-        Dictionary.
-    window, overlap
-        See :func:`sliding_windows`.
-    n_nonzero_coefs, remove_mean, sign
-        See :func:`encode`.
-
-    Returns
-    -------
-    codes : ndarray of shape (n_windows, n_channels * n_codes)
-        All codes of the first channel, then those of the next.
+    Parameters are those of :func:`sliding_windows` and :func:`encode`. The codes have
+    the shape (n_windows, n_channels * n_codes): all of the first channel, then those of
+    the next.
     """
     windows = sliding_windows(trial, window, overlap)
     codes = encode(
@@ -174,11 +152,9 @@ class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
     ----------
     M. Aharon, M. Elad and A. Bruckstein, "K-SVD: an algorithm for designing
     overcomplete dictionaries for sparse representation", IEEE Trans. Signal
-    Processing 54(11), 2006, doi:10.1109/TSP.2006.881199.
+    Processing 54(11), 2006. :doi:`10.1109/TSP.2006.881199`
 
-    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
-    doi:10.3389/fnbot.2019.00116.
+    Richardson and Kuchenbecker (2020). :doi:`10.3389/fnbot.2019.00116`
 
     Examples
     --------
@@ -249,7 +225,6 @@ class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         Returns
         -------
         self : KSVDTransformer
-            The fitted transformer.
         """
         self.takes_trials_ = self.window is not None
         self._trial_coding = {"window": self.window, "overlap": self.overlap}

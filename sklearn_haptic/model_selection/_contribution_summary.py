@@ -82,9 +82,8 @@ def contribution_summary(
 
     References
     ----------
-    .. [1] B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-       distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
-       section 3.2 and figure 12. :doi:`10.3389/fnbot.2019.00116`
+    .. [1] Richardson and Kuchenbecker (2020), section 3.2 and figure 12.
+       :doi:`10.3389/fnbot.2019.00116`
 
     W. H. Kruskal and W. A. Wallis, "Use of ranks in one-criterion variance analysis",
     JASA 47, 583–621, 1952. :doi:`10.1080/01621459.1952.10483441`

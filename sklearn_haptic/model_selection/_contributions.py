@@ -112,9 +112,8 @@ def sensor_contributions(
 
     References
     ----------
-    .. [1] B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-       distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
-       section 2.3.3. :doi:`10.3389/fnbot.2019.00116`
+    .. [1] Richardson and Kuchenbecker (2020), section 2.3.3.
+       :doi:`10.3389/fnbot.2019.00116`
 
     Examples
     --------

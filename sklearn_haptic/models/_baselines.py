@@ -94,7 +94,6 @@ class DummyDistribution(DocumentedEstimator, OrdinalClassifierMixin, BaseEstimat
         Returns
         -------
         self : DummyDistribution
-            The fitted baseline.
         """
         validate_data(self, X, skip_check_array=True)
         counts, self.levels_ = check_ratings(y, self.levels)

@@ -95,16 +95,9 @@ def share_of_medians(predict, X):
 def share_between_crossings(base, X, to_input, to_position):
     """Share of the population for which each level is the median, at every position.
 
-    Parameters
-    ----------
-    base : HasLatentResponse
-    X : ndarray of shape (n_trials, n_features)
-    to_input, to_position : callable
-        From a position in the population to what `base` is given, and back.
-
-    Returns
-    -------
-    share : ndarray of shape (n_trials, n_levels)
+    `base` is a `HasLatentResponse`; `to_input` and `to_position` lead from a position
+    in the population to what it is given, and back. The shares have the shape
+    (n_trials, n_levels).
     """
     inputs = to_input(crossing_positions(_CROSSING_NODES))
     shares = []

@@ -267,7 +267,6 @@ class DistributionalOrdinalRegressor(
         Returns
         -------
         self : DistributionalOrdinalRegressor
-            The fitted regressor.
         """
         frozen = isinstance(self.estimator, FrozenEstimator)
         levels = self.levels
@@ -414,7 +413,6 @@ class DistributionalOrdinalRegressor(
         Parameters
         ----------
         X : array-like of shape (n_trials, n_features)
-            Features of each trial.
 
         Returns
         -------
@@ -444,7 +442,6 @@ class DistributionalOrdinalRegressor(
         Parameters
         ----------
         X : array-like of shape (n_trials, n_features)
-            Features of each trial.
 
         Returns
         -------
@@ -505,7 +502,6 @@ class DistributionalOrdinalRegressor(
         Parameters
         ----------
         X : array-like of shape (n_trials, n_features)
-            Features of each trial.
 
         Returns
         -------

@@ -12,33 +12,12 @@ _VALIDATION_INTERVAL = 10  # iterations between two looks at the validation erro
 
 
 def hold_out_trials(estimator, n_trials, groups, fraction, random_state):
-    """Split off validation trials, whole objects if these are given.
+    """Split off validation trials; return the indices of both parts.
 
-    Parameters
-    ----------
-    estimator : estimator object
-        The estimator whose ``fit`` calls this.
-    n_trials : int
-    groups : ndarray of shape (n_trials,), or None
-        The object of each trial.
-    fraction : float
-        Share of the objects, or of the trials, that validates; at least one does.
-    random_state : RandomState instance
-
-    Returns
-    -------
-    train, validation : ndarray of int
-        Indices of trials.
-
-    Raises
-    ------
-    ValueError
-        If nothing would be left to train on.
-
-    Warns
-    -----
-    UserWarning
-        If there are no groups.
+    Whole objects validate if the trials' `groups` are given; else a warning names the
+    estimator, whose ``fit`` calls this. `fraction` is the share of the objects, or of
+    the trials, that validates; at least one does. If nothing would be left to train on,
+    a ValueError says so.
     """
     split = validation_split(n_trials, groups, fraction, random_state)
     if groups is None:
@@ -60,13 +39,8 @@ def validation_error(network, X, positions, level, weight):
     """Return the error of a network on validation trials.
 
     It is the absolute error of the most probable level, averaged over the levels that
-    occur in a trial, over trials by weight, and over adjectives.
-
-    Parameters
-    ----------
-    network : Network
-    X, positions, level, weight : ndarray
-        Validation trials, as `NNPOM.fit_with_positions` takes them.
+    occur in a trial, over trials by weight, and over adjectives. The validation trials
+    are given as to `NNPOM.fit_with_positions`.
     """
     errors = []
     for i, (at, true, counted) in enumerate(

@@ -30,16 +30,14 @@ def check_frozen(estimator, name, n_inputs, levels=None, *, names=None, position
     levels : ndarray of shape (n_levels,), default=None
         The levels that it must predict; None if that does not matter.
     names : ndarray of shape (n_features,), default=None
-        Names of the features, without the position, if they have any.
+        Names of the features, without the position.
     position : bool, default=False
         Whether the position in the population is the last feature.
 
     Raises
     ------
-    sklearn.exceptions.NotFittedError
-        If it is not fitted.
-    ValueError
-        If it takes other features or predicts other levels.
+    NotFittedError, ValueError
+        If it is not fitted, takes other features or predicts other levels.
     """
     estimator = unfrozen(estimator)
     check_is_fitted(estimator)

@@ -45,26 +45,10 @@ _NETWORK = HasMethods(["fit_with_positions", "hidden_activations_with_positions"
 
 
 def resolve_sensors(sensors, feature_names, n_features):
-    """Return the columns of each sensor.
+    """Return the indices of the columns of each sensor, as `sensors` or names tell.
 
-    Parameters
-    ----------
-    sensors : dict of str to columns, or None
-        As `SensorFusionNNPOM` takes it.
-    feature_names : array-like of shape (n_features,), or None
-        Names of the columns, if they have any.
-    n_features : int
-        Number of columns.
-
-    Returns
-    -------
-    columns : dict of str to ndarray of int
-        Indices of the columns; sensors are in the order of their first mention.
-
-    Raises
-    ------
-    ValueError
-        If the name of a column has no prefix, or a sensor has unknown columns or none.
+    Sensors are in the order of their first mention. The name of a column without a
+    prefix, and a sensor with unknown columns or none, raise a ValueError.
 
     Examples
     --------
@@ -277,7 +261,6 @@ class SensorFusionNNPOM(
         Returns
         -------
         self : SensorFusionNNPOM
-            The fitted networks.
         """
         final = self.final_estimator
         known = "levels_" if isinstance(final, FrozenEstimator) else "levels"
@@ -319,34 +302,9 @@ class SensorFusionNNPOM(
     ) -> Self:
         """Fit to observations of each trial at several positions.
 
-        Parameters
-        ----------
-        X : ndarray of shape (n_trials, n_features)
-            Features of each trial.
-        positions : ndarray of shape (n_trials, n_observations)
-            The last feature of each observation, for every network the same.
-        level : ndarray of int of shape (n_trials, n_observations)
-            Index into ``levels`` of each observation's rating.
-        weight : ndarray of shape (n_trials, n_observations)
-            Weight of each observation.
-        levels : ndarray of shape (n_levels,)
-            The ordered levels.
-        monotone : bool, default=False
-            Not supported.
-        validation : tuple of (X, positions, level, weight), default=None
-            Validation trials of the networks that stop early.
-        feature_names : ndarray of shape (n_features,), default=None
-            Names of the features, if they have any.
-
-        Returns
-        -------
-        self : SensorFusionNNPOM
-            The fitted networks, with ``n_features + 1`` inputs.
-
-        Raises
-        ------
-        ValueError
-            If `monotone` is true.
+        The parameters are those of :meth:`NNPOM.fit_with_positions`. Every network gets
+        the same positions; those that stop early use the validation trials.
+        ``monotone=True`` and the ratings of several adjectives raise a ValueError.
         """
         self._validate_params()
         if monotone:
@@ -469,11 +427,7 @@ class SensorFusionNNPOM(
     def validation_share(self) -> float:
         """Share of the trials that early stopping validates on.
 
-        Returns
-        -------
-        share : float
-            The largest ``validation_fraction`` of the networks that stop early; 0 if
-            none does.
+        It is the largest of the networks that stop early, 0 if none does.
         """
         fractions = [network.validation_fraction for network in self._stopping_early()]
         return max(fractions, default=0.0)
@@ -502,7 +456,6 @@ class SensorFusionNNPOM(
         Parameters
         ----------
         X : array-like of shape (n_trials, n_features)
-            Features of each trial.
 
         Returns
         -------
@@ -521,7 +474,6 @@ class SensorFusionNNPOM(
         Parameters
         ----------
         X : array-like of shape (n_trials, n_features)
-            Features of each trial.
 
         Returns
         -------
@@ -536,7 +488,6 @@ class SensorFusionNNPOM(
         Parameters
         ----------
         X : array-like of shape (n_trials, n_features)
-            Features of each trial.
 
         Returns
         -------
@@ -552,7 +503,6 @@ class SensorFusionNNPOM(
         Parameters
         ----------
         X : array-like of shape (n_trials, n_features)
-            Features of each trial.
 
         Returns
         -------
@@ -564,37 +514,13 @@ class SensorFusionNNPOM(
     def predict_latent_with_positions(
         self, X: FloatArray, positions: FloatArray
     ) -> NDArray[np.float64]:
-        """Predict the latent response of each trial at each position.
-
-        Parameters
-        ----------
-        X : ndarray of shape (n_trials, n_features)
-            Validated features, without the position.
-        positions : ndarray of shape (n_positions,)
-            The last feature.
-
-        Returns
-        -------
-        latent : ndarray of shape (n_trials, n_positions)
-        """
+        """Predict as :meth:`NNPOM.predict_latent_with_positions` does."""
         return self._predict_with_positions("predict_latent", X, positions)
 
     def predict_proba_with_positions(
         self, X: FloatArray, positions: FloatArray
     ) -> NDArray[np.float64]:
-        """Predict for each trial at each position.
-
-        Parameters
-        ----------
-        X : ndarray of shape (n_trials, n_features)
-            Validated features, without the position.
-        positions : ndarray of shape (n_positions,)
-            The last feature.
-
-        Returns
-        -------
-        proba : ndarray of shape (n_trials, n_positions, n_levels)
-        """
+        """Predict as :meth:`NNPOM.predict_proba_with_positions` does."""
         return self._predict_with_positions("predict_proba", X, positions)
 
     def _predict_with_positions(self, method, X, positions):

@@ -238,7 +238,6 @@ class NNPOM(
         Returns
         -------
         self : NNPOM
-            The fitted network.
         """
         X, counts, levels = validate_rated_trials(self, X, y, self.levels)
         groups = check_groups(groups, X)
@@ -408,7 +407,6 @@ class NNPOM(
         Parameters
         ----------
         X : array-like of shape (n_trials, n_features)
-            Features of each trial.
 
         Returns
         -------
@@ -457,13 +455,7 @@ class NNPOM(
         return self._of_adjectives(self._apply(X, positions)[0], -1)
 
     def validation_share(self) -> float:
-        """Share of the trials that early stopping validates on.
-
-        Returns
-        -------
-        share : float
-            ``validation_fraction``; 0 without early stopping.
-        """
+        """Share of the trials that early stopping validates on, 0 without it."""
         return self.validation_fraction if self.early_stopping else 0.0
 
     def hidden_activations_with_positions(
@@ -491,7 +483,6 @@ class NNPOM(
         Parameters
         ----------
         X : array-like of shape (n_trials, n_features)
-            Features of each trial.
 
         Returns
         -------
@@ -506,7 +497,6 @@ class NNPOM(
         Parameters
         ----------
         X : array-like of shape (n_trials, n_features)
-            Features of each trial.
 
         Returns
         -------
@@ -520,7 +510,6 @@ class NNPOM(
         Parameters
         ----------
         X : array-like of shape (n_trials, n_features)
-            Features of each trial.
 
         Returns
         -------

@@ -160,18 +160,10 @@ def population_cells(n_cells):
 def largest_jump_error(cdf, weight):
     """Return the largest error that a jump between nodes gives a trial's average.
 
-    Parameters
-    ----------
-    cdf : ndarray of shape (n_trials, n_nodes, ..., n_levels)
-        Distribution function at each node of `population_cells`.
-    weight : ndarray of shape (n_nodes,)
-        Their weights.
-
-    Returns
-    -------
-    error : ndarray of shape (n_trials,)
-        The error at the level where it is largest, provided that the function has at
-        most one jump between two nodes.
+    The distribution function at each node of `population_cells`, of shape (n_trials,
+    n_nodes, ..., n_levels), may have one jump between two nodes; `weight` has the
+    nodes' weights. The error, of shape (n_trials,), is that at the level where it is
+    largest.
     """
     half = np.maximum(weight[1:], weight[:-1]) / 2
     error = np.einsum("tp...,p->t...", np.abs(np.diff(cdf, axis=1)), half)

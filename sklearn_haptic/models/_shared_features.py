@@ -49,42 +49,15 @@ class SharesFeatures(Protocol):
     ) -> Any:
         """Fit to observations of each trial at several positions.
 
-        Parameters
-        ----------
-        X : ndarray of shape (n_trials, n_features)
-            Features of each trial.
-        positions : ndarray of shape (n_trials, n_observations)
-            Position of each observation.
-        level : ndarray of int of shape (n_trials, n_observations)
-            Index into ``levels`` of each observation's rating.
-        weight : ndarray of shape (n_trials, n_observations)
-            Weight of each observation; those of weight 0 do not count.
-        levels : ndarray of shape (n_levels,)
-            The ordered levels.
-        monotone : bool, default=False
-            Whether predicted ratings must not fall as the position grows.
-        validation : tuple of (X, positions, level, weight), default=None
-            Validation trials, given if `validation_share` is above 0.
-        feature_names : ndarray of shape (n_features,), default=None
-            Names of the features, if they have any.
+        The parameters are those of `NNPOM.fit_with_positions`; every observation has a
+        position, and those of a trial share its features. Validation trials are given
+        if `validation_share` is above 0.
         """
 
     def predict_proba_with_positions(
         self, X: FloatArray, positions: FloatArray
     ) -> NDArray[np.float64]:
-        """Predict the probability of each level for each trial at each position.
-
-        Parameters
-        ----------
-        X : ndarray of shape (n_trials, n_features)
-            Features of each trial.
-        positions : ndarray of shape (n_positions,)
-            Positions, the same for all trials.
-
-        Returns
-        -------
-        proba : ndarray of shape (n_trials, n_positions, n_levels)
-        """
+        """Predict as `NNPOM.predict_proba_with_positions` does."""
 
     def validation_share(self) -> float:
         """Share of the trials that early stopping validates on, 0 without it."""
@@ -103,19 +76,7 @@ class HasLatentResponse(SharesFeatures, Protocol):
     def predict_latent_with_positions(
         self, X: FloatArray, positions: FloatArray
     ) -> NDArray[np.float64]:
-        """Predict the latent response of each trial at each position.
-
-        Parameters
-        ----------
-        X : ndarray of shape (n_trials, n_features)
-            Features of each trial.
-        positions : ndarray of shape (n_positions,)
-            Positions, the same for all trials.
-
-        Returns
-        -------
-        latent : ndarray of shape (n_trials, n_positions)
-        """
+        """Predict as `NNPOM.predict_latent_with_positions` does."""
 
 
 def share_features(

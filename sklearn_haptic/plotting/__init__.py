@@ -1,4 +1,7 @@
-"""Figures of ratings, recordings, features and predictions."""
+"""Figures of ratings, recordings, features and predictions.
+
+All raise an ImportError if matplotlib is not installed.
+"""
 
 from ._calibration import PITHistogramDisplay, ReliabilityDisplay
 from ._contributions import SensorContributionsDisplay

@@ -49,7 +49,6 @@ class PITHistogramDisplay(Display):
     ax_ : matplotlib Axes
         Axes with the histogram.
     figure_ : matplotlib Figure
-        Figure that holds the axes.
     bars_ : matplotlib BarContainer
         The histogram.
     uniform_line_ : matplotlib Line2D
@@ -121,24 +120,18 @@ class PITHistogramDisplay(Display):
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
             How many people chose each level, or one rating per trial.
         n_bins : int, default=10
-            Number of equally wide bins of [0, 1].
         groups : array-like of shape (n_trials,), default=None
-            The object of each trial, from which the band of chance is computed. By
-            default no band is drawn.
         ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
+            All three are those of :meth:`from_predictions`.
 
         Returns
         -------
         display : PITHistogramDisplay
-            The display, plotted.
 
         Raises
         ------
         ValueError
             If ``y`` does not fit the estimator's levels, or ``groups`` the trials.
-        ImportError
-            If matplotlib is not installed.
         """
         return cls.from_predictions(
             y,
@@ -182,7 +175,6 @@ class PITHistogramDisplay(Display):
         Returns
         -------
         display : PITHistogramDisplay
-            The display, plotted.
 
         Raises
         ------
@@ -190,8 +182,6 @@ class PITHistogramDisplay(Display):
             If a row of ``y_proba`` is not a distribution, a trial has no ratings or
             unknown ones, the shapes differ, ``n_bins`` is below 1, or ``groups`` has
             missing values or a single object.
-        ImportError
-            If matplotlib is not installed.
         """
         counts, proba, _ = check_distributions(y_true, y_proba, levels)
         heights = pit_histogram(counts, proba, n_bins)
@@ -266,7 +256,6 @@ class ReliabilityDisplay(Display):
     ax_ : matplotlib Axes
         Axes with the curves.
     figure_ : matplotlib Figure
-        Figure that holds the axes.
     diagonal_ : matplotlib Line2D
         Where predictions are reliable.
     curves_ : list of matplotlib Line2D
@@ -358,25 +347,18 @@ class ReliabilityDisplay(Display):
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
             How many people chose each level, or one rating per trial.
         n_bins : int, default=5
-            Number of bins of equally many trials. Fewer are drawn if many trials have
-            the same prediction.
         groups : array-like of shape (n_trials,), default=None
-            The object of each trial, from which the bars of chance are computed. By
-            default no bars are drawn.
         ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
+            All three are those of :meth:`from_predictions`.
 
         Returns
         -------
         display : ReliabilityDisplay
-            The display, plotted.
 
         Raises
         ------
         ValueError
             If ``y`` does not fit the estimator's levels, or ``groups`` the trials.
-        ImportError
-            If matplotlib is not installed.
         """
         return cls.from_predictions(
             y,
@@ -413,15 +395,13 @@ class ReliabilityDisplay(Display):
             The object of each trial, from which the bars of chance are computed. By
             default no bars are drawn.
         levels : array-like of shape (n_levels,), default=None
-            The ordered levels; by default ordered categories or labels of columns,
-            else 1, 2, …, n_levels for counts, and the sorted ratings that occur.
+            The ordered levels, as in :meth:`PITHistogramDisplay.from_predictions`.
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure.
 
         Returns
         -------
         display : ReliabilityDisplay
-            The display, plotted.
 
         Raises
         ------
@@ -431,8 +411,6 @@ class ReliabilityDisplay(Display):
             missing values or a single object.
         TypeError
             If ``n_bins`` is no integer.
-        ImportError
-            If matplotlib is not installed.
         """
         check_scalar(n_bins, "n_bins", Integral, min_val=1)
         counts, proba, levels = check_distributions(y_true, y_proba, levels)
@@ -496,15 +474,9 @@ def _check_groups(groups, counts):
 def _chance(deviation):
     """Return how far the summed deviations of independent objects may lie from 0.
 
-    Parameters
-    ----------
-    deviation : ndarray of shape (n_objects, ...)
-        A quantity whose expected value is 0.
-
-    Returns
-    -------
-    limit : ndarray of shape (...)
-        Exceeded by the sum exactly if a t-test over objects rejects 0.
+    `deviation`, of shape (n_objects, ...), has the expected value 0. Its sum over
+    objects exceeds the limit, of shape (...), exactly if a t-test over objects rejects
+    0.
     """
     n = len(deviation)
     share = betaincinv(0.5, (n - 1) / 2, _CONFIDENCE)
@@ -514,21 +486,9 @@ def _chance(deviation):
 def _reliability(predicted, observed, n_bins, objects):
     """Return the reliability of predicted proportions, in bins of equal size.
 
-    Parameters
-    ----------
-    predicted, observed : ndarray of shape (n_trials,)
-        A proportion of people.
-    n_bins : int
-        Number of bins; bins that stay empty because predictions are equal are dropped.
-    objects : ndarray of int of shape (n_trials,) or None
-        The object of each trial.
-
-    Returns
-    -------
-    mean_predicted, mean_observed, n_trials : ndarray of shape (n_bins,)
-        Means over the trials of each bin, and how many these are.
-    half_width : ndarray of shape (n_bins,) or None
-        How far the means may differ by chance.
+    For each bin, these are the means of both proportions and the number of trials; and,
+    if the trials' objects are given as integers, how far the means may differ by
+    chance, else None. Bins that stay empty because predictions are equal are dropped.
     """
     edges = np.quantile(predicted, np.arange(1, n_bins) / n_bins)
     _, bins = np.unique(np.searchsorted(edges, predicted), return_inverse=True)

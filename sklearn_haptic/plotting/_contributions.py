@@ -46,7 +46,6 @@ class SensorContributionsDisplay(Display):
     ax_ : matplotlib Axes
         Axes with the bars.
     figure_ : matplotlib Figure
-        Figure that holds the axes.
     bars_ : matplotlib BarContainer
         The bars, group by group, the full model first.
     full_lines_ : matplotlib LineCollection
@@ -60,9 +59,7 @@ class SensorContributionsDisplay(Display):
 
     References
     ----------
-    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
-    figure 12. :doi:`10.3389/fnbot.2019.00116`
+    Richardson and Kuchenbecker (2020), figure 12. :doi:`10.3389/fnbot.2019.00116`
 
     Examples
     --------
@@ -120,15 +117,12 @@ class SensorContributionsDisplay(Display):
         Returns
         -------
         display : SensorContributionsDisplay
-            The display, plotted.
 
         Raises
         ------
         ValueError
             If the scores have no summary; see
             :func:`~sklearn_haptic.model_selection.contribution_summary`.
-        ImportError
-            If matplotlib is not installed.
         """
         by = () if by is None else (by,) if isinstance(by, str) else tuple(by)
         metric = "rps" if "threshold" in by else metric

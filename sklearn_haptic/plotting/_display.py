@@ -51,24 +51,11 @@ class Display:
         raise NotImplementedError
 
     def _divide(self, shape: tuple[int, int], **options: Any) -> np.ndarray:
-        """Divide the axes into a grid of panels.
+        """Divide the axes into panels, as many rows and columns as `shape` says.
 
-        Parameters
-        ----------
-        shape : tuple of int
-            Number of rows and of columns.
-        **options
-            ``sharex`` and ``sharey`` of the panels; all others are passed on to
-            ``SubplotSpec.subgridspec``.
-
-        Returns
-        -------
-        panels : ndarray of matplotlib Axes of the given shape
-
-        Raises
-        ------
-        ValueError
-            If the axes are on no grid.
+        ``sharex`` and ``sharey`` are those of the panels; all other options are passed
+        on to ``SubplotSpec.subgridspec``. If the axes are on no grid, a ValueError is
+        raised.
         """
         cell = self.ax_.get_subplotspec()
         if cell is None:

@@ -44,7 +44,6 @@ class AtomsDisplay(Display):
     axes_ : ndarray of matplotlib Axes of shape (n_atoms,)
         One panel per atom.
     figure_ : matplotlib Figure
-        Figure that holds the axes.
     lines_ : list of matplotlib Line2D
         The atoms, if they are windows.
     images_ : list of matplotlib AxesImage
@@ -104,7 +103,6 @@ class AtomsDisplay(Display):
         Returns
         -------
         display : AtomsDisplay
-            The display, plotted.
 
         Raises
         ------
@@ -113,8 +111,6 @@ class AtomsDisplay(Display):
             does not fit the estimator.
         sklearn.exceptions.NotFittedError
             If the estimator is not fitted.
-        ImportError
-            If matplotlib is not installed.
         """
         coder, _ = _coder_and_pool(estimator)
         if sampling_rate is not None:
@@ -236,7 +232,6 @@ class FeatureMapDisplay(Display):
     axes_ : ndarray of matplotlib Axes of shape (1 + n_levels,)
         The panels, top to bottom.
     figure_ : matplotlib Figure
-        Figure that holds the axes.
     images_ : list of matplotlib QuadMesh
         The codes, then the maxima of each level, transposed.
     colorbar_ : matplotlib Colorbar
@@ -304,7 +299,6 @@ class FeatureMapDisplay(Display):
         Returns
         -------
         display : FeatureMapDisplay
-            The display, plotted.
 
         Raises
         ------
@@ -313,8 +307,6 @@ class FeatureMapDisplay(Display):
             fit it, or the sampling rate is not positive.
         sklearn.exceptions.NotFittedError
             If the estimator is not fitted.
-        ImportError
-            If matplotlib is not installed.
         """
         coder, pool = _coder_and_pool(estimator)
         if not coder.takes_trials_:

@@ -59,14 +59,11 @@ class _OneObjectDisplay(Display):
         Returns
         -------
         display : object
-            The display, plotted.
 
         Raises
         ------
         ValueError
             If the rows of ``y`` differ, or do not fit the estimator's levels.
-        ImportError
-            If matplotlib is not installed.
         """
         return cls.from_predictions(
             y, estimator.predict_proba(X), levels=estimator.classes_, ax=ax
@@ -98,15 +95,12 @@ class _OneObjectDisplay(Display):
         Returns
         -------
         display : object
-            The display, plotted.
 
         Raises
         ------
         ValueError
             If a row of ``y_proba`` is not a distribution, the rows of ``y_true``
             differ, or the shapes do not fit.
-        ImportError
-            If matplotlib is not installed.
         """
         counts, y_proba, levels = _check_trials_of_one(y_true, y_proba, levels)
         return cls._of(counts, y_proba, levels).plot(ax)
@@ -134,7 +128,6 @@ class InverseCDFDisplay(_OneObjectDisplay):
     ax_ : matplotlib Axes
         Axes with the inverse CDFs.
     figure_ : matplotlib Figure
-        Figure that holds the axes.
     true_line_ : matplotlib StepPatch
         The inverse CDF of the ratings.
     trial_lines_ : list of matplotlib StepPatch
@@ -142,9 +135,8 @@ class InverseCDFDisplay(_OneObjectDisplay):
 
     References
     ----------
-    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
-    figures 7 and 11. :doi:`10.3389/fnbot.2019.00116`
+    Richardson and Kuchenbecker (2020), figures 7 and 11.
+    :doi:`10.3389/fnbot.2019.00116`
 
     Examples
     --------
@@ -197,15 +189,12 @@ class InverseCDFDisplay(_OneObjectDisplay):
         Returns
         -------
         display : InverseCDFDisplay
-            The display, plotted.
 
         Raises
         ------
         ValueError
             If the rows of ``counts`` differ, or counts are negative, not finite or all
             zero.
-        ImportError
-            If matplotlib is not installed.
         """
         counts, levels = _counts_of_one(counts, levels, "counts")
         none = np.empty(0)
@@ -278,7 +267,6 @@ class DistributionDisplay(_OneObjectDisplay):
     ax_ : matplotlib Axes
         Axes with the bars.
     figure_ : matplotlib Figure
-        Figure that holds the axes.
     true_bars_ : matplotlib BarContainer
         Proportion of people who gave each rating.
     predicted_bars_ : matplotlib BarContainer

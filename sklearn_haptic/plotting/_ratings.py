@@ -45,15 +45,12 @@ class RatingsDisplay(Display):
     ax_ : matplotlib Axes
         Axes with the bars.
     figure_ : matplotlib Figure
-        Figure that holds the axes.
     bars_ : list of matplotlib BarContainer
         The parts of all bars, one container per level, adjective by adjective.
 
     References
     ----------
-    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
-    figure 4. :doi:`10.3389/fnbot.2019.00116`
+    Richardson and Kuchenbecker (2020), figure 4. :doi:`10.3389/fnbot.2019.00116`
 
     Examples
     --------
@@ -106,15 +103,12 @@ class RatingsDisplay(Display):
         Returns
         -------
         display : RatingsDisplay
-            The display, plotted.
 
         Raises
         ------
         ValueError
             If counts are negative, not finite or all zero in a row, the tables differ
             in shape, or rows of one object differ.
-        ImportError
-            If matplotlib is not installed.
         """
         tables, labels, levels = _counts_of_objects(counts, objects, levels)
         return cls(tables, objects=labels, levels=levels).plot(ax)
@@ -190,7 +184,6 @@ class InterraterAgreementDisplay(Display):
     ax_ : matplotlib Axes
         Axes with the box plots.
     figure_ : matplotlib Figure
-        Figure that holds the axes.
     boxes_ : dict of str to list of matplotlib artists
         What :meth:`matplotlib.axes.Axes.boxplot` returned.
     zero_line_ : matplotlib Line2D
@@ -202,9 +195,7 @@ class InterraterAgreementDisplay(Display):
 
     References
     ----------
-    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
-    figure 9. :doi:`10.3389/fnbot.2019.00116`
+    Richardson and Kuchenbecker (2020), figure 9. :doi:`10.3389/fnbot.2019.00116`
 
     Examples
     --------
@@ -243,15 +234,12 @@ class InterraterAgreementDisplay(Display):
         Returns
         -------
         display : InterraterAgreementDisplay
-            The display, plotted.
 
         Raises
         ------
         ValueError
             If an object has fewer than two ratings, counts are negative or not finite,
             the tables differ in shape, or rows of one object differ.
-        ImportError
-            If matplotlib is not installed.
         """
         tables, _, _ = _counts_of_objects(counts, objects, None)
         for name, table in tables.items():
@@ -309,7 +297,6 @@ class AdjectiveCorrelationDisplay(Display):
     ax_ : matplotlib Axes
         Axes with the matrix.
     figure_ : matplotlib Figure
-        Figure that holds the axes.
     image_ : matplotlib AxesImage
         The matrix below its diagonal.
     colorbar_ : matplotlib Colorbar
@@ -325,9 +312,7 @@ class AdjectiveCorrelationDisplay(Display):
 
     References
     ----------
-    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
-    figure 10. :doi:`10.3389/fnbot.2019.00116`
+    Richardson and Kuchenbecker (2020), figure 10. :doi:`10.3389/fnbot.2019.00116`
 
     Examples
     --------
@@ -372,15 +357,12 @@ class AdjectiveCorrelationDisplay(Display):
         Returns
         -------
         display : AdjectiveCorrelationDisplay
-            The display, plotted.
 
         Raises
         ------
         ValueError
             If the ratings have no correlations; see
             :func:`~sklearn_haptic.ratings.adjective_correlation`.
-        ImportError
-            If matplotlib is not installed.
         """
         correlation = adjective_correlation(ratings, alpha=alpha, threshold=threshold)
         return cls(correlation, alpha=alpha, threshold=threshold).plot(ax)

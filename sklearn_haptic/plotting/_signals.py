@@ -48,7 +48,6 @@ class SignalsDisplay(Display):
     axes_ : ndarray of matplotlib Axes of shape (n_sensors, n_trials)
         The panels.
     figure_ : matplotlib Figure
-        Figure that holds the axes.
     lines_ : dict of str to list of list of matplotlib Line2D
         For each sensor shown as lines, those of each trial, channel by channel.
     images_ : dict of str to list of matplotlib AxesImage
@@ -56,9 +55,7 @@ class SignalsDisplay(Display):
 
     References
     ----------
-    B. A. Richardson and K. J. Kuchenbecker, "Learning to predict perceptual
-    distributions of haptic adjectives", Frontiers in Neurorobotics 13, 2020,
-    figure 6. :doi:`10.3389/fnbot.2019.00116`
+    Richardson and Kuchenbecker (2020), figure 6. :doi:`10.3389/fnbot.2019.00116`
 
     Examples
     --------
@@ -118,15 +115,12 @@ class SignalsDisplay(Display):
         Returns
         -------
         display : SignalsDisplay
-            The display, plotted.
 
         Raises
         ------
         ValueError
             If trials differ in their sensors or channels, a signal is no finite array
             of time samples, or a sampling rate is unknown or not positive.
-        ImportError
-            If matplotlib is not installed.
         """
         titles, trials = _named_trials(X)
         sensors = list(trials[0])

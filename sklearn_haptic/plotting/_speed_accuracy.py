@@ -50,7 +50,6 @@ class SpeedAccuracyDisplay(Display):
     ax_ : matplotlib Axes
         Axes with the candidates.
     figure_ : matplotlib Figure
-        Figure that holds the axes.
     errorbar_ : matplotlib ErrorbarContainer
         The candidates, with bars of one standard error.
     frontier_ : matplotlib Line2D
@@ -124,15 +123,12 @@ class SpeedAccuracyDisplay(Display):
         Returns
         -------
         display : SpeedAccuracyDisplay
-            The display, plotted.
 
         Raises
         ------
         ValueError
             If the metric is unknown or not given among several, there are fewer
             than two splits, or no score is finite.
-        ImportError
-            If matplotlib is not installed.
 
         Warns
         -----
