@@ -1,5 +1,8 @@
 """Predict how a crowd will rate an object's feel, from one robotic touch."""
 
+from importlib import import_module
+from typing import Any
+
 from ._pipeline import make_haptic_pipeline
 from ._sequences import Sequences
 from .features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
@@ -25,3 +28,23 @@ __all__ = [
     "TemporalMaxPool",
     "make_haptic_pipeline",
 ]
+
+_SUBMODULES = (
+    "datasets",
+    "metrics",
+    "model_selection",
+    "plotting",
+    "ratings",
+    "study",
+)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_SUBMODULES})
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public module when it is first asked for."""
+    if name in _SUBMODULES:
+        return import_module(f".{name}", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -57,6 +57,18 @@ def public_callables():
             yield pytest.param(each, 0, id=name)
 
 
+def test_modules_are_attributes_of_the_package():
+    modules = [name.rpartition(".")[2] for name in MODULES[1:]]
+    code = f"""
+import sklearn_haptic
+for name in {modules}:
+    assert name in dir(sklearn_haptic)
+    assert getattr(sklearn_haptic, name).__all__
+assert not hasattr(sklearn_haptic, "rating")
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_the_public_interface_is_found():
     names = {param.id for param in public_callables()}
     assert {

@@ -1,4 +1,5 @@
 import pickle
+import time
 import warnings
 from functools import partial
 
@@ -448,17 +449,29 @@ def test_sensor_subsets_in_parallel(table):
 
 def test_each_sensor_is_fitted_once_a_fold(table, monkeypatch):
     X, y, _ = table
-    ticks, calls = iter(range(10_000)), []
-    monkeypatch.setattr(
-        "sklearn_haptic.model_selection._cost.perf_counter", ticks.__next__
-    )
-    note = FunctionTransformer(lambda Z: calls.append(len(Z)) or Z)
-    model = columns_model([Ridge()])
+    ticks, calls = [], []  # every use of a step takes one tick of the clock
+    monkeypatch.setattr(time, "perf_counter", lambda: len(ticks))
+
+    class Ticking(Ridge):
+        def fit(self, X, y):
+            ticks.append("fit")
+            return super().fit(X, y)
+
+        def predict(self, X):
+            ticks.append("predict")
+            return super().predict(X)
+
+    def note(Z):
+        ticks.append("transform")
+        calls.append(len(Z))
+        return Z
+
+    note = FunctionTransformer(note)
+    model = columns_model([Ticking()])
     model[0].set_params(pac=note, pdc=note, tac=note)
     results = sensor_subsets(model, X, y, cv=3)
     # Three sensors, three folds: fitted, transformed, five trials timed twice.
     assert calls == [24, 12, *[1] * 10] * 9
-    # Every step takes one tick.
     n_steps = np.array([1 + len(subset) for subset in SUBSETS])
     for step in ("fit", "score"):
         np.testing.assert_array_equal(results[f"mean_{step}_time"], n_steps)

@@ -24,7 +24,6 @@ from sklearn_haptic import (
     TemporalMaxPool,
 )
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
-from sklearn_haptic.features import _sthmp
 from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
 
 pytestmark = pytest.mark.slow
@@ -207,20 +206,9 @@ def electrodes_head(*, memory=None, max_iter=3):
     )
 
 
-def test_search_with_a_cache_codes_a_trial_once_a_dictionary(
-    corpus, tmp_path, monkeypatch
-):
-    chunks, encode = [], _sthmp.encode
-
-    def counting(*args, **params):
-        chunks.append(args)
-        return encode(*args, **params)
-
-    monkeypatch.setattr(_sthmp, "encode", counting)
-    monkeypatch.setattr(_sthmp, "_CHUNK_SIZE", 10**6)
+def test_search_with_a_cache_codes_a_trial_once_a_dictionary(corpus, tmp_path):
     results = []
     for memory in (None, str(tmp_path)):
-        chunks.clear()
         search = GridSearchCV(
             electrodes_head(memory=memory),
             {HEAD + "alpha": [10.0, 100.0, 1000.0]},
@@ -232,8 +220,9 @@ def test_search_with_a_cache_codes_a_trial_once_a_dictionary(
         )
         results.append(search.cv_results_["mean_test_score"])
     np.testing.assert_array_equal(*results)
-    # Once over each fold's dictionary, and over that of all trials.
-    assert len(chunks) == (3 + 1) * len(corpus.trials)
+    # In each of three folds a dictionary, and rows to train on and to test on; then
+    # those of all trials.
+    assert len(list(tmp_path.rglob("output.pkl"))) == 3 * 3 + 2
 
 
 def test_workers_find_what_their_parent_cached(corpus, one_thread, tmp_path):

@@ -283,18 +283,16 @@ write_unit(Path(sys.argv[1]), ("features", "hold", "pac"), {"features": np.ones(
     assert not list(path.parent.iterdir())
 
 
-def test_nothing_is_done_twice(copied, monkeypatch):
-    before = modified(copied)
-
-    def no_corpus(**_):
-        raise AssertionError("the corpus was read")
-
-    no_corpus.__module__ = module = "sklearn_haptic.datasets._synthetic"
-    no_corpus.__qualname__ = name = "make_haptic_corpus"
-    monkeypatch.setattr(sys.modules[module], name, no_corpus)
-    corpus = partial(no_corpus, *CORPUS.args, **CORPUS.keywords)
-    run_study(corpus, copied, **SETTINGS)
+def test_nothing_is_done_twice(copied):
+    before, called = modified(copied), set()
+    sys.setprofile(lambda frame, event, _: called.add(frame.f_code.co_name))
+    try:
+        run_study(CORPUS, copied, **SETTINGS)
+    finally:
+        sys.setprofile(None)
     assert modified(copied) == before
+    assert "run_study" in called
+    assert CORPUS.func.__name__ not in called
 
 
 @pytest.mark.parametrize("backend", ["loky", "threading"])

@@ -20,7 +20,6 @@ from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import STHMPTransformer
 from sklearn_haptic._sequences import Sequences
-from sklearn_haptic.features import _windows
 from sklearn_haptic.features._dictionary_coder import draw_observations
 from sklearn_haptic.features._pooling import TemporalMaxPool
 from sklearn_haptic.features._windows import KSVDTransformer
@@ -292,27 +291,17 @@ def test_clone_and_pickle():
         np.testing.assert_array_equal(restored_codes[i], code)
 
 
-@pytest.fixture
-def coded(monkeypatch):
-    """A list that receives the number of observations of every call of `encode`."""
-    numbers, encode = [], _windows.encode
-
-    def counting(observations, *args, **params):
-        numbers.append(len(observations))
-        return encode(observations, *args, **params)
-
-    monkeypatch.setattr(_windows, "encode", counting)
-    return numbers
-
-
-def test_sequences_are_coded_when_asked_for(coded):
+def test_sequences_are_coded_when_asked_for():
     trials = make_trials()
     model = KSVDTransformer(4, 2, window=20, random_state=0).fit(trials)
+    doubled = [2 * code for code in model.transform(trials)]
     codes = model.transform(trials)
-    assert coded == []
+    for trial in trials:
+        trial *= 2
     assert repr(codes) == "<Sequences: 6 trials, 16 columns>"
     arrays = list(codes)
-    assert len(coded) == len(codes) == len(trials)
+    for array, expected in zip(arrays, doubled, strict=True):
+        np.testing.assert_array_equal(array, expected)
     assert codes.lengths == [len(array) for array in arrays]
     np.testing.assert_array_equal(codes[-1], arrays[-1])
     assert isinstance(codes[1:5:2], Sequences)
@@ -331,13 +320,13 @@ def test_slices_of_sequences_keep_the_index():
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
-def test_caches_change_nothing_and_code_a_trial_once(tmp_path, coded, dtype):
+def test_caches_change_nothing_and_keep_each_result_once(tmp_path, dtype):
     trials = make_trials(dtype=dtype)
     plain = make_pipeline(
         KSVDTransformer(4, 2, window=20, random_state=0), TemporalMaxPool((2, 1))
     )
     expected = plain.fit_transform(trials)
-    coded.clear()
+    kept = set()
     # Both memories are one folder.
     for memory in (str(tmp_path), joblib.Memory(str(tmp_path), verbose=0)):
         model = clone(plain).set_params(
@@ -351,11 +340,33 @@ def test_caches_change_nothing_and_code_a_trial_once(tmp_path, coded, dtype):
         ):
             np.testing.assert_array_equal(pooled, expected)
             assert pooled.dtype == dtype
+            entries = [(e, e.stat().st_mtime_ns) for e in tmp_path.rglob("output.pkl")]
+            kept.update(entries)
         for name in ("components_", "n_iter_", "reconstruction_error_"):
             np.testing.assert_array_equal(
                 getattr(model[0], name), getattr(plain[0], name)
             )
-    assert len(coded) == len(trials)
+    assert len(kept) == len(entries) == 2  # the dictionary and the rows, never anew
+
+
+coded = []
+
+
+def code(trial):
+    coded.append(len(trial))
+    return 2.0 * trial
+
+
+def test_cached_rows_are_coded_once(tmp_path):
+    coded.clear()
+    trials = make_trials()
+    for pool in (TemporalMaxPool(memory=str(tmp_path)) for _ in range(2)):
+        codes = Sequences(trials, ["left", "right"], encode=code)
+        np.testing.assert_array_equal(
+            pool.fit_transform(codes),
+            TemporalMaxPool().fit_transform([2 * trial for trial in trials]),
+        )
+    assert coded == [len(trial) for trial in trials]
 
 
 def test_cached_rows_depend_on_every_parameter(tmp_path):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from copy import copy
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,6 @@ from .._sklearn import Trials, _num_samples, _safe_indexing
 
 # Trials that are timed, and how often each is: few, because a search times every fit.
 _N_TRIALS = 5
-
-
 _N_RUNS = 2
 
 
@@ -94,9 +92,9 @@ def seconds_per_trial(use: Callable[[Any], Any], X: Trials) -> float:
 
 def timed(function, *args):
     """Call a function; return its result and the seconds it took."""
-    started = perf_counter()
+    started = time.perf_counter()
     result = function(*args)
-    return result, perf_counter() - started
+    return result, time.perf_counter() - started
 
 
 def without_caches(value):

@@ -8,6 +8,9 @@ from sklearn.utils import Bunch
 
 from .._biotac import PROCEDURES, SENSORS
 
+# What a procedure consists of.
+_KINDS = {"trials": pd.DataFrame, "objects": object, "ratings": Mapping}
+
 
 def open_corpus(corpus):
     """Return a corpus as a function, with the procedures and sensors that it knows.
@@ -53,16 +56,17 @@ def open_corpus(corpus):
             "trials, objects and ratings per procedure, such as {'tap': {...}}."
         )
     for procedure, touches in corpus.items():
-        missing = [n for n in ("trials", "objects", "ratings") if n not in touches]
-        if missing or not isinstance(touches["trials"], pd.DataFrame):
-            raise ValueError(
-                f"corpus[{procedure!r}] has "
-                f"{f'no {missing[0]}' if missing else 'trials that are no DataFrame'}; "
-                "give trials (a DataFrame with one row per trial and one column per "
-                "sensor), objects (one id per trial) and ratings (counts by adjective)."
-            )
-        columns = {"objects": touches["objects"]} | touches["ratings"]
-        for name, values in columns.items():
+        for name, kind in _KINDS.items():
+            given = name in touches
+            if not given or not isinstance(touches[name], kind):
+                fault = f"{name} that are no {kind.__name__}" if given else f"no {name}"
+                raise ValueError(
+                    f"corpus[{procedure!r}] has {fault}; give trials (a DataFrame with "
+                    "one row per trial and one column per sensor), objects (one id per "
+                    "trial) and ratings (a dict from each adjective to its counts)."
+                )
+        columns = [("objects", touches["objects"]), *touches["ratings"].items()]
+        for name, values in columns:
             if len(values) != len(touches["trials"]):
                 raise ValueError(
                     f"corpus[{procedure!r}] has {len(touches['trials'])} trials, but "
