@@ -33,6 +33,8 @@ from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import NNPOM, KSVDTransformer
 from sklearn_haptic.metrics import ranked_probability_score
+
+# Cost, gradient and probabilities at given parameters; in public they are only fitted.
 from sklearn_haptic.models._network import Layout, NetworkLoss, level_probabilities
 
 if find_spec("spams"):

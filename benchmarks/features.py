@@ -18,6 +18,7 @@ import sys
 import time
 from contextlib import contextmanager, nullcontext
 from datetime import date
+from functools import partial
 
 import joblib
 import numpy as np
@@ -33,16 +34,12 @@ from sklearn_haptic import (
     STHMPTransformer,
     TemporalMaxPool,
 )
-from sklearn_haptic._biotac import biotac_layout
 from sklearn_haptic.datasets import make_haptic_corpus
+
+# The stages of a transformer, of which only the whole is public.
 from sklearn_haptic.features._dictionary_coder import centre, learn_dictionary
-from sklearn_haptic.features._pooling import temporal_max_pool
 from sklearn_haptic.features._sparse_coding import batch_omp
-from sklearn_haptic.features._sthmp import (
-    electrode_images,
-    image_patches,
-)
-from sklearn_haptic.features._windows import sliding_windows
+from sklearn_haptic.features._sthmp import electrode_images, image_patches
 
 N_RUNS = 41
 CORPUS_SIZES = [150, 300, 600]
@@ -60,18 +57,24 @@ def milliseconds(functions):
     return 1e3 * np.median(times, axis=0)
 
 
+def sliding_windows(trial):
+    """A view of windows of 22 samples, half of which the next one shares."""
+    return np.lib.stride_tricks.sliding_window_view(trial, 22, axis=0)[::11]
+
+
 def stage_row(name, transformer, trial, prepare, observations):
     """Print the times of a fitted transformer's stages on one trial."""
     codes = transformer.transform([trial])
     signals, scale = centre(observations, transformer.remove_mean)
     atoms, n_coefs = transformer.components_, transformer.n_nonzero_coefs
     array = codes[0]
+    pool = TemporalMaxPool().fit([array])
     prepared, coding, encoding, pooling = milliseconds(
         [
             lambda: prepare(trial),
             lambda: batch_omp(signals, atoms, n_coefs, scale=scale),
             lambda: codes[0],
-            lambda: temporal_max_pool([array]),
+            lambda: pool.transform([array]),
         ]
     )
     rest = encoding - prepared - coding
@@ -92,24 +95,24 @@ def stage_table():
     )
     print("|---" * 7 + "|")
     trials = make_haptic_corpus(5, 2, sensors=["electrodes", "pac"], random_state=0)
-    layout = biotac_layout()
     for dtype in (np.float32, np.float64):
         frames = [trial.astype(dtype) for trial in trials.trials["electrodes"]]
         waves = [trial.astype(dtype) for trial in trials.trials["pac"]]
-        patches = image_patches(electrode_images(frames[0], layout), (3, 3))
+        sthmp = STHMPTransformer(random_state=0).fit(frames)
+        patches = image_patches(electrode_images(frames[0], sthmp.layout_), (3, 3))
         stage_row(
             f"ST-HMP, {len(frames[0])} × {frames[0].shape[1]}",
-            STHMPTransformer(random_state=0).fit(frames),
+            sthmp,
             frames[0],
-            lambda trial: electrode_images(trial, layout),
+            partial(electrode_images, layout=sthmp.layout_),
             patches.transpose(3, 4, 1, 2, 0).reshape(9, -1).T,
         )
         stage_row(
             f"K-SVD, 40 atoms, {len(waves[0])} × {waves[0].shape[1]}",
             KSVDTransformer(40, window=22, random_state=0).fit(waves),
             waves[0],
-            lambda trial: sliding_windows(trial, 22, 0.5),
-            sliding_windows(waves[0], 22, 0.5).reshape(-1, 22),
+            sliding_windows,
+            sliding_windows(waves[0]).reshape(-1, 22),
         )
 
 
@@ -175,7 +178,7 @@ def busy_table():
     learning = {"update": "approximate", "max_iter": 3, "tol": 0}
     ksvd = KSVDTransformer(40, window=22, random_state=0, **learning)
     steps = make_pipeline(ksvd, TemporalMaxPool()).fit(trials)
-    windows = [sliding_windows(trial, 22, 0.5).reshape(-1, 22) for trial in trials]
+    windows = [sliding_windows(trial).reshape(-1, 22) for trial in trials]
     windows = np.concatenate(windows)
     learning |= {"dict_init": None, "remove_mean": True, "seed": 0}
     X, y = rng.normal(size=(600, 2000)), rng.integers(1, 9, size=(600, 5))

@@ -33,11 +33,12 @@ from skordinal.classifiers import NNPOM as Peer
 from skordinal.datasets import load_era, load_esl, load_lev, load_swd
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
-from sklearn_haptic._distributions import quantile_grid
+
+# A descent from given parameters to a given cost; `NNPOM.fit` chooses both itself.
 from sklearn_haptic.models._conditioning import Conditioning
 from sklearn_haptic.models._network import Layout, NetworkLoss
-from sklearn_haptic.models._quantile_positions import training_observations
 from sklearn_haptic.models._solvers import lbfgs
+from sklearn_haptic.ratings import inverse_cdf
 
 
 def seconds(function, *arguments):
@@ -150,8 +151,9 @@ def fitting(n_iter=200, n_runs=3):
     print("|---|---|---|---|---|")
     for n_features, n_hidden in ((310, 10), (1240, 30), (4340, 30)):
         X, counts = touches(48, 10, n_features)
-        positions, level, _ = training_observations(counts, 15, "lattice", None, None)
-        rows = materialised(X, logit(positions))
+        positions = (np.arange(15) + 0.5) / 15
+        level = inverse_cdf(counts, positions) - 1
+        rows = materialised(X, np.tile(logit(positions), (len(X), 1)))
         network = NNPOM(n_hidden, max_iter=n_iter, tol=0, random_state=0)
         peer = Peer(n_hidden=n_hidden, alpha=1.0, max_iter=n_iter, random_state=0)
         times = {"peer": [], "lattice": [], "level": []}
@@ -186,7 +188,7 @@ def predicting(n_runs=7):
     )
     print("|---|---|---|---|---|---|---|")
     X, counts = touches(100, 10, 2400)
-    grid = logit(quantile_grid(99))
+    grid = logit(np.arange(1, 100) / 100)
     dense = logit((np.arange(4000) + 0.5) / 4000)
     rows = materialised(X, np.tile(grid, (len(X), 1)))
     for n_hidden in (0, 10, 30):

@@ -23,6 +23,7 @@ import numpy as np
 from sklearn.decomposition import SparseCoder
 from sklearn.linear_model import orthogonal_mp_gram
 
+# The transformers check, centre and write codes densely; what the peers do is private.
 from sklearn_haptic.features._ksvd import ksvd
 from sklearn_haptic.features._sparse_coding import batch_omp
 
