@@ -13,7 +13,6 @@ from sklearn.utils.validation import check_is_fitted
 # Name of what `neg_seconds_scorer` measures, in a search and in `sensor_subsets`.
 COST = "neg_seconds"
 
-
 # Times that differ by less than this factor count as equal, as those of one model do.
 _SAME_TIME = 1.1
 

@@ -20,11 +20,7 @@ from numbers import Real
 import numpy as np
 
 _DIGITS = r"\d+(?:\.\d+)?"
-
-
 _NUMBER = re.compile(rf"[+-]?{_DIGITS}")
-
-
 _NUMBERED = re.compile(rf"(\D+)({_DIGITS})")  # n1, or level-1, which is 1 and not -1
 
 

@@ -12,12 +12,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import spearmanr
 from sklearn.utils import Bunch
-from sklearn.utils.validation import check_array, check_consistent_length, column_or_1d
+from sklearn.utils.validation import check_array, check_consistent_length
 
 from ._check_ratings import check_counts, check_two_ratings, match_levels
 from ._distributions import cdf, level_at, shares
 from ._sklearn import Interval, validate_params
-from ._validation import check_numbers, check_objects, drop_missing, missing_to_none
+from ._validation import (
+    check_numbers,
+    check_objects,
+    check_positions,
+    drop_missing,
+    missing_to_none,
+)
 
 __all__ = [
     "RatingTable",
@@ -286,12 +292,9 @@ def inverse_cdf(
     array([[2, 2, 3, 3, 4]])
     """
     counts, levels = check_counts(counts, levels)
-    check_numbers(p, "p")
-    positions = column_or_1d(np.atleast_1d(p), dtype=np.float64, input_name="p")
-    if not ((positions >= 0) & (positions <= 1)).all():
-        raise ValueError("p must lie within [0, 1]; give positions in the population.")
-    index = level_at(counts, positions)
-    return levels[index[:, 0] if np.ndim(p) == 0 else index]
+    p = check_positions(p)
+    index = level_at(counts, np.atleast_1d(p))
+    return levels[index if p.ndim else index[:, 0]]
 
 
 def interrater_agreement(counts: ArrayLike) -> NDArray[np.float64]:

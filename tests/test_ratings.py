@@ -273,10 +273,10 @@ def test_inverse_cdf_does_not_depend_on_the_scale_of_weights(scale):
 @pytest.mark.parametrize(
     "counts, p, message",
     [
-        ([[1, 2]], 1.01, "p must lie within"),
-        ([[1, 2]], [-0.1], "p must lie within"),
-        ([[1, 2]], [[0.1, 0.2]], "1d array"),
-        ([[1, 2]], np.nan, "p must lie within"),
+        ([[1, 2]], 1.01, "p must be a number or a list of numbers from 0 to 1"),
+        ([[1, 2]], [-0.1], "p must be a number or a list of numbers from 0 to 1"),
+        ([[1, 2]], [[0.1, 0.2]], "p must be a number or a list"),
+        ([[1, 2]], np.nan, "p must be a number or a list of numbers from 0 to 1"),
         ([1, 2], 0.5, "Expected 2D array"),
         ([[1, 2], [0, 0]], 0.5, "no ratings in trial 1"),
         ([[1, -2]], 0.5, "negative count in trial 0"),

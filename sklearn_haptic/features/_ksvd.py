@@ -10,10 +10,7 @@ from ._sparse_coding import batch_omp, dense_codes, rounding_level, row_norms, u
 
 # An atom is replaced if it is more coherent with another, or has fewer users.
 _MAX_COHERENCE = 0.99
-
-
 _MIN_USERS = 4
-
 
 # Iterations over which the error must fall by the fraction `tol` to go on.
 _PATIENCE = 5

@@ -11,7 +11,6 @@ import numpy as np
 # without copying them if they are at least as long as its buffer.
 _CHUNK_SIZE = 8192
 
-
 # With a larger |cosine| between atoms the pursuit works in double precision, because
 # it loses more digits the worse the Gram matrix is conditioned.
 _COHERENT = 0.99

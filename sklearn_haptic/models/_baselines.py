@@ -121,18 +121,3 @@ class DummyDistribution(DocumentedEstimator, OrdinalClassifierMixin, BaseEstimat
         """
         check_is_fitted(self)
         return np.tile(self.proba_, (_num_samples(X), 1))
-
-    def predict(self, X: Trials) -> np.ndarray:
-        """Return the most common rating for each trial.
-
-        Parameters
-        ----------
-        X : array-like of length n_trials
-            Features or trials, of which only the number counts.
-
-        Returns
-        -------
-        rating : ndarray of shape (n_trials,)
-        """
-        proba = self.predict_proba(X)
-        return self.levels_[proba.argmax(axis=1)]

@@ -8,7 +8,6 @@ from scipy import linalg
 # Second derivative of -log P in the latent response, where ratings are uncertain.
 _TYPICAL_CURVATURE = 0.2
 
-
 # Features whose products are smaller, relative to the largest, are principal axes.
 _AXES_TOLERANCE = 1e-10
 

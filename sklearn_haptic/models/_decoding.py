@@ -22,22 +22,15 @@ from ._quantile_positions import (
 # less than 1e-3 up to 4. They are used if on some training trials they differ from the
 # smallest number of cells by no more than the error below.
 _MIXTURE_NODES = 20
-
-
 _SMOOTH_ERROR, _SMOOTH_TRIALS = 0.003, 32
-
 
 # What jumps is averaged over cells, over more while the CDF may be off by this much.
 _CELLS = (384, 1024, 4096, 16384)
-
-
 _JUMP_ERROR = 0.0045
-
 
 # With 33 nodes networks of up to 30 units were off by less than 1e-2, 1e-4 on average,
 # where a grid of 99 positions is off by 1e-2.
 _CROSSING_NODES = 33
-
 
 # Few trials at a time, so that what is predicted for them stays in the cache.
 _BATCH_SIZE, _BATCH_POSITIONS = 256, 2**17

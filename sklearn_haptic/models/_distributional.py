@@ -463,7 +463,7 @@ class DistributionalOrdinalRegressor(
         Returns
         -------
         rating : ndarray of shape (n_trials,) or (n_trials, n_positions)
-            The inverse of `predict_cdf`; never falls as p grows.
+            The inverse of `predict_cdf`, the median at 0.5; never falls as p grows.
         """
         p = check_positions(p)
         rating = self.levels_[level_at(self.predict_proba(X), np.atleast_1d(p))]
@@ -495,20 +495,6 @@ class DistributionalOrdinalRegressor(
         positions = clip_positions(np.atleast_1d(p))
         rating = self.levels_[ratings_at(self._predict_at, X, positions, self.rule)]
         return rating if p.ndim else rating[..., 0]
-
-    def predict(self, X: ArrayLike) -> np.ndarray:
-        """Predict the most common rating; ``predict_quantile(X, 0.5)`` is the median.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-
-        Returns
-        -------
-        rating : ndarray of shape (n_trials,)
-        """
-        proba = self.predict_proba(X)
-        return self.levels_[proba.argmax(axis=-1)]
 
     def sample(
         self, X: ArrayLike, n_samples: int = 1, *, random_state: RandomState = None

@@ -61,21 +61,21 @@ class Monitor:
         Returns the validation error of parameters; None for no early stopping.
     patience : int
         Number of iterations without a smaller error after which the search stops.
-    end_iteration : callable or None
+    on_iteration : callable or None
         Called with the number of each iteration; the search stops if it returns true.
     """
 
-    def __init__(self, validation_error, patience, end_iteration):
+    def __init__(self, validation_error, patience, on_iteration):
         self.validation_error = validation_error
         self.patience = patience
-        self.end_iteration = end_iteration
+        self.on_iteration = on_iteration
         self.costs = []
         self.best_error, self.best_params, self.best_iter = np.inf, None, 0
 
     def __call__(self, params, cost):
         self.costs.append(float(cost))
         iteration = len(self.costs)
-        if self.end_iteration is not None and self.end_iteration(iteration):
+        if self.on_iteration is not None and self.on_iteration(iteration):
             return True
         if self.validation_error is None or iteration % _VALIDATION_INTERVAL:
             return False

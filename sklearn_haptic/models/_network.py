@@ -31,7 +31,6 @@ from scipy.special import expit, log_expit
 # Odds beyond its exponential, and their reciprocals, are not normal numbers.
 _LARGEST_EXPONENT = 709.0
 
-
 # Differences between latent responses and thresholds stay finite.
 _LARGEST_LATENT = 1e300
 

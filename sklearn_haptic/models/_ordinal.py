@@ -1,5 +1,8 @@
 """Mixin of the package's classifiers, whose classes are ordered and scored as such."""
 
+from typing import Any
+
+import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import ClassifierMixin
 
@@ -14,6 +17,21 @@ class OrdinalClassifierMixin(ClassifierMixin):
         tags = super().__sklearn_tags__()
         tags.classifier_tags.poor_score = True  # on classes that have no order
         return tags
+
+    def predict(self: Any, X: Trials) -> np.ndarray:
+        """Predict the most probable level.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial, or whatever `predict_proba` takes.
+
+        Returns
+        -------
+        rating : ndarray of shape (n_trials,) or (n_trials, n_adjectives)
+        """
+        rating: np.ndarray = self.levels_[self.predict_proba(X).argmax(axis=-1)]
+        return rating
 
     def score(
         self, X: Trials, y: ArrayLike, sample_weight: ArrayLike | None = None
