@@ -30,7 +30,8 @@ class OrdinalClassifierMixin(ClassifierMixin):
         -------
         rating : ndarray of shape (n_trials,) or (n_trials, n_adjectives)
         """
-        rating: np.ndarray = self.levels_[self.predict_proba(X).argmax(axis=-1)]
+        proba = self.predict_proba(X)  # first, for its message before `fit`
+        rating: np.ndarray = self.levels_[proba.argmax(axis=-1)]
         return rating
 
     def score(
