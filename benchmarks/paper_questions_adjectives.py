@@ -23,8 +23,8 @@ COLUMNS = "rps", "emd", "macro_mae"
 APART, TOGETHER = "combined, each adjective apart", "combined, all adjectives at once"
 LINEAR, JOINT = "linear, each apart", "one network, all at once"
 ALPHAS = {
-    APART: (3.0, 10.0, 30.0),
-    TOGETHER: (10.0, 30.0, 100.0),
+    APART: (3.0, 10.0),
+    TOGETHER: (10.0, 30.0),
     LINEAR: (1.0, 3.0, 10.0),
     JOINT: (10.0, 30.0, 100.0),
 }

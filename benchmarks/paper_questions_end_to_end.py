@@ -18,6 +18,8 @@ from scipy.sparse import csr_array
 from scipy.special import expit
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNNPOM
+
+# Parts of one cost of all weights; each public network has a cost of its own.
 from sklearn_haptic.models._conditioning import EvenedFeatures, total_spread
 from sklearn_haptic.models._network import ordinal_loss, thresholds_from
 
