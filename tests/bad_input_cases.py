@@ -763,6 +763,20 @@ ask(direct(ratings.adjective_correlation),
     check("one adjective", X[:, :1], "1 feature.* minimum of 2"),
     check("two rows", X[:2], "2 sample.* minimum of 3"),
     ALWAYS_THE_SAME, arg="ratings")
+ask(direct(ratings.outlying_raters),
+    check("objects of another number", X[:2], [1, 2, 3], [1, 2],
+        r"inconsistent numbers of samples: \[2, 3, 2\]"),
+    check("an object without a name", X[:2], [1, None], [1, 2], OBJECT_WITHOUT_NAME),
+    check("a rater without a name", X[:2], [1, 1], [1, None],
+        "^raters has no object in row 1"),
+    check("ratings in one dimension", [1.0, 2.0], [1, 1], [1, 2], "2D array"),
+    check("one person per object", X[:2], [1, 2], [1, 2],
+        "^ratings has no object that two people rated .*; give the ratings of all"))
+ask(direct(ratings.outlying_raters, ratings=X, objects=np.arange(N) // 2,
+        raters=np.arange(N)),
+    *settings("limit", 0, "3.5"))
+ask(direct(ratings.outlying_raters, objects=np.zeros(N), raters=np.arange(N)),
+    *not_numbers(X, "NaN", "dates"), arg="ratings")
 ask(direct(ratings.adjective_correlation, ratings=X),
     *settings("alpha", 0, "5%"), *settings("threshold", -0.3))
 ask(direct(make_haptic_corpus),

@@ -8,6 +8,7 @@ from mpmath import mp, mpf
 from scipy.optimize import approx_fprime
 from scipy.special import expit
 from sklearn.base import clone
+from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
 
@@ -18,6 +19,7 @@ from sklearn_haptic.metrics import (
     neg_rps_scorer,
     ranked_probability_score,
 )
+from sklearn_haptic.model_selection import contribution_summary, sensor_contributions
 from sklearn_haptic.models._network import Layout, NetworkLoss, softplus
 
 
@@ -279,7 +281,10 @@ def test_without_positions():
     [
         (None, "n_hidden=0 leaves nothing that several adjectives could share"),
         (LogisticRegression(), "adjectives, which a LogisticRegression cannot"),
-        (SensorFusionNNPOM({"pac": [0]}), "adjectives, which a SensorFusion"),
+        (
+            SensorFusionNNPOM({"pac": [0]}, final_estimator=NNPOM(0)),
+            "final_estimator has n_hidden=0, which leaves nothing",
+        ),
     ],
 )
 def test_estimators_that_cannot(estimator, message):
@@ -313,3 +318,191 @@ def test_scores_need_the_same_adjectives():
     model = DistributionalOrdinalRegressor(NNPOM(2, random_state=0)).fit(X, counts)
     with pytest.raises(ValueError, match=r"y has shape \(24, 2, 5\), but \(24, 3, 5\)"):
         model.score(X, counts[:, :2])
+
+
+# A network per sensor and one that combines them --------------------------------------
+
+
+SENSORS = {"pac": [0, 1, 2], "pdc": [3, 4], "tdc": [5, 6]}
+
+
+def small_fusion(**params):
+    options = {"tol": 1e-9, "max_iter": 20_000}
+    first = NNPOM(2, 3.0, scale_features=False, random_state=1, **options)
+    last = NNPOM(3, 2.0, scale_features=False, random_state=2, **options)
+    return SensorFusionNNPOM(SENSORS, first, last, **params)
+
+
+def plain_network(rows, coefs, bias, thresholds, adjective):
+    """Hidden units and probabilities of levels of each row, unit by unit."""
+    hidden, proba = np.empty((len(rows), len(bias))), np.empty((len(rows), 5))
+    for r, row in enumerate(rows):
+        for h, b in enumerate(bias):
+            drive = b + sum(x * w for x, w in zip(row, coefs[0][:, h]))
+            hidden[r, h] = 1 / (1 + np.exp(-drive))
+        f = sum(a * w for a, w in zip(hidden[r], coefs[1][:, adjective]))
+        edges = [0, *(1 / (1 + np.exp(f - t)) for t in thresholds[adjective]), 1]
+        proba[r] = np.diff(edges)
+    return hidden, proba
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("held_out", [None, "pdc"])
+def test_combined_network_is_a_minimum_of_costs_written_out(held_out):
+    """Its cost at the fit, and its derivatives there, by plain loops over ratings.
+
+    The positions are drawn anew by hand: for each adjective those of its own ratings.
+    """
+    X, counts, _ = touches(6, 1)
+    model = DistributionalOrdinalRegressor(
+        small_fusion(held_out=held_out), n_duplicates=5
+    ).fit(X, counts)
+    fitted = model.estimator_
+    final = fitted.final_network_
+    rows, ratings = [], []  # per adjective: activations, (level, weight)
+    for a in range(3):
+        share = counts[:, a] / counts[:, a].sum(axis=-1, keepdims=True)
+        middle = np.cumsum(share, axis=-1) - share / 2
+        t, level = np.nonzero(share)
+        p = middle[t, level]
+        hidden = []
+        for sensor, columns in SENSORS.items():
+            if sensor == held_out:
+                hidden.append(np.zeros((len(t), 2)))
+                continue
+            network = fitted.sensor_networks_[sensor]
+            inputs = np.column_stack((X[t][:, columns], np.log(p / (1 - p))))
+            of_sensor = network.coefs_, network.intercepts_, network.thresholds_
+            hidden.append(plain_network(inputs, *of_sensor, a)[0])
+        rows.append(np.hstack(hidden))
+        ratings.append((level, 5 * share[t, level]))
+
+    def cost(params):
+        coef, bias, output, raw = np.split(params, [18, 21, 30])
+        coef, output = coef.reshape(6, 3), output.reshape(3, 3)
+        thresholds = raw.reshape(3, 4)
+        loss = total = 0.0
+        for a, (level, weight) in enumerate(ratings):
+            _, proba = plain_network(rows[a], [coef, output], bias, thresholds, a)
+            loss -= weight @ np.log(proba[np.arange(len(level)), level])
+            total += weight.sum()
+        return (loss + np.sum(coef**2) + np.sum(output**2)) / total
+
+    params = np.concatenate(
+        [
+            final.coefs_[0].ravel(),
+            final.intercepts_,
+            final.coefs_[1].ravel(),
+            final.thresholds_.ravel(),
+        ]
+    )
+    assert final.loss_ == pytest.approx(cost(params), rel=1e-12)
+    np.testing.assert_allclose(approx_fprime(params, cost, 1e-6), 0, atol=2e-6)
+    # And it predicts, for any position, what the plain loops do.
+    p = np.array([-1.0, 2.0])
+    predicted = fitted.predict_proba_with_positions(X, p)
+    latent = fitted.predict_latent_with_positions(X, p)
+    assert latent.shape == (6, 2, 3)
+    for i, a in np.ndindex(2, 3):
+        hidden = fitted.hidden_activations(np.column_stack((X, np.full(6, p[i]))))
+        if held_out:
+            assert not hidden[:, 2:4].any()
+        expected = plain_network(
+            hidden, final.coefs_, final.intercepts_, final.thresholds_, a
+        )[1]
+        np.testing.assert_allclose(predicted[:, i, a], expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gradient_where_rows_belong_to_one_adjective_each(seed):
+    layout, X, _, params = random_problem(seed, n_trials=9)
+    layout = Layout(3, 2, (5, 2, 3))
+    params = params[: layout.size]
+    rng = np.random.default_rng(seed)
+    level = np.stack([rng.integers(k, size=9) for k in layout.n_levels], 1)[..., None]
+    weight = rng.uniform(0.1, 2, size=(9, 3, 1))
+    weight *= (np.arange(9) // 3)[:, None, None] == np.arange(3)[:, None]
+    level[[2, 5, 8], [0, 1, 2], 0] = np.subtract(layout.n_levels, 1)
+    observations = [(None, level[:, a], weight[:, a]) for a in range(3)]
+    loss = NetworkLoss(layout, X, observations, 0.7)
+    at_zero = [(np.zeros((9, 1)), *each[1:]) for each in observations]
+    with_position = np.insert(params, 6, [0.0, 0.0])
+    exact = by_hand(Layout(4, 2, layout.n_levels), X, at_zero, 0.7, with_position)
+    cost, gradient = loss(params)
+    assert cost == pytest.approx(exact, rel=1e-13)
+    numeric = approx_fprime(params, lambda x: loss(x)[0], 1e-7)
+    np.testing.assert_allclose(gradient, numeric, atol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("held_out", [None, "pac"])
+@pytest.mark.parametrize("sampling", ["level", "random"])
+def test_combined_network_of_one_adjective_is_no_special_case(sampling, held_out):
+    X, counts, _ = touches()
+    model = DistributionalOrdinalRegressor(
+        small_fusion(held_out=held_out), sampling=sampling, random_state=0
+    )
+    one = clone(model).fit(X, counts[:, 0]).predict_proba(X)
+    among = clone(model).fit(X, counts[:, :1]).predict_proba(X)
+    np.testing.assert_allclose(among[:, 0], one, atol=1e-6)
+
+
+def test_combined_network_without_positions():
+    X, counts, _ = touches()
+    model = SensorFusionNNPOM(SENSORS, NNPOM(2), random_state=0).fit(X, counts)
+    assert model.final_network_.n_hidden == 10
+    alone = clone(model.final_network_).fit(model.hidden_activations(X), counts)
+    np.testing.assert_array_equal(
+        model.predict_proba(X), alone.predict_proba(model.hidden_activations(X))
+    )
+    assert model.predict_proba(X).shape == counts.shape
+    assert model.thresholds_.shape == (3, 4)
+
+
+def test_combined_network_stops_early_on_all_adjectives():
+    X, counts, objects = touches(30)
+    train, held_out = objects < 24, objects >= 24
+    final = NNPOM(8, 1e-3, tol=0, random_state=0, early_stopping=True)
+    fusion = SensorFusionNNPOM(SENSORS, NNPOM(3, random_state=0), final)
+    model = DistributionalOrdinalRegressor(fusion, decode="quantile", rule="argmax")
+    errors = []
+    for n_iter in (10, 20, 40, 80):
+        model.set_params(estimator__final_estimator__max_iter=n_iter)
+        model.fit(X[train], counts[train], X_val=X[held_out], y_val=counts[held_out])
+        errors.append(-neg_macro_mae_scorer(model, X[held_out], counts[held_out]))
+    assert (np.diff(errors) <= 1e-12).all()
+
+
+@pytest.mark.slow
+def test_contributions_of_sensors_to_several_adjectives():
+    """Scores of a holdout with frozen networks, and of one fitted from the start."""
+    X, counts, objects = touches()
+    network = NNPOM(2, 3.0)
+    fusion = SensorFusionNNPOM(SENSORS, network, network)
+    model = DistributionalOrdinalRegressor(fusion)
+    split = [(np.flatnonzero(objects < 8), np.flatnonzero(objects >= 8))]
+    table = sensor_contributions(
+        model, X, counts, groups=objects, cv=split, n_repeats=2, random_state=0
+    )
+    assert len(table) == 4 * 2 * 3 * 8
+    seed = np.random.RandomState(0).randint(np.iinfo(np.int32).max, size=2)[0]
+    (train, test), *_ = split
+    model.set_params(random_state=seed, estimator__held_out="pdc")
+    proba = model.fit(X[train], counts[train]).predict_proba(X[test])
+    rows = table.query("held_out == 'pdc' and start == 0")
+    for a, rows_of in rows.groupby("adjective"):
+        expected = ranked_probability_score(counts[test][:, a], proba[:, a])
+        assert rows_of["rps"].mean() == pytest.approx(expected, rel=1e-6)
+    summary = contribution_summary(table, metric="rps", by="adjective")
+    assert len(summary) == 3 * 3
+
+
+def test_frozen_combined_network_of_other_adjectives():
+    X, counts, _ = touches()
+    fusion = SensorFusionNNPOM(SENSORS, NNPOM(2), NNPOM(2), random_state=0)
+    final = FrozenEstimator(fusion.fit(X, counts[:, :2]).final_network_)
+    fusion.set_params(final_estimator=final)
+    with pytest.raises(ValueError, match="predicts 2 adjectives, but y has 3"):
+        fusion.fit(X, counts)
+    with pytest.raises(ValueError, match="predicts 2 adjectives, but y has one"):
+        fusion.fit(X, counts[:, 0])

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import polars as pl
 import pytest
-from scipy.stats import rankdata, spearmanr
+from scipy.stats import rankdata, spearmanr, wasserstein_distance
 
 from sklearn_haptic._distributions import level_at
 from sklearn_haptic.ratings import (
@@ -13,6 +13,7 @@ from sklearn_haptic.ratings import (
     adjective_correlation,
     interrater_agreement,
     inverse_cdf,
+    outlying_raters,
     rating_cdf,
     rating_counts,
     rating_distribution,
@@ -526,3 +527,79 @@ def test_continuous_ratings_are_refused_unless_their_levels_are_given():
         rating_counts(ratings, objects)
     table = rating_counts(ratings, objects, levels=[0.5, 1.25])
     assert table.counts.tolist() == [[1, 1], [1, 0]]
+
+
+# Outlying raters
+
+
+def many_answers(n_people=12, n_objects=10, seed=0):
+    """Answers, objects and raters of a crowd that roughly agrees; some are missing."""
+    rng = np.random.default_rng(seed)
+    objects = np.repeat(np.arange(n_objects), n_people)
+    raters = np.tile([f"person {i:02d}" for i in range(n_people)], n_objects)
+    truth = rng.uniform(1, 5, size=(n_objects, 3))[objects]
+    answers = np.clip(np.rint(truth + 0.7 * rng.normal(size=truth.shape)), 1, 5)
+    answers[rng.uniform(size=answers.shape) < 0.1] = np.nan
+    shuffled = rng.permutation(len(objects))
+    return answers[shuffled], objects[shuffled], raters[shuffled]
+
+
+def test_distance_of_raters_is_the_earth_movers_distance_to_all_others():
+    answers, objects, raters = many_answers()
+    excess = {person: [] for person in np.unique(raters)}
+    for i, a in np.ndindex(10, 3):
+        rows = np.flatnonzero((objects == i) & ~np.isnan(answers[:, a]))
+        apart = [
+            wasserstein_distance([answers[row, a]], answers[rows[rows != row], a])
+            for row in rows
+        ]
+        for row, distance in zip(rows, apart):
+            excess[raters[row]].append(distance - np.mean(apart))
+    distance = np.array([np.mean(each) for each in excess.values()])
+    result = outlying_raters(answers, objects, raters)
+    assert result.raters.tolist() == list(excess)
+    np.testing.assert_allclose(result.distance, distance, atol=1e-13)
+    deviation = distance - np.median(distance)
+    score = deviation / np.median(np.abs(deviation)) / 1.4826
+    np.testing.assert_allclose(result.score, score, rtol=1e-9)
+    np.testing.assert_array_equal(result.outlying, score > 3.5)
+    scaled = outlying_raters(7 - 100 * answers, objects, raters)
+    np.testing.assert_allclose(scaled.score, result.score, rtol=1e-9)
+
+
+@pytest.mark.parametrize("careless", ["random", "reversed"])
+def test_careless_raters_are_found(careless):
+    answers, objects, raters = many_answers(30, 20)
+    assert not outlying_raters(answers, objects, raters).outlying.any()
+    rows = np.isin(raters, ["person 03", "person 17"])
+    rng = np.random.default_rng(0)
+    answers[rows] = (
+        rng.integers(1, 6, size=answers[rows].shape)
+        if careless == "random"
+        else 6 - answers[rows]
+    )
+    result = outlying_raters(answers, objects, raters)
+    assert result.raters[result.outlying].tolist() == ["person 03", "person 17"]
+    table = pd.DataFrame(answers, columns=list("abc"))
+    same = outlying_raters(table, pd.Series(objects), pd.Series(raters))
+    np.testing.assert_array_equal(same.score, result.score)
+
+
+def test_raters_who_cannot_be_compared():
+    """One whose objects nobody else rated; three who are equal, and one who is not."""
+    answers = [[1], [1], [1], [4], [2]]
+    result = outlying_raters(answers, [0, 0, 0, 0, 1], list("abcde"))
+    assert np.isnan(result.distance[4]) and np.isnan(result.score[4])
+    np.testing.assert_allclose(result.distance[:4], [-0.5, -0.5, -0.5, 1.5])
+    assert result.score[:4].tolist() == [0, 0, 0, np.inf]
+    assert result.outlying.tolist() == [False, False, False, True, False]
+
+
+def test_many_raters_of_one_object():
+    rng = np.random.default_rng(0)
+    answers = rng.normal(size=(100_000, 1))
+    result = outlying_raters(answers, np.zeros(100_000), np.arange(100_000))
+    for i in (0, 5_000, 99_999):
+        exact = np.abs(answers - answers[i]).sum() / 99_999
+        mean = 2 / np.sqrt(np.pi)  # of the absolute difference of two normal numbers
+        assert result.distance[i] == pytest.approx(exact - mean, abs=0.01)

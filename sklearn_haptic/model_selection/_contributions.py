@@ -13,7 +13,7 @@ from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils import check_random_state, indexable
 from sklearn.utils.parallel import Parallel, delayed
 
-from .._check_ratings import check_ratings
+from .._check_ratings import check_adjectives
 from .._folds import make_splitter
 from .._holdouts import fit_holdouts
 from .._sklearn import (
@@ -63,7 +63,9 @@ def sensor_contributions(
     X : DataFrame or array-like of shape (n_trials, n_columns)
         The trials.
     y : array-like of shape (n_trials, n_levels) or (n_trials,)
-        How many people gave the trial's object each rating, or one rating.
+        How many people gave the trial's object each rating, or one rating. Counts of
+        several adjectives, of shape (n_trials, n_adjectives, n_levels), are learned
+        together.
     groups : array-like of shape (n_trials,), default=None
         The object of each trial; by default each trial is of another object. It is
         passed to the splitter and to ``fit``, which may need it to stop early.
@@ -90,7 +92,8 @@ def sensor_contributions(
         ``object``; ``trial``, the row of ``X``; and the scores, lower being better:
         ``macro_mae``, ``emd`` and ``rps`` in levels, ``log_score`` in nats, and
         ``rps_1``, …, the terms of the ranked probability score (RPS) at the thresholds
-        between levels k and k + 1, which sum to ``rps``.
+        between levels k and k + 1, which sum to ``rps``. Several adjectives have a row
+        each and are counted from 0 in a further column, ``adjective``.
 
     Raises
     ------
@@ -139,7 +142,7 @@ def sensor_contributions(
     features, regressor = _split_model(model)
     X, y = indexable(X, y)
     groups = check_groups(groups, X)
-    counts, _ = check_ratings(y, regressor.levels)
+    counts, _ = check_adjectives(y, regressor.levels)
     objects = np.arange(len(counts)) if groups is None else groups
     splitter = make_splitter(regressor, y, groups, cv)
     starts = check_random_state(random_state).randint(
@@ -212,13 +215,20 @@ def _score_start(
     )
     return pd.concat(
         [
-            pd.DataFrame(
-                {
-                    "held_out": held_out,
-                    **columns,
-                    **score_trials(y_test, model.predict_proba(X_test)),
-                }
-            )
+            pd.DataFrame({"held_out": held_out, **columns, **adjective, **scores})
             for held_out, model in models.items()
+            for adjective, scores in _score_adjectives(
+                y_test, model.predict_proba(X_test)
+            )
         ]
     )
+
+
+def _score_adjectives(counts, proba):
+    """Return the column that names an adjective, if there are several, and scores."""
+    if counts.ndim == 2:
+        return [({}, score_trials(counts, proba))]
+    return [
+        ({"adjective": i}, score_trials(counts[:, i], proba[:, i]))
+        for i in range(counts.shape[1])
+    ]

@@ -137,11 +137,11 @@ class DistributionalOrdinalRegressor(
     "mixture" their average distribution. The macro-averaged error of the paper
     rewards the first, proper scores reward the second.
 
-    An `NNPOM` with hidden units can learn several adjectives together: they share the
-    units, and each has output weights and thresholds of its own. What one adjective
-    tells of a touch can then help with another, as the paper suggests [1]_ (section
-    4.2). The penalty works against the observations of all adjectives, so it can be
-    larger.
+    An `NNPOM` with hidden units, or a `SensorFusionNNPOM`, can learn several adjectives
+    together: they share the units, and each has output weights and thresholds of its
+    own. What one adjective tells of a touch can then help with another, as the paper
+    suggests [1]_ (section 4.2). The penalty works against the observations of all
+    adjectives, so it can be larger.
 
     To take the features of a trial once for all its positions, an estimator offers the
     methods ``fit_with_positions``, ``predict_proba_with_positions`` and

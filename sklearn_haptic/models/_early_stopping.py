@@ -46,7 +46,8 @@ def validation_error(network, X, positions, level, weight):
     for i, (at, true, counted) in enumerate(
         of_each_adjective(positions, level, weight)
     ):
-        predicted = network.adjective(i).predict_proba(X, at)[:, :, 0].argmax(axis=-1)
+        own = X[:, i] if X.ndim == 4 else X
+        predicted = network.adjective(i).predict_proba(own, at)[:, :, 0].argmax(axis=-1)
         error = macro_error(predicted, true, counted > 0)
         errors.append(np.average(error, weights=counted.max(axis=1)))
     return np.mean(errors)

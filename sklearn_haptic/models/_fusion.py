@@ -36,7 +36,7 @@ from ._frozen import check_frozen, unfrozen
 from ._nnpom import NNPOM
 from ._observations import single_ratings
 from ._ordinal import OrdinalClassifierMixin
-from ._shared_features import refuse_adjectives, refuse_monotone
+from ._shared_features import refuse_monotone
 
 _Network: TypeAlias = NNPOM | FrozenEstimator
 
@@ -145,9 +145,10 @@ class SensorFusionNNPOM(
         ``NNPOM(n_hidden=10, alpha=10)``. A network in a
         `sklearn.frozen.FrozenEstimator` is used as it was fitted.
     final_estimator : NNPOM, default=None
-        The combined network; by default ``NNPOM(n_hidden=0, alpha=10)``, while the
-        paper's has hidden units too. A network in a `sklearn.frozen.FrozenEstimator` is
-        used as it was fitted, to as many activations and the same levels.
+        The combined network; by default ``NNPOM(n_hidden=0, alpha=10)``, and of ten
+        hidden units, which the paper's has too, for several adjectives. A network in a
+        `sklearn.frozen.FrozenEstimator` is used as it was fitted, to as many
+        activations and the same adjectives and levels.
     held_out : str, default=None
         The sensor whose activations are zero in training and prediction.
     random_state : int, RandomState instance or None, default=None
@@ -164,7 +165,7 @@ class SensorFusionNNPOM(
         The fitted combined network.
     levels_, classes_ : ndarray of shape (n_levels,)
         The ordered levels.
-    thresholds_ : ndarray of shape (n_levels - 1,)
+    thresholds_ : ndarray of shape (n_levels - 1,), or (n_adjectives, n_levels - 1)
         Thresholds of the combined network.
     n_features_in_ : int
         Number of features.
@@ -180,6 +181,10 @@ class SensorFusionNNPOM(
     Let p be the position, x_s the features of sensor s and h_s(x_s, p) the activations
     of its network. The latent response is that of the combined network at
     (h_1, …, h_S), so the position enters through the sensors' networks alone.
+
+    Several adjectives can be learned together: they share the hidden units of all
+    networks, and each has output weights and thresholds of its own in each network.
+    The paper leaves this to others [1]_ (section 4.2).
 
     References
     ----------
@@ -248,7 +253,8 @@ class SensorFusionNNPOM(
             Features of each trial.
         y : array-like of shape (n_trials,) or (n_trials, n_levels)
             One rating per trial, or how many people gave each rating. Labels determine
-            the levels, as for `NNPOM`.
+            the levels, as for `NNPOM`, and such counts of several adjectives, of shape
+            (n_trials, n_adjectives, n_levels), are learned together.
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial, as in :meth:`NNPOM.fit`.
         groups : array-like of shape (n_trials,), default=None
@@ -304,7 +310,7 @@ class SensorFusionNNPOM(
 
         The parameters are those of :meth:`NNPOM.fit_with_positions`. Every network gets
         the same positions; those that stop early use the validation trials.
-        ``monotone=True`` and the ratings of several adjectives raise a ValueError.
+        ``monotone=True`` raises a ValueError.
         """
         self._validate_params()
         if monotone:
@@ -317,14 +323,12 @@ class SensorFusionNNPOM(
         return self._fit_networks(X, positions, level, weight, levels, validation)
 
     def _fit_networks(self, X, positions, level, weight, levels, validation):
-        if weight.ndim == 3:
-            refuse_adjectives("SensorFusionNNPOM")
         if self.held_out is not None and self.held_out not in self.sensors_:
             raise ValueError(
                 f"held_out={self.held_out!r} is not among the sensors "
                 f"{list(self.sensors_)}; name one of them."
             )
-        networks, final_network = self._make_networks(levels)
+        networks, final_network = self._make_networks(levels, weight.shape[1:-1])
         self._n_hidden = {name: n_units(each) for name, each in networks.items()}
         networks.pop(self.held_out, None)
         self.sensor_networks_ = {
@@ -337,7 +341,10 @@ class SensorFusionNNPOM(
             return lambda X, positions: (X[:, columns], positions)
 
         def of_all(X, positions):
-            return self._activations(X, positions), None
+            if positions is None:
+                return self._activations(X), None
+            hidden = self._activations(X, positions.reshape(len(X), -1))
+            return hidden.reshape(*positions.shape, -1), None
 
         tasks = [
             (f"fit network of {sensor}", network, of_sensor(self.sensors_[sensor]))
@@ -361,8 +368,11 @@ class SensorFusionNNPOM(
         self.thresholds_ = self.final_network_.thresholds_
         return self
 
-    def _make_networks(self, levels):
-        """Clone and seed the networks of the sensors and the combined one."""
+    def _make_networks(self, levels, adjectives):
+        """Clone and seed the networks of the sensors and the combined one.
+
+        `adjectives` is the shape of several adjectives, () of a single one.
+        """
         of_sensor = self.estimator
         if of_sensor is None:
             of_sensor = NNPOM(n_hidden=10, alpha=10.0)
@@ -375,7 +385,7 @@ class SensorFusionNNPOM(
             )
         networks = {sensor: clone(of_sensor[sensor]) for sensor in self.sensors_}
         if self.final_estimator is None:
-            final_network = NNPOM(n_hidden=0, alpha=10.0)
+            final_network = NNPOM(n_hidden=10 if adjectives else 0, alpha=10.0)
         else:
             final_network = clone(self.final_estimator)
         for sensor, network in networks.items():
@@ -383,6 +393,19 @@ class SensorFusionNNPOM(
         if isinstance(final_network, FrozenEstimator):
             n_hidden = sum(n_units(network) for network in networks.values())
             check_frozen(final_network, "final_estimator", n_hidden, levels)
+            known = final_network.thresholds_.shape[:-1]
+            if known != adjectives:
+                (predicted,), (rated,) = known or ("one",), adjectives or ("one",)
+                raise ValueError(
+                    f"final_estimator is frozen and predicts {predicted} adjectives, "
+                    f"but y has {rated}; fit it to the same adjectives."
+                )
+        elif adjectives and final_network.n_hidden == 0:
+            raise ValueError(
+                "final_estimator has n_hidden=0, which leaves nothing that several "
+                "adjectives could share; set it to at least 1, or fit a model to each "
+                "adjective."
+            )
         if self.random_state is not None:
             rng = check_random_state(self.random_state)
             for network in (*networks.values(), final_network):
@@ -492,7 +515,9 @@ class SensorFusionNNPOM(
         Returns
         -------
         proba : ndarray of shape (n_trials, n_levels)
-            Rows sum to 1; columns as in ``levels_``.
+            Rows sum to 1; columns as in ``levels_``. If several adjectives were
+            learned, every prediction has a further axis for them behind that of the
+            trials.
         """
         hidden = self.hidden_activations(X)
         return self.final_network_.predict_proba(hidden)

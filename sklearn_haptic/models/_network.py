@@ -399,14 +399,24 @@ class _AdjectiveLoss:
 
     Observations lie one after the other, trial by trial; those of weight zero are
     left out. Parameters as for `NetworkLoss`.
+
+    Attributes
+    ----------
+    trials : slice
+        From the first trial with an observation to the last; all else is about these.
     """
 
     def __init__(self, layout, positions, level, weight):
         self.gaps = layout.gaps
+        level = np.broadcast_to(level, weight.shape)
+        observed = np.flatnonzero(weight.any(axis=1))
+        self.trials = slice(observed[0], observed[-1] + 1)
+        level, weight = level[self.trials], weight[self.trials]
+        positions = None if positions is None else positions[self.trials]
         used = weight > 0
         self.trial = np.nonzero(used)[0]
         self.positions = None if positions is None else positions[used]
-        self.level = np.broadcast_to(level, weight.shape)[used]
+        self.level = level[used]
         self.weight = weight[used]
         each = np.arange(len(self.trial))
         ends = np.append(0, np.cumsum(used.sum(axis=1)))
@@ -525,14 +535,15 @@ class NetworkLoss:
         shared = self.X @ coef[:n_features]
         g_coef = (self.input_alpha * coef.T).T
         square = np.vdot(g_coef, coef)
-        loss, g_shared, g_heads = 0.0, 0.0, []
+        loss, g_shared, g_heads = 0.0, np.zeros(shared.shape), []
         for adjective, head in zip(self.adjectives, heads):
+            of_trials = shared[adjective.trials]
             part, g_part, g_position_coef, g_head = adjective(
-                shared + bias if n_hidden else shared, coef[n_features:], head
+                of_trials + bias if n_hidden else of_trials, coef[n_features:], head
             )
             loss += part
             square += self.output_alpha * (head.output @ head.output)
-            g_shared = g_shared + g_part
+            g_shared[adjective.trials] += g_part
             g_coef[n_features:] += g_position_coef
             g_output = g_head.output + self.output_alpha * head.output
             g_heads.append(g_head._replace(output=g_output))

@@ -36,7 +36,12 @@ from ._network import (
     initial_params,
     monotone_bounds,
 )
-from ._observations import rank_levels, scaled_to_unit_weight, single_ratings
+from ._observations import (
+    one_trial_each,
+    rank_levels,
+    scaled_to_unit_weight,
+    single_ratings,
+)
 from ._ordinal import OrdinalClassifierMixin
 from ._solvers import SOLVERS
 
@@ -277,7 +282,8 @@ class NNPOM(
         ----------
         X : ndarray of shape (n_trials, n_features)
             Features of each trial; of shape (n_trials, n_observations, n_features)
-            if its observations do not share them.
+            if its observations do not share them, with an axis for several adjectives
+            as below.
         positions : ndarray of shape (n_trials, n_observations), or None
             The last feature of each observation, if there is one. For several
             adjectives, this and the next two have the shape (n_trials, n_adjectives,
@@ -307,11 +313,10 @@ class NNPOM(
         self._validate_params()
         rng = check_random_state(self.random_state)
         n_inputs = X.shape[-1] + (positions is not None)
-        if X.ndim == 3:  # each observation is a trial of its own
-            used = weight > 0
-            X, level, weight = X[used], level[used][:, None], weight[used][:, None]
-            positions = None if positions is None else positions[used][:, None]
-        self._fit((X, positions, level, weight), validation, levels, rng, monotone)
+        train = X, positions, level, weight
+        if X.ndim > 2:
+            train = one_trial_each(*train)
+        self._fit(train, validation, levels, rng, monotone)
         self.n_features_in_ = n_inputs
         if feature_names is not None:
             self.feature_names_in_ = np.append(feature_names, "position")

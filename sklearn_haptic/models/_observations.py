@@ -50,6 +50,38 @@ def single_ratings(X, counts, groups, sample_weight):
     return X, groups, level, weighted(counts, sample_weight), validation_weight
 
 
+def one_trial_each(X, positions, level, weight):
+    """Make each observation a trial of its own.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_trials, ..., n_observations, n_features)
+    positions, level, weight : ndarray of shape (n_trials, ..., n_observations)
+        For several adjectives with an axis for them, and so has `X`. Positions may be
+        None. Observations of zero weight are left out.
+
+    Returns
+    -------
+    X : ndarray of shape (n_rows, n_features)
+        Rows of an adjective follow one another.
+    positions, level, weight : ndarray of shape (n_rows, 1) or (n_rows, n_adjectives, 1)
+        The weight is zero for all adjectives but the row's own.
+    """
+    given = X, positions, level, weight
+    several = weight.ndim == 3
+    if several:  # by adjective, then by trial
+        given = [None if each is None else each.swapaxes(0, 1) for each in given]
+    used = given[-1] > 0
+    X, *observed = (None if each is None else each[used] for each in given)
+    observed = (None if each is None else each[:, None] for each in observed)
+    if several:
+        own = np.nonzero(used)[0][:, None] == np.arange(len(used))
+        observed = (
+            None if each is None else (each * own)[..., None] for each in observed
+        )
+    return X, *observed
+
+
 def scaled_to_unit_weight(weight, alpha):
     """Bring the total weight near 1, and the penalty along, by a power of four.
 

@@ -111,7 +111,7 @@ def refuse_adjectives(name):
     """Raise the error of an estimator that cannot learn several adjectives."""
     raise ValueError(
         f"y has the ratings of several adjectives, which a {name} cannot share; use an "
-        "NNPOM, or fit a model to each adjective."
+        "NNPOM or a SensorFusionNNPOM, or fit a model to each adjective."
     )
 
 
