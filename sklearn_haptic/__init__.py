@@ -2,7 +2,12 @@
 
 from ._pipeline import make_haptic_pipeline
 from ._sequences import Sequences
-from .features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
+from .features import (
+    KSVDTransformer,
+    SignalStatistics,
+    STHMPTransformer,
+    TemporalMaxPool,
+)
 from .models import (
     NNPOM,
     PAPER_2020,
@@ -22,6 +27,7 @@ __all__ = [
     "STHMPTransformer",
     "SensorFusionNNPOM",
     "Sequences",
+    "SignalStatistics",
     "TemporalMaxPool",
     "make_haptic_pipeline",
 ]
