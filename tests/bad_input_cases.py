@@ -576,9 +576,10 @@ ask(fitting(STHMP, X=TRIALS, y=None),
 ask(using(["STHMPTransformer(trials)"], "transform"),
     check("a table after trials", X,
         "X is a table, but fit was given trials; give a collection of trials"))
-ask(fitting(POOL, X=TRIALS, y=None),
+ask(fitting(POOL | {"SignalStatistics": SignalStatistics}, X=TRIALS, y=None),
     *settings("cells", (), (0,), (2, 2), (1.5,), ((1, 2),), ("a",),
-        says=r"^cells=.* must list distinct positive integers, one per level"),
+        says=r"^cells=.* must list distinct positive integers, one per level"))
+ask(fitting(POOL, X=TRIALS, y=None),
     check("trials shorter than every level", cells=(16,), drop_fine_levels=True,
         says=r"No level of cells=\(16,\) fits trial 0 of X, .* 8 time samples; add a"))
 HUGE = [np.tile([[1.7e308, 1.7e308], [-1.7e308, 1.7e308]], (4, 1))] * 2

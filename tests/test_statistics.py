@@ -150,8 +150,29 @@ def test_constant_channels_are_finite(value, n_times):
     features = model.transform(trials)
     assert np.isfinite(features).all()
     names = model.get_feature_names_out()
-    np.testing.assert_allclose(features[:, names == "ch0_mean"], value, 1e-14)
-    assert (features[:, names == "ch0_band16of16"] < -16).all()
+    np.testing.assert_allclose(features[:, names == "t1of1_ch0_mean"], value, 1e-14)
+    assert (features[:, names == "t1of1_ch0_band16of16"] < -16).all()
+
+
+def test_cells_are_the_statistics_of_parts():
+    trials = recordings((120, 97, 5, 3))
+    model = SignalStatistics(n_bands=4, cells=(4, 1)).fit(trials)
+    names = model.get_feature_names_out()
+    whole = SignalStatistics(n_bands=4).fit(trials)
+    features = model.transform(trials)
+    np.testing.assert_array_equal(features[:, -30:], whole.transform(trials))
+    assert names[30 * 2 + 10] == "t3of4_ch1_mean"
+    for i in range(4):
+        parts = [t[i * len(t) // 4 : (i + 1) * len(t) // 4] for t in trials[:3]]
+        np.testing.assert_allclose(
+            features[:3, 30 * i : 30 * (i + 1)], whole.transform(parts), 1e-10, 1e-10
+        )
+    # A trial shorter than the cells has the sample at the middle and its neighbours.
+    short = trials[3]
+    parts = [short[:2], short, short, short[1:]]
+    np.testing.assert_allclose(
+        features[3, :-30], whole.transform(parts).ravel(), 1e-10, 1e-10
+    )
 
 
 def test_silence_is_at_the_floor():
@@ -173,11 +194,11 @@ def test_names_and_frames():
     ).set_output(transform="pandas")
     frame = columns.fit_transform(X)
     assert frame.columns.tolist() == [
-        "pac__ch0_std",
-        "pac__ch0_band1of2",
-        "pac__ch0_band2of2",
-        "skin__ch0_max",
-        "skin__ch1_max",
+        "pac__t1of1_ch0_std",
+        "pac__t1of1_ch0_band1of2",
+        "pac__t1of1_ch0_band2of2",
+        "skin__t1of1_ch0_max",
+        "skin__t1of1_ch1_max",
     ]
     assert frame.index.tolist() == ["first", "second"]
     np.testing.assert_array_equal(frame.iloc[1, 4], X["skin"].iloc[1][:, 1].max())
@@ -199,7 +220,7 @@ def test_statistics_of_codes():
         np.stack([c.mean(axis=0), c.max(axis=0)], axis=1).ravel() for c in codes
     ]
     np.testing.assert_allclose(model.transform(codes), expected, 1e-12, 1e-12)
-    assert model.get_feature_names_out()[1] == "ch0_atom0+_max"
+    assert model.get_feature_names_out()[1] == "t1of1_ch0_atom0+_max"
 
 
 def test_parameters_set_after_fit_wait_for_the_next_fit():

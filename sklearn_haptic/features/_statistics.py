@@ -11,6 +11,7 @@ from scipy.fft import dct, next_fast_len
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
+from .._cells import cell_bounds, check_cells
 from .._sequences import Sequences
 from .._sklearn import (
     FloatArray,
@@ -100,6 +101,7 @@ def band_powers(signals, edges):
     return (whole + np.diff(parts, axis=1)) / n_lines
 
 
+@np.errstate(over="ignore")  # which the caller sees by the result
 def signal_statistics(signals, statistics, edges, scale):
     """Compute statistics of signals.
 
@@ -167,7 +169,7 @@ def signal_statistics(signals, statistics, edges, scale):
     return np.hstack(columns).astype(signals.dtype, copy=False)
 
 
-def trial_statistics(trials, statistics, edges, scale):
+def trial_statistics(trials, statistics, edges, scale, cells=(1,)):
     """Compute statistics of the channels of trials, several trials at a time.
 
     Parameters
@@ -178,11 +180,14 @@ def trial_statistics(trials, statistics, edges, scale):
         See :func:`signal_statistics`.
     scale : ndarray of shape (n_channels,)
         The magnitude of each channel to which the powers of its bands are relative.
+    cells : sequence of int, default=(1,)
+        Number of cells of time of each level of the pyramid.
 
     Returns
     -------
-    features : ndarray of shape (n_trials, n_channels * n_features)
-        All features of the first channel, then those of the next.
+    features : ndarray of shape (n_trials, sum(cells) * n_channels * n_features)
+        Levels in the order given, the cells of each level in time order, and in each
+        cell all features of the first channel, then those of the next.
     """
     lengths = trials.lengths if isinstance(trials, Sequences) else map(len, trials)
     lengths = list(lengths)
@@ -195,19 +200,23 @@ def trial_statistics(trials, statistics, edges, scale):
             chunk = alike[begin : begin + at_once]
             # Each channel of each trial is one row, contiguous in memory.
             signals = np.stack([trials[i].T for i in chunk]).reshape(-1, n_times)
-            with np.errstate(over="ignore"):
-                rows = signal_statistics(
-                    signals, statistics, edges, np.tile(scale, len(chunk))
-                ).reshape(len(chunk), -1)
+            scales = np.tile(scale, len(chunk))
+            rows = [
+                signal_statistics(signals[:, a:b], statistics, edges, scales)
+                for n in cells
+                for a, b in zip(*cell_bounds(n_times, n))
+            ]
+            rows = np.stack(rows).reshape(len(rows), len(chunk), -1)
             if features is None:
-                features = np.empty((len(lengths), rows.shape[1]), rows.dtype)
-            features[chunk] = rows
+                shape = (len(lengths), len(rows), rows.shape[2])
+                features = np.empty(shape, rows.dtype)
+            features[chunk] = rows.swapaxes(0, 1)
     if not np.isfinite(features).all():
         raise ValueError(
             f"X holds values so large that their sums overflow {features.dtype}; "
             "divide X by a constant."
         )
-    return features
+    return features.reshape(len(features), -1)
 
 
 def typical_deviations(trials, n_channels):
@@ -237,19 +246,24 @@ class SignalStatistics(TrialRows, BaseEstimator):
     ----------
     statistics : sequence of str, default=("mean", "std", "max", "min", "slope", \
             "change", "bands")
-        What is computed of each channel: its mean, standard deviation, maximum and
-        minimum; "slope", the mean change per sample of a line fitted to it; "change",
-        the mean absolute difference between one sample and the next; and "bands", the
-        logarithms of its power in bands of frequency.
+        What is computed of each channel in each cell of time: its mean, standard
+        deviation, maximum and minimum; "slope", the mean change per sample of a line
+        fitted to it; "change", the mean absolute difference between one sample and the
+        next; and "bands", the logarithms of its power in bands of frequency.
     n_bands : int, default=16
         Number of bands. Their edges are geometric over the eight octaves below half the
         sampling rate; the lowest band also has all lower frequencies. 32 suit signals
         of thousands of samples, such as vibrations.
+    cells : sequence of int, default=(1,)
+        Number of cells of time of each level of a pyramid, as in
+        :class:`TemporalMaxPool`. Each level costs as much time as the first.
 
     Attributes
     ----------
     statistics_ : tuple of str
-        The statistics of each channel.
+        The statistics of each channel in each cell.
+    cells_ : tuple of int
+        Number of cells of each level.
     band_edges_ : ndarray of shape (n_bands + 1,)
         Edges of the bands in cycles per sample: times the sampling rate they are in Hz.
     scale_ : ndarray of shape (n_channels,)
@@ -274,8 +288,9 @@ class SignalStatistics(TrialRows, BaseEstimator):
     sample or more, or :class:`Sequences`. Each row of a table is a trial with one
     channel, `ch0`, and one time sample per feature.
 
-    Features have names like `ch0_std` and `ch0_band3of16`, of which band 1 is the
-    lowest. All features of a channel stand together. Multiplying the trials of `fit`
+    Features have names like `t1of1_ch0_std` and `t2of4_ch0_band3of16`, which is the
+    third band, counted from the lowest, in the second of four cells. All features of a
+    channel in a cell stand together. Multiplying the trials of `fit`
     and `transform` by a constant multiplies all features but the bands, which stay as
     they are.
 
@@ -294,7 +309,7 @@ class SignalStatistics(TrialRows, BaseEstimator):
     array([[ 0.7, -6.1, -4.4, -0. , -8.1],
            [ 0.7, -8. , -7. , -5.1, -0. ]])
     >>> statistics.get_feature_names_out()[:3]
-    array(['ch0_std', 'ch0_band1of4', 'ch0_band2of4'], dtype=object)
+    array(['t1of1_ch0_std', 't1of1_ch0_band1of4', 't1of1_ch0_band2of4'], dtype=object)
 
     Each sensor has its own statistics, at its own rate:
 
@@ -311,6 +326,7 @@ class SignalStatistics(TrialRows, BaseEstimator):
     _parameter_constraints = {  # noqa: RUF012
         "statistics": ["array-like"],
         "n_bands": [Interval(Integral, 1, None, closed="left")],
+        "cells": ["array-like"],
     }
 
     def __init__(
@@ -320,9 +336,11 @@ class SignalStatistics(TrialRows, BaseEstimator):
         ] = ("mean", "std", "max", "min", "slope", "change", "bands"),
         *,
         n_bands: int = 16,
+        cells: Sequence[int] = (1,),
     ) -> None:
         self.statistics = statistics
         self.n_bands = n_bands
+        self.cells = cells
 
     @_fit_context(prefer_skip_nested_validation=True)
     def fit(self, X: Trials, y: None = None) -> Self:
@@ -344,13 +362,15 @@ class SignalStatistics(TrialRows, BaseEstimator):
         Raises
         ------
         ValueError
-            If a statistic is unknown or named twice.
+            If a statistic is unknown or named twice, or `cells` are not distinct
+            positive integers.
         """
         with fit_task(self, X, y):
             trials = self._record(X)
             statistics = check_names(
                 self.statistics, _STATISTICS, "statistic", "SignalStatistics"
             )
+            self.cells_ = check_cells(self.cells)
             n_channels = self.n_features_in_ if self.takes_trials_ else 1
             self.scale_ = typical_deviations(trials, n_channels)
             self.band_edges_ = band_edges(self.n_bands)
@@ -369,9 +389,9 @@ class SignalStatistics(TrialRows, BaseEstimator):
 
         Returns
         -------
-        features : ndarray of shape (n_trials, n_channels * n_features)
-            All features of the first channel, then those of the next; float32 if the
-            trials are.
+        features : ndarray of shape (n_trials, n_cells * n_channels * n_features)
+            All features of the first channel in the first cell, then those of the next
+            channel; float32 if the trials are.
 
         Raises
         ------
@@ -381,7 +401,11 @@ class SignalStatistics(TrialRows, BaseEstimator):
         """
         check_is_fitted(self)
         features = trial_statistics(
-            self._check(X), self.statistics_, self.band_edges_, self.scale_
+            self._check(X),
+            self.statistics_,
+            self.band_edges_,
+            self.scale_,
+            self.cells_,
         )
         return self._with_index(features, X)
 
@@ -398,9 +422,10 @@ class SignalStatistics(TrialRows, BaseEstimator):
         Returns
         -------
         names : ndarray of str objects
-            Names like `ch0_std` and `ch0_band3of16`.
+            Names like `t1of1_ch0_std` and `t2of4_ch0_band3of16`.
         """
         check_is_fitted(self)
+        columns = self._columns(input_features)
         n_bands = len(self.band_edges_) - 1
         bands = [f"band{i}of{n_bands}" for i in range(1, n_bands + 1)]
         labels = [
@@ -410,8 +435,10 @@ class SignalStatistics(TrialRows, BaseEstimator):
         ]
         return np.asarray(
             [
-                f"{column}_{label}"
-                for column in self._columns(input_features)
+                f"t{i}of{n}_{column}_{label}"
+                for n in self.cells_
+                for i in range(1, n + 1)
+                for column in columns
                 for label in labels
             ],
             dtype=object,
