@@ -5,7 +5,12 @@ from typing import Any
 
 from ._pipeline import make_haptic_pipeline
 from ._sequences import Sequences
-from .features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
+from .features import (
+    KSVDTransformer,
+    SignalStatistics,
+    STHMPTransformer,
+    TemporalMaxPool,
+)
 from .models import (
     NNPOM,
     PAPER_2020,
@@ -25,6 +30,7 @@ __all__ = [
     "STHMPTransformer",
     "SensorFusionNNPOM",
     "Sequences",
+    "SignalStatistics",
     "TemporalMaxPool",
     "make_haptic_pipeline",
 ]

@@ -33,6 +33,7 @@ from sklearn_haptic import (
     KSVDTransformer,
     SensorFusionNNPOM,
     Sequences,
+    SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
     make_haptic_pipeline,
@@ -182,11 +183,13 @@ CODERS = {
     "KSVDTransformer": partial(KSVDTransformer, 3, max_iter=1, n_nonzero_coefs=1),
     "STHMPTransformer": partial(STHMPTransformer, 3, max_iter=1, n_nonzero_coefs=1),
     "TemporalMaxPool": partial(TemporalMaxPool, (2, 1)),
+    "SignalStatistics": partial(SignalStatistics, n_bands=2),
 }
 TRIAL_CODERS = {
     "KSVDTransformer(window)": partial(CODERS["KSVDTransformer"], window=4),
     "STHMPTransformer(trials)": partial(CODERS["STHMPTransformer"], spatial_cells=[1]),
     "TemporalMaxPool(trials)": CODERS["TemporalMaxPool"],
+    "SignalStatistics(trials)": CODERS["SignalStatistics"],
 }
 ORDINAL = {
     "NNPOM": partial(NNPOM, n_hidden=0),
@@ -497,7 +500,8 @@ PARAMETERS = {
     },
     STHMPTransformer: {"layout": ("palm", 3), "step": (0, 1.5), "n_atoms": (-1,),
         "max_train_patches": (0,)},
-    TemporalMaxPool: {"split": ("half",), "memory": (3,)},
+    TemporalMaxPool: {"split": ("half",), "memory": (3,), "statistics": (3,)},
+    SignalStatistics: {"statistics": (3,), "n_bands": (0, 1.5)},
     NNPOM: {
         "n_hidden": (-1, 1.5, None), "alpha": (-1.0, np.nan, "auto"),
         "gaps": ("exp",), "solver": ("adam",), "max_iter": (0,), "tol": (-1.0,),
@@ -572,12 +576,25 @@ ask(fitting(STHMP, X=TRIALS, y=None),
 ask(using(["STHMPTransformer(trials)"], "transform"),
     check("a table after trials", X,
         "X is a table, but fit was given trials; give a collection of trials"))
-ask(fitting(POOL, X=TRIALS, y=None),
+ask(fitting(POOL | {"SignalStatistics": SignalStatistics}, X=TRIALS, y=None),
     *settings("cells", (), (0,), (2, 2), (1.5,), ((1, 2),), ("a",),
-        says=r"^cells=.* must list distinct positive integers, one per level"),
+        says=r"^cells=.* must list distinct positive integers, one per level"))
+ask(fitting(POOL, X=TRIALS, y=None),
     check("trials shorter than every level", cells=(16,), drop_fine_levels=True,
         says=r"No level of cells=\(16,\) fits trial 0 of X, .* 8 time samples; add a"))
-ask(using(["TemporalMaxPool"], "transform"),
+HUGE = [np.tile([[1.7e308, 1.7e308], [-1.7e308, 1.7e308]], (4, 1))] * 2
+SUMS_OVERFLOW = "^X holds values so large that their sums overflow float64; divide X"
+ask(fitting(POOL | {"SignalStatistics": SignalStatistics}, X=TRIALS, y=None),
+    *settings("statistics", ["max", "sum"], says="^Unknown statistic 'sum'; .* has"),
+    *settings("statistics", ["max", "max"],
+        says="^The statistic 'max' is asked for twice; name it once"),
+    *settings("statistics", [], says="^No statistic is asked for; name at least one"))
+ask({"TemporalMaxPool.transform": partial(call,
+        TemporalMaxPool((1,), statistics=["mean"]).fit(HUGE).transform),
+     "SignalStatistics.transform": partial(call,
+        SignalStatistics().fit(HUGE).transform)},
+    check("values whose sums overflow", HUGE, SUMS_OVERFLOW))
+ask(using(["TemporalMaxPool", "SignalStatistics"], "transform"),
     check("trials after a table", TRIALS,
         "X is a collection of trials, but fit was given a table; give both"))
 ask({"TemporalMaxPool.transform": lambda codes_of: call(

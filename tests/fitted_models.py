@@ -16,6 +16,7 @@ from sklearn_haptic import (
     DummyDistribution,
     KSVDTransformer,
     SensorFusionNNPOM,
+    SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
     make_haptic_pipeline,
@@ -52,6 +53,7 @@ MODELS = {
     ),
     "sthmp": (STHMPTransformer(**_DICTIONARY, random_state=0), FRAMES, None),
     "pooling": (TemporalMaxPool((2, 1)), TRIALS, None),
+    "statistics": (SignalStatistics(), TRIALS, None),
     "network": (NNPOM(3, tol=1e-2, random_state=0), TABLE, COUNTS),
     "network of labels": (NNPOM(0, tol=1e-2, levels=WORDS), NAMED, LABELS),
     "network stopped early": (

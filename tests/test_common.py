@@ -13,6 +13,7 @@ from sklearn_haptic import (
     DummyDistribution,
     KSVDTransformer,
     SensorFusionNNPOM,
+    SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
 )
@@ -26,6 +27,9 @@ TRANSFORMERS = [
     STHMPTransformer(),
     TemporalMaxPool(),
     TemporalMaxPool(split="floor"),
+    TemporalMaxPool((2, 1), statistics=("mean", "share", "max")),
+    SignalStatistics(),
+    SignalStatistics(("bands",), n_bands=5),
 ]
 PREDICTORS = [
     # With this tolerance weights equal repeated rows to seven digits.

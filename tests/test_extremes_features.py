@@ -17,7 +17,12 @@ from hypothesis.extra import numpy as hnp
 from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 
-from sklearn_haptic import KSVDTransformer, STHMPTransformer, TemporalMaxPool
+from sklearn_haptic import (
+    KSVDTransformer,
+    SignalStatistics,
+    STHMPTransformer,
+    TemporalMaxPool,
+)
 from sklearn_haptic.features._sparse_coding import (
     batch_omp,
     dense_codes,
@@ -371,6 +376,9 @@ STEPS = {
     "pool": TemporalMaxPool((4, 2, 1)),
     "ksvd of a table": small_ksvd(window=None),
     "pool of a table": TemporalMaxPool((4, 2, 1)),
+    "means and shares": TemporalMaxPool((4, 1), statistics=("mean", "share")),
+    "statistics": SignalStatistics(),
+    "statistics of a table": SignalStatistics(),
 }
 
 

@@ -1,3 +1,4 @@
+import math
 import pickle
 
 import numpy as np
@@ -77,6 +78,65 @@ def test_floor_pooling_equals_brute_force(cells):
             row += [part.max(axis=0) for part in [*parts, x[(n - 1) * length :]]]
         expected.append(np.concatenate(row))
     np.testing.assert_array_equal(temporal_max_pool(X, cells, "floor"), expected)
+
+
+def cell_of(n_times, i, n, split):
+    """The samples of cell i of n, by the rules in words."""
+    if n_times < n:
+        middle = (2 * i + 1) * n_times // (2 * n)
+        return [t for t in range(n_times) if abs(t - middle) <= 1]
+    if split == "floor":
+        length = n_times // n
+        return range(i * length, n_times if i == n - 1 else (i + 1) * length)
+    return range(i * n_times // n, (i + 1) * n_times // n)
+
+
+@pytest.mark.parametrize("split", ["balanced", "floor"])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_statistics_equal_a_plain_loop(split, dtype):
+    cells, statistics = (16, 5, 1), ("share", "max", "mean")
+    X = sequences((40, 23, 16, 9, 2, 1), dtype=dtype)
+    for x in X:
+        x[np.abs(x) < 0.8] = 0
+    X[0] = np.asfortranarray(X[0])  # as frames are
+    summary = {
+        "max": lambda values: max(values),
+        "mean": lambda values: math.fsum(values) / len(values),
+        "share": lambda values: sum(v != 0 for v in values) / len(values),
+    }
+    expected = [
+        [
+            summary[statistic]([float(x[t, c]) for t in cell_of(len(x), i, n, split)])
+            for statistic in statistics
+            for n in cells
+            for i in range(n)
+            for c in range(3)
+        ]
+        for x in X
+    ]
+    pool = TemporalMaxPool(cells, split=split, statistics=statistics)
+    pooled = pool.fit_transform(X)
+    assert pooled.dtype == dtype
+    np.testing.assert_allclose(
+        pooled, expected, rtol=1e-14, atol=8 * np.finfo(dtype).eps
+    )
+    names = pool.get_feature_names_out()
+    assert pooled.shape[1] == len(names) == len(set(names))
+    maxima = ["mean" not in name and "share" not in name for name in names]
+    np.testing.assert_array_equal(
+        pooled[:, maxima], TemporalMaxPool(cells, split=split).fit_transform(X)
+    )
+
+
+@pytest.mark.parametrize("n_times", [1, 5000, 100_000])
+def test_means_and_shares_of_any_length(n_times):
+    rng = np.random.default_rng(n_times)
+    x = rng.gamma(0.5, size=(n_times, 2)).astype(np.float32)
+    x[rng.random(x.shape) < 0.7] = 0
+    pool = TemporalMaxPool((1,), statistics=("mean", "share"))
+    mean, share = pool.fit_transform([x]).reshape(2, 2)
+    np.testing.assert_allclose(mean, x.astype(float).mean(axis=0), rtol=1e-4)
+    np.testing.assert_allclose(share, (x != 0).mean(axis=0), rtol=1e-6)
 
 
 @pytest.mark.parametrize("seq", ["seq0", "seq4"])

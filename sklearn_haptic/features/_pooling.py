@@ -1,43 +1,37 @@
-"""Temporal pyramid: the maximum of every column in every cell of time."""
+"""Temporal pyramid: statistics of every column in every cell of time."""
 
 from collections.abc import Sequence
 from typing import Literal, Self
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
-from sklearn.base import BaseEstimator, TransformerMixin
-from sklearn.callback import CallbackSupportMixin
+from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted, check_memory
 
 from .._cells import cell_bounds, check_cells
-from .._check_trials import (
-    channel_names,
-    check_sequences,
-    check_trials,
-    count,
-    is_table,
-)
-from .._sequences import Sequences, row_index
+from .._check_trials import count
+from .._sequences import Sequences
 from .._sklearn import (
-    DocumentedEstimator,
     FloatArray,
     HasMethods,
     Memory,
     Names,
     StrOptions,
     Trials,
-    _check_feature_names_in,
     _fit_context,
-    _get_output_config,
     fit_task,
     one_blas_thread,
 )
-from .._validation import check_table
+from .._validation import check_names
+from ._trial_rows import TrialRows
+
+_STATISTICS = ["max", "mean", "share"]
 
 
-def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
-    """Pool each sequence over time: the maximum of every column in every cell.
+def temporal_max_pool(
+    sequences, cells=(16, 8, 4, 2, 1), split="balanced", statistics=("max",)
+):
+    """Pool each sequence over time: statistics of every column in every cell.
 
     Parameters
     ----------
@@ -48,12 +42,14 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
         Number of cells of each level of the pyramid.
     split : {"balanced", "floor"}, default="balanced"
         How a level divides the rows, see :func:`cell_bounds`.
+    statistics : sequence of {"max", "mean", "share"}, default=("max",)
+        The statistics of each cell, see :class:`TemporalMaxPool`.
 
     Returns
     -------
-    pooled : ndarray of shape (n_sequences, sum(cells) * n_columns)
-        Maxima: levels in the order given, the cells of each level in time order, and
-        each cell with all its columns.
+    pooled : ndarray of shape (n_sequences, n_statistics * sum(cells) * n_columns)
+        Statistics in the order given; in each, levels in the order given, the cells of
+        each level in time order, and each cell with all its columns.
 
     Examples
     --------
@@ -64,22 +60,35 @@ def temporal_max_pool(sequences, cells=(16, 8, 4, 2, 1), split="balanced"):
     """
     level_ends = np.cumsum(cells)
     for i, sequence in enumerate(sequences):
+        n_times, n_columns = sequence.shape
         if i == 0:
-            shape = (len(sequences), level_ends[-1], sequence.shape[1])
+            shape = (len(sequences), len(statistics), level_ends[-1], n_columns)
             pooled = np.empty(shape, sequence.dtype)
-        starts = [cell_bounds(len(sequence), n, split)[0] for n in cells]
+        starts = [cell_bounds(n_times, n, split)[0] for n in cells]
         # One pass over time suffices, since every cell of any level joins segments.
         edges, first = np.unique(np.concatenate(starts), return_inverse=True)
-        segments = np.maximum.reduceat(sequence, edges, axis=0)
-        for n, end in zip(cells, level_ends):
-            level = slice(end - n, end)
-            out = pooled[i, level]
-            if n <= len(sequence):
-                np.maximum.reduceat(segments, first[level], axis=0, out=out)
-            else:  # at most three rows per cell
-                begin, stop = cell_bounds(len(sequence), n)
-                rows = [begin, (begin + stop) // 2, stop - 1]
-                np.maximum.reduce(sequence[rows], axis=0, out=out)
+        for statistic, out in zip(statistics, pooled[i]):
+            reduce = np.maximum if statistic == "max" else np.add
+            values = sequence
+            if statistic == "share":
+                values = (sequence != 0).astype(sequence.dtype)
+            with np.errstate(over="ignore"):
+                segments = reduce.reduceat(values, edges, axis=0)
+                for n, end in zip(cells, level_ends):
+                    level = slice(end - n, end)
+                    begin, stop = cell_bounds(n_times, n, split)
+                    if n <= n_times:
+                        reduce.reduceat(segments, first[level], axis=0, out=out[level])
+                    else:  # cells overlap, with at most three rows each
+                        for row, a, b in zip(out[level], begin, stop):
+                            reduce.reduce(values[a:b], axis=0, out=row)
+                    if reduce is np.add:
+                        out[level] /= (stop - begin)[:, np.newaxis]
+    if not np.isfinite(pooled).all():
+        raise ValueError(
+            f"X holds values so large that their sums overflow {pooled.dtype}; divide "
+            "X by a constant."
+        )
     return pooled.reshape(len(sequences), -1)
 
 
@@ -117,14 +126,12 @@ def coarse_levels(cells, sequences):
     return kept
 
 
-class TemporalMaxPool(
-    DocumentedEstimator, CallbackSupportMixin, TransformerMixin, BaseEstimator
-):
+class TemporalMaxPool(TrialRows, BaseEstimator):
     """Pool sequences of any length into one row of features per trial.
 
     Each level of a pyramid divides time into a number of cells, and the features are
-    the maxima of every column in every cell. Fine levels tell when something was felt,
-    coarse levels that it was felt at all.
+    the maxima of every column in every cell, or other statistics. Fine levels tell when
+    something was felt, coarse levels that it was felt at all.
 
     Parameters
     ----------
@@ -143,6 +150,9 @@ class TemporalMaxPool(
         because cells that hold the same samples get too much weight in a penalised
         model. By default all levels are kept, so that features do not depend on the
         shortest recording.
+    statistics : sequence of {"max", "mean", "share"}, default=("max",)
+        What is computed of every column in every cell: the maximum, the mean, and the
+        share of values that are not zero, which is how often an atom was used.
     memory : str or object with the joblib.Memory interface, default=None
         Folder or :class:`joblib.Memory` in which to cache the pooled rows, so that a
         search over later steps codes and pools nothing twice. Results are the same, bit
@@ -156,6 +166,8 @@ class TemporalMaxPool(
         Number of cells of each level that was not dropped.
     split_ : {"balanced", "floor"}
         How levels divide time.
+    statistics_ : tuple of str
+        Statistics of each cell.
     takes_trials_ : bool
         Whether trials or sequences were fitted; else a table.
     n_features_in_ : int
@@ -176,8 +188,17 @@ class TemporalMaxPool(
     and one time sample per feature.
 
     Features have names like `t3of16_ch0`, which is column `ch0` in the third of sixteen
-    cells. Columns without names are `ch0`, `ch1` and so on. Levels come in the order
-    given, the cells of each level in time order, and each cell with all its columns.
+    cells; other statistics than the maximum are named, as in `t3of16_mean_ch0`. Columns
+    without names are `ch0`, `ch1` and so on. Statistics come in the order given. In
+    each, levels come in the order given, the cells of each level in time order, and
+    each cell with all its columns.
+
+    Maxima, sums and numbers of non-zero values can all be updated as a touch goes on,
+    so one cell over the whole touch costs the same per sample however long it lasts.
+
+    Few strong values dominate a linear model less if the square roots of the features
+    are taken, as in the example below. This needs features that are not negative, as
+    codes with `sign="split"` or `"absolute"` are.
 
     References
     ----------
@@ -195,12 +216,26 @@ class TemporalMaxPool(
            [4., 1., 4.]])
     >>> pool.get_feature_names_out()
     array(['t1of2_ch0', 't2of2_ch0', 't1of1_ch0'], dtype=object)
+
+    Square roots of means, of how often each column is used, and of maxima:
+
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn.preprocessing import FunctionTransformer
+    >>> steps = make_pipeline(
+    ...     TemporalMaxPool((1,), statistics=("mean", "share", "max")),
+    ...     FunctionTransformer(np.sqrt, feature_names_out="one-to-one"),
+    ... )
+    >>> steps.fit_transform([np.array([0.0, 4.0, 8.0, 0.0])]).round(2)
+    array([[1.73, 0.71, 2.83]])
+    >>> steps.get_feature_names_out()
+    array(['t1of1_mean_ch0', 't1of1_share_ch0', 't1of1_ch0'], dtype=object)
     """
 
     _parameter_constraints = {  # noqa: RUF012
         "cells": ["array-like"],
         "split": [StrOptions({"balanced", "floor"})],
         "drop_fine_levels": ["boolean"],
+        "statistics": ["array-like"],
         "memory": [str, HasMethods("cache"), None],
     }
 
@@ -210,11 +245,13 @@ class TemporalMaxPool(
         *,
         split: Literal["balanced", "floor"] = "balanced",
         drop_fine_levels: bool = False,
+        statistics: Sequence[Literal["max", "mean", "share"]] = ("max",),
         memory: str | Memory | None = None,
     ) -> None:
         self.cells = cells
         self.split = split
         self.drop_fine_levels = drop_fine_levels
+        self.statistics = statistics
         self.memory = memory
 
     @_fit_context(prefer_skip_nested_validation=True)
@@ -237,17 +274,15 @@ class TemporalMaxPool(
         Raises
         ------
         ValueError
-            If `cells` are not distinct positive integers, or all of them are dropped.
+            If `cells` are not distinct positive integers, or all of them are dropped,
+            or if a statistic is unknown or named twice.
         """
         with fit_task(self, X, y):
-            self.takes_trials_ = not is_table(X)
-            self._channel_names = channel_names(X)
-            if self.takes_trials_:
-                sequences = self._check_trials(X)
-                self._record_columns(sequences)
-            else:
-                sequences = self._check_rows(X, reset=True)
+            sequences = self._record(X)
             self.cells_ = check_cells(self.cells)
+            self.statistics_ = tuple(
+                check_names(self.statistics, _STATISTICS, "statistic", "the pool")
+            )
             if self.drop_fine_levels:
                 self.cells_ = coarse_levels(self.cells_, sequences)
             self.split_ = self.split
@@ -265,28 +300,21 @@ class TemporalMaxPool(
 
         Returns
         -------
-        pooled : ndarray of shape (n_trials, n_cells * n_columns)
+        pooled : ndarray of shape (n_trials, n_statistics * n_cells * n_columns)
             Pooled features, float32 if the sequences are.
 
         Raises
         ------
         ValueError
-            If a sequence is empty or has other columns than those seen in `fit`.
+            If a sequence is empty or has other columns than those seen in `fit`, or if
+            a mean overflows.
         """
         check_is_fitted(self)
-        if self.takes_trials_:
-            sequences = self._check_trials(X, self.n_features_in_)
-            self._check_column_names(sequences)
-        else:
-            sequences = self._check_rows(X)
+        sequences = self._check(X)
         # Sequences are hashed by their trials and dictionary, so a hit codes nothing.
         pool = check_memory(self.memory).cache(temporal_max_pool)
-        pooled = pool(sequences, self.cells_, self.split_)
-        index = row_index(X)
-        if index is None or _get_output_config("transform", self)["dense"] != "pandas":
-            return pooled
-        # scikit-learn adds the names, but not the index of trials.
-        return pd.DataFrame(pooled, index=index)
+        pooled = pool(sequences, self.cells_, self.split_, self.statistics_)
+        return self._with_index(pooled, X)
 
     def get_feature_names_out(
         self, input_features: Names | None = None
@@ -301,19 +329,15 @@ class TemporalMaxPool(
         Returns
         -------
         names : ndarray of str objects
-            Names like `t3of16_ch0`.
+            Names like `t3of16_ch0` and `t3of16_mean_ch0`.
         """
         check_is_fitted(self)
-        named = hasattr(self, "feature_names_in_")
-        if named or not self.takes_trials_:
-            columns = _check_feature_names_in(self, input_features)
-        if not self.takes_trials_:
-            columns = ["ch0"]
-        elif not named:
-            columns = [f"ch{i}" for i in range(self.n_features_in_)]
+        columns = self._columns(input_features)
+        labels = ["" if name == "max" else f"{name}_" for name in self.statistics_]
         return np.asarray(
             [
-                f"t{i}of{n}_{column}"
+                f"t{i}of{n}_{label}{column}"
+                for label in labels
                 for n in self.cells_
                 for i in range(1, n + 1)
                 for column in columns
@@ -323,43 +347,3 @@ class TemporalMaxPool(
 
     def __sklearn_is_fitted__(self):
         return hasattr(self, "split_")  # which is set last
-
-    def _check_rows(self, X, *, reset=False):
-        """Return each row of a table as a sequence with one column."""
-        if not is_table(X):
-            raise ValueError(
-                "X is a collection of trials, but fit was given a table; give both in "
-                "the same form."
-            )
-        X = check_table(self, X, dtype=[np.float64, np.float32], reset=reset)
-        return list(X[:, :, np.newaxis])
-
-    def _check_trials(self, X, n_columns=None):
-        if isinstance(X, Sequences):
-            check_sequences(X, n_columns=n_columns)
-            return X
-        return check_trials(X, n_channels=n_columns, names=self._channel_names)
-
-    def _record_columns(self, sequences):
-        vars(self).pop("feature_names_in_", None)  # of an earlier fit
-        if isinstance(sequences, Sequences):
-            self.feature_names_in_ = sequences.feature_names
-            self.n_features_in_ = len(sequences.feature_names)
-        else:
-            self.n_features_in_ = sequences[0].shape[1]
-
-    def _check_column_names(self, sequences):
-        names = getattr(sequences, "feature_names", None)
-        known = getattr(self, "feature_names_in_", names)
-        if names is None or np.array_equal(known, names):
-            return
-        i = np.argmax(known != names)
-        raise ValueError(
-            f"Column {i} of X is named {names[i]!r}, but {known[i]!r} in fit; give "
-            "sequences from the step that fit was given."
-        )
-
-    def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.transformer_tags.preserves_dtype = ["float64", "float32"]
-        return tags

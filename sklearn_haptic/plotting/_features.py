@@ -326,7 +326,8 @@ class FeatureMapDisplay(Display):
         edges = (first + step * np.arange(len(codes) + 1)) / rate
         pooled, level_edges = [], []
         if pool is not None:
-            cells = pool.transform(sequences).reshape(-1, codes.shape[1])
+            maxima = TemporalMaxPool(pool.cells_, split=pool.split_)
+            cells = maxima.fit_transform(sequences).reshape(-1, codes.shape[1])
             pooled = np.split(cells, np.cumsum(pool.cells_)[:-1])
             level_edges = [_cell_edges(edges, n, pool.split_) for n in pool.cells_]
         return cls(

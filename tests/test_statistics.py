@@ -1,0 +1,232 @@
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.fft
+from sklearn.compose import ColumnTransformer
+
+from sklearn_haptic import KSVDTransformer, SignalStatistics
+from sklearn_haptic.features._statistics import band_edges, band_powers
+
+LEVELS = ["mean", "std", "max", "min", "slope", "change"]
+
+
+def recordings(lengths=(120, 97, 120, 64), n_channels=3, dtype=np.float64, seed=0):
+    rng = np.random.default_rng(seed)
+    return [
+        (rng.normal(size=(n, n_channels)).cumsum(axis=0) + 40).astype(dtype)
+        for n in lengths
+    ]
+
+
+def loop_levels(x):
+    """Statistics of one channel, sample by sample."""
+    n, x = len(x), x.astype(float)
+    mean = sum(x) / n
+    return [
+        mean,
+        (sum((v - mean) ** 2 for v in x) / n) ** 0.5,
+        max(x),
+        min(x),
+        np.polyfit(np.arange(n), x, 1)[0] if n > 1 else 0,
+        sum(abs(b - a) for a, b in pairwise(x)) / max(1, n - 1),
+    ]
+
+
+def loop_bands(x, n_bands):
+    """Powers of bands by the mirrored signal's Fourier transform, line by line."""
+    n = scipy.fft.next_fast_len(len(x), real=True)
+    x = x.astype(float) - x.astype(float).mean()
+    x = np.append(x, x[::-1][: n - len(x)])
+    mirrored = np.append(x, x[::-1])
+    lines = np.abs(np.fft.fft(mirrored)[:n]) ** 2 / (2 * n)
+    edges = [0, *(0.5 * 2 ** (8 * (i / n_bands - 1)) for i in range(1, n_bands + 1))]
+    powers = np.zeros(n_bands)
+    for k in range(1, n):
+        low, high = (k - 0.5) / (2 * n), (k + 0.5) / (2 * n)
+        if k == n - 1:
+            high = 0.5 + 1e-12
+            share = (0.5 - low) * 2 * n  # the last line has what is left
+        for b in range(n_bands):
+            overlap = min(high, edges[b + 1]) - max(low, edges[b])
+            share = max(0, overlap) * 2 * n
+            if k == n - 1 and b == n_bands - 1:
+                share = 1 - sum(
+                    max(0, min(high, edges[i + 1]) - max(low, edges[i])) * 2 * n
+                    for i in range(n_bands - 1)
+                )
+            powers[b] += share * lines[k] / n
+    return powers
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_levels_equal_a_plain_loop(dtype):
+    trials = recordings((120, 97, 2, 1), dtype=dtype)
+    features = SignalStatistics(LEVELS).fit_transform(trials)
+    assert features.dtype == dtype
+    expected = [np.concatenate([loop_levels(x) for x in t.T]) for t in trials]
+    tolerance = 1e-4 if dtype == np.float32 else 1e-10
+    np.testing.assert_allclose(features, expected, rtol=tolerance, atol=tolerance)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("n_bands", [1, 4, 16])
+def test_bands_equal_the_fourier_transform_of_the_mirrored_signal(dtype, n_bands):
+    trials = recordings((120, 97, 31, 3, 2, 1), dtype=dtype)
+    model = SignalStatistics(["bands"], n_bands=n_bands).fit(trials)
+    stds = np.array([t.astype(float).std(axis=0) for t in trials])
+    np.testing.assert_allclose(model.scale_, np.sqrt((stds**2).mean(axis=0)), 1e-5)
+    expected = [
+        np.concatenate(
+            [
+                np.log(loop_bands(x, n_bands) / s**2 + 1e-8)
+                for x, s in zip(t.T, model.scale_)
+            ]
+        )
+        for t in trials
+    ]
+    np.testing.assert_allclose(
+        model.transform(trials), expected, atol=1e-2 if dtype == np.float32 else 1e-9
+    )
+
+
+@pytest.mark.parametrize("n_times", [2, 3, 5, 96, 4999, 5000, 100_000])
+def test_powers_of_bands_add_up_to_the_variance(n_times):
+    x = np.random.default_rng(0).normal(size=(3, n_times))
+    x -= x.mean(axis=1, keepdims=True)
+    powers = band_powers(x, band_edges(16))
+    assert (powers >= 0).all()
+    # The mirror may count a few samples at the end twice.
+    tolerance = 0 if n_times in (2, 3, 5, 96, 5000, 100_000) else 0.02
+    np.testing.assert_allclose(powers.sum(axis=1), x.var(axis=1), 1e-12 + tolerance)
+
+
+@pytest.mark.parametrize("n_times", [400, 997, 5000, 100_000])
+@pytest.mark.parametrize("frequency", [0.004, 0.05, 0.3])
+def test_a_wave_is_in_the_band_of_its_frequency(n_times, frequency):
+    wave = np.sin(2 * np.pi * frequency * np.arange(n_times) + 1)
+    model = SignalStatistics(["bands"], n_bands=4).fit([wave])
+    band = np.searchsorted(model.band_edges_, frequency) - 1
+    powers = np.exp(model.transform([wave]))[0]
+    assert powers[band] > 0.95 * powers.sum()
+
+
+def test_a_drift_does_not_cover_high_bands():
+    ramp = np.linspace(0, 1, 800)
+    (powers,) = band_powers(ramp[np.newaxis] - ramp.mean(), band_edges(4))
+    assert powers[3] < 1e-6 * powers.sum()
+    fourier = np.abs(np.fft.rfft(ramp - ramp.mean())) ** 2
+    assert fourier[200:].sum() > 1e-3 * fourier.sum()
+
+
+def test_a_trial_has_the_same_features_alone_and_among_others():
+    trials = recordings((120, 97, 120, 64, 120))
+    model = SignalStatistics().fit(trials)
+    together = model.transform(trials)
+    for i, trial in enumerate(trials):
+        np.testing.assert_allclose(model.transform([trial])[0], together[i], 1e-12)
+    np.testing.assert_array_equal(model.transform(trials[::-1]), together[::-1])
+
+
+@pytest.mark.parametrize("exponent", [-900, -300, 7, 300, 900])
+def test_scaling_by_a_power_of_two_scales_levels_and_leaves_bands(exponent):
+    trials = recordings()
+    scaled = [np.ldexp(trial, exponent) for trial in trials]
+    levels = SignalStatistics(LEVELS)
+    expected = np.ldexp(levels.fit_transform(trials), exponent)
+    np.testing.assert_array_equal(levels.fit_transform(scaled), expected)
+    bands = SignalStatistics(["bands"])
+    np.testing.assert_allclose(
+        bands.fit_transform(scaled), bands.fit_transform(trials), atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("value", [0.0, 0.1, 1e-310, -3e200])
+@pytest.mark.parametrize("n_times", [1, 2, 97])
+def test_constant_channels_are_finite(value, n_times):
+    trials = [np.full((n_times, 2), value), np.full((5, 2), value)]
+    model = SignalStatistics().fit(trials)
+    features = model.transform(trials)
+    assert np.isfinite(features).all()
+    names = model.get_feature_names_out()
+    np.testing.assert_allclose(features[:, names == "t1of1_ch0_mean"], value, 1e-14)
+    assert (features[:, names == "t1of1_ch0_band16of16"] < -16).all()
+
+
+def test_cells_are_the_statistics_of_parts():
+    trials = recordings((120, 97, 5, 3))
+    model = SignalStatistics(n_bands=4, cells=(4, 1)).fit(trials)
+    names = model.get_feature_names_out()
+    whole = SignalStatistics(n_bands=4).fit(trials)
+    features = model.transform(trials)
+    np.testing.assert_array_equal(features[:, -30:], whole.transform(trials))
+    assert names[30 * 2 + 10] == "t3of4_ch1_mean"
+    for i in range(4):
+        parts = [t[i * len(t) // 4 : (i + 1) * len(t) // 4] for t in trials[:3]]
+        np.testing.assert_allclose(
+            features[:3, 30 * i : 30 * (i + 1)], whole.transform(parts), 1e-10, 1e-10
+        )
+    # A trial shorter than the cells has the sample at the middle and its neighbours.
+    short = trials[3]
+    parts = [short[:2], short, short, short[1:]]
+    np.testing.assert_allclose(
+        features[3, :-30], whole.transform(parts).ravel(), 1e-10, 1e-10
+    )
+
+
+def test_silence_is_at_the_floor():
+    model = SignalStatistics(["bands"]).fit(recordings())
+    silent = model.transform([np.zeros((50, 3))])
+    np.testing.assert_allclose(silent, np.log(1e-8))
+
+
+def test_names_and_frames():
+    X = pd.DataFrame(
+        {"pac": recordings((60, 40), 1), "skin": recordings((30, 20), 2)},
+        index=["first", "second"],
+    )
+    columns = ColumnTransformer(
+        [
+            ("pac", SignalStatistics(("std", "bands"), n_bands=2), "pac"),
+            ("skin", SignalStatistics(("max",)), "skin"),
+        ]
+    ).set_output(transform="pandas")
+    frame = columns.fit_transform(X)
+    assert frame.columns.tolist() == [
+        "pac__t1of1_ch0_std",
+        "pac__t1of1_ch0_band1of2",
+        "pac__t1of1_ch0_band2of2",
+        "skin__t1of1_ch0_max",
+        "skin__t1of1_ch1_max",
+    ]
+    assert frame.index.tolist() == ["first", "second"]
+    np.testing.assert_array_equal(frame.iloc[1, 4], X["skin"].iloc[1][:, 1].max())
+
+
+def test_a_row_of_a_table_is_a_trial_with_one_channel():
+    X = np.random.default_rng(0).normal(size=(5, 50))
+    of_table = SignalStatistics().fit(X)
+    np.testing.assert_array_equal(
+        of_table.transform(X), SignalStatistics().fit_transform(list(X[:, :, None]))
+    )
+    assert of_table.n_features_in_ == 50
+
+
+def test_statistics_of_codes():
+    codes = KSVDTransformer(4, 2, window=10, random_state=0).fit_transform(recordings())
+    model = SignalStatistics(("mean", "max")).fit(codes)
+    expected = [
+        np.stack([c.mean(axis=0), c.max(axis=0)], axis=1).ravel() for c in codes
+    ]
+    np.testing.assert_allclose(model.transform(codes), expected, 1e-12, 1e-12)
+    assert model.get_feature_names_out()[1] == "t1of1_ch0_atom0+_max"
+
+
+def test_parameters_set_after_fit_wait_for_the_next_fit():
+    trials = recordings()
+    model = SignalStatistics(("max", "bands"), n_bands=3).fit(trials)
+    expected, names = model.transform(trials), model.get_feature_names_out()
+    model.set_params(statistics=("min",), n_bands=5)
+    np.testing.assert_array_equal(model.transform(trials), expected)
+    np.testing.assert_array_equal(model.get_feature_names_out(), names)
