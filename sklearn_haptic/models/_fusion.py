@@ -546,21 +546,6 @@ class SensorFusionNNPOM(
         hidden = self.hidden_activations(X)
         return self.final_network_.predict_proba(hidden)
 
-    def predict(self, X: ArrayLike) -> np.ndarray:
-        """Predict the most probable level.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-            Features of each trial.
-
-        Returns
-        -------
-        rating : ndarray of shape (n_trials,)
-        """
-        hidden = self.hidden_activations(X)
-        return self.final_network_.predict(hidden)
-
     def predict_latent_with_positions(
         self, X: FloatArray, positions: FloatArray
     ) -> NDArray[np.float64]:

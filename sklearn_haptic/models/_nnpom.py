@@ -485,21 +485,6 @@ class NNPOM(
         """
         return self._apply(X, positions)[1]
 
-    def predict(self, X: ArrayLike) -> np.ndarray:
-        """Predict the most probable level.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-            Features of each trial.
-
-        Returns
-        -------
-        rating : ndarray of shape (n_trials,)
-        """
-        proba = self.predict_proba(X)
-        return self.levels_[proba.argmax(axis=-1)]
-
     def predict_latent(self, X: ArrayLike) -> NDArray[np.float64]:
         """Predict the latent response f, which the thresholds divide into levels.
 
