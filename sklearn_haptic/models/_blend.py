@@ -204,9 +204,11 @@ class DistributionBlend(
         counts, levels = check_adjectives(y, self.levels)
         if counts.ndim == 3:
             refuse_adjectives(type(self).__name__)
-        X, sample_weight = indexable(X, sample_weight)
+        (X,) = indexable(X)
         check_consistent_length(X, counts)
         groups = check_groups(groups, X)
+        if sample_weight is not None:
+            sample_weight = check_weights(sample_weight, X)
         members = self._check_members()
         params = self._route(sample_weight, groups)
         if self.weights == "equal":
@@ -284,7 +286,7 @@ class DistributionBlend(
         """Return the weight of each member, and its score on held-out trials."""
         objects = np.arange(len(counts)) if groups is None else groups
         names, objects = np.unique(objects, return_inverse=True)
-        folds = self._folds(X, counts, names, objects)
+        folds = self._folds(X, counts, groups, names, objects)
         proba = Parallel(n_jobs=self.n_jobs)(
             delayed(_predict_fold)(name, member, X, counts, levels, params[name], fold)
             for name, member in members.items()
@@ -302,7 +304,7 @@ class DistributionBlend(
         scores = (departure**2).sum(axis=2).T + (true * (1 - true)).sum(axis=1)
         return share, np.average(scores, axis=1, weights=weight).tolist()
 
-    def _folds(self, X, y, names, objects):
+    def _folds(self, X, y, groups, names, objects):
         """Return the folds as indices; refuse those that part an object."""
         if len(names) < 2:
             raise ValueError(
@@ -310,14 +312,15 @@ class DistributionBlend(
                 "object; give more, or set weights='equal'."
             )
         cv = min(5, len(names)) if self.cv is None else self.cv
+        groups = objects if isinstance(cv, Integral) else groups
         splitter = make_splitter(self, y, objects, cv)
         trials = np.arange(len(objects))
-        folds = [(trials[i], trials[j]) for i, j in splitter.split(X, y, objects)]
+        folds = [(trials[i], trials[j]) for i, j in splitter.split(X, y, groups)]
         for train, test in folds:
             both = np.intersect1d(objects[train], objects[test])
             if len(both):
                 raise ValueError(
-                    f"cv trains on {names[both[0]]!r} in the fold that tests it; keep "
+                    f"cv trains on {names.tolist()[both[0]]!r} in the fold that tests it; keep "
                     "whole objects on one side, as GroupKFold does."
                 )
         return folds

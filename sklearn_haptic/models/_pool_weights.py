@@ -11,6 +11,9 @@ from scipy.optimize import nnls
 _STEPS = 101
 
 
+_LEAST = 1e-12  # smaller weights are rounding errors
+
+
 def best_weights(departure, weight):
     r"""Return non-negative weights of sum 1 that minimise a mean squared distance.
 
@@ -38,6 +41,7 @@ def best_weights(departure, weight):
     scale = np.linalg.norm(rows) or 1.0
     rows = np.vstack((rows / scale, np.ones(rows.shape[1])))
     solution, _ = nnls(rows, np.append(np.zeros(len(rows) - 1), 1.0))
+    solution[solution < _LEAST * solution.max()] = 0
     return solution / solution.sum()
 
 
