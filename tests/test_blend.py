@@ -186,7 +186,7 @@ def test_equal_weights_hold_nothing_out():
     blend = DistributionBlend(members(), weights="equal").fit(X, counts)
     assert blend.weights_ == {"linear": 0.5, "ridge": 0.5, "marginal": 0.0}
     assert list(blend.estimators_) == ["linear", "ridge"]
-    assert not hasattr(blend, "rps_")
+    assert blend.rps_ == {}
 
 
 def test_where_there_is_nothing_to_learn_it_is_near_the_marginal():

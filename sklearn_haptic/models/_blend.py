@@ -81,7 +81,7 @@ class DistributionBlend(
         The weight of each member.
     rps_ : dict of str to float
         Ranked probability score of each member on held-out trials, averaged over
-        objects; lower is better. Only if the weights are learned.
+        objects; lower is better. Empty if the weights are not learned.
     levels_, classes_ : ndarray of shape (n_levels,)
         The ordered levels.
     n_features_in_ : int
@@ -211,15 +211,13 @@ class DistributionBlend(
             sample_weight = check_weights(sample_weight, X)
         members = self._check_members()
         params = self._route(sample_weight, groups)
-        if self.weights == "equal":
-            share = _equal(len(members))
-        else:
+        share, scores = _equal(len(members)), []
+        if self.weights == "learned":
             if groups is None:
                 self._warn_of_trials()
             share, scores = self._learn(
                 members, X, counts, levels, sample_weight, groups, params
             )
-            self.rps_ = dict(zip(members, scores))
         used = [name for name, w in zip(members, share) if w > 0]
         fitted = Parallel(n_jobs=self.n_jobs)(
             delayed(_fit)(name, members[name], X, counts, levels, params[name])
@@ -227,6 +225,7 @@ class DistributionBlend(
         )
         self.estimators_ = dict(zip(used, fitted))
         self.weights_ = dict(zip(members, share.tolist()))
+        self.rps_ = dict(zip(members, scores))
         self.levels_ = self.classes_ = levels
         return self
 
@@ -263,24 +262,19 @@ class DistributionBlend(
 
     def _route(self, sample_weight, groups):
         """Return the arguments of each member's ``fit``."""
+        given = {} if sample_weight is None else {"sample_weight": sample_weight}
         if get_config()["enable_metadata_routing"]:
-            routed = process_routing(
-                self, "fit", sample_weight=sample_weight, groups=groups
-            )
-            params = {name: routed[name].fit for name in dict(self.estimators)}
-        else:
-            params = {name: {} for name in dict(self.estimators)}
-        weighted = {} if sample_weight is None else {"sample_weight": sample_weight}
-        if weighted and not get_config()["enable_metadata_routing"]:
-            for name, member in self.estimators:
-                if not has_fit_parameter(member, "sample_weight"):
-                    raise ValueError(
-                        f"The member {name!r} takes no sample_weight; give none, or "
-                        "enable metadata routing and say by set_fit_request which "
-                        "members request it."
-                    )
-                params[name] = weighted
-        return params | {MARGINAL: weighted}
+            routed = process_routing(self, "fit", groups=groups, **given)
+            params = {name: routed[name].fit for name, _ in self.estimators}
+            return params | {MARGINAL: given}
+        for name, member in self.estimators:
+            if given and not has_fit_parameter(member, "sample_weight"):
+                raise ValueError(
+                    f"The member {name!r} takes no sample_weight; give none, or enable "
+                    "metadata routing and say by set_fit_request which members request "
+                    "it."
+                )
+        return {name: given for name in [*dict(self.estimators), MARGINAL]}
 
     def _learn(self, members, X, counts, levels, sample_weight, groups, params):
         """Return the weight of each member, and its score on held-out trials."""
@@ -319,9 +313,10 @@ class DistributionBlend(
         for train, test in folds:
             both = np.intersect1d(objects[train], objects[test])
             if len(both):
+                name = names.tolist()[both[0]]
                 raise ValueError(
-                    f"cv trains on {names.tolist()[both[0]]!r} in the fold that tests it; keep "
-                    "whole objects on one side, as GroupKFold does."
+                    f"cv trains on {name!r} in the fold that tests it; keep whole "
+                    "objects on one side, as GroupKFold does."
                 )
         return folds
 
