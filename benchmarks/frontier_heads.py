@@ -1,6 +1,7 @@
 """Models of the same features: this package's default beside blends and rivals.
 
-    python benchmarks/frontier_heads.py FOLDER [--sets phac2 films …] [--adjectives N]
+    python benchmarks/frontier_heads.py FOLDER [--sets phac2 films …]
+        [--adjectives hard rough …] [--models trees blend …]
 
 needs ``pip install quantile-forest statsmodels`` for two of the rivals, which are left
 out otherwise. FOLDER holds the sets that `real_ratings.py` and `speed_accuracy.py`
@@ -294,7 +295,7 @@ def evaluate(model, rotated, targets, groups, tables):
     return np.array(rps), np.mean(log), np.mean(spread)
 
 
-def table(name, targets, groups, tables):
+def table(name, targets, groups, tables, only):
     print(f"\n{name}: {len(groups)} trials, {len(np.unique(groups))} objects", end=", ")
     print(f"{tables[0][2].shape[1]} features; {', '.join(targets)}\n")
     print("| model | RPS | to the default | log score | dispersion | s |")
@@ -303,6 +304,8 @@ def table(name, targets, groups, tables):
     base = None
     found = {(k := "default: linear, alpha=3"): found.pop(k)} | found
     for label, (model, rotated) in found.items():
+        if only and base is not None and label not in only:
+            continue
         start = time.process_time()
         try:
             rps, log, spread = evaluate(model, rotated, targets, groups, tables)
@@ -327,6 +330,7 @@ def main():
     parser.add_argument("folder", type=Path)
     parser.add_argument("--sets", nargs="+", default=list(SETS), choices=SETS)
     parser.add_argument("--adjectives", nargs="+")
+    parser.add_argument("--models", nargs="+", help="beside the default")
     arguments = parser.parse_args()
     set_config(enable_metadata_routing=True)
     warnings.simplefilter("ignore")  # of mord, statsmodels and few iterations
@@ -334,7 +338,7 @@ def main():
         targets, groups, tables = SETS[name](arguments.folder)
         if arguments.adjectives:
             targets = {a: y for a, y in targets.items() if a in arguments.adjectives}
-        table(name, targets, np.asarray(groups), tables)
+        table(name, targets, np.asarray(groups), tables, arguments.models)
 
 
 if __name__ == "__main__":
