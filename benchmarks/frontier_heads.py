@@ -3,8 +3,8 @@
     python benchmarks/frontier_heads.py FOLDER [--sets phac2 films …]
         [--adjectives hard rough …] [--models trees blend …]
 
-needs ``pip install quantile-forest statsmodels`` for two of the rivals, which are left
-out otherwise. FOLDER holds the sets that `real_ratings.py` and `speed_accuracy.py`
+needs ``pip install statsmodels`` for one of the rivals, which is left out otherwise.
+FOLDER holds the sets that `real_ratings.py` and `speed_accuracy.py`
 read, and ``wine_ratings/ordinal_wine.csv``.
 
 Five folds of whole objects (bolt and wine: one object left out), the same for all
