@@ -15,7 +15,9 @@ from .models import (
     NNPOM,
     PAPER_2020,
     DistributionalOrdinalRegressor,
+    DistributionBlend,
     DummyDistribution,
+    RegressedDistribution,
     SensorFusionNNPOM,
 )
 
@@ -24,9 +26,11 @@ __version__ = "0.1.0"
 __all__ = [
     "NNPOM",
     "PAPER_2020",
+    "DistributionBlend",
     "DistributionalOrdinalRegressor",
     "DummyDistribution",
     "KSVDTransformer",
+    "RegressedDistribution",
     "STHMPTransformer",
     "SensorFusionNNPOM",
     "Sequences",

@@ -26,6 +26,7 @@ from sklearn.utils._set_output import (
     _get_output_config,
     _wrap_data_with_container,
 )
+from sklearn.utils.metaestimators import _BaseComposition
 from sklearn.utils.validation import (
     _check_feature_names_in,
     _check_method_params,
@@ -48,6 +49,7 @@ __all__ = [
     "Scorer",
     "StrOptions",
     "Trials",
+    "_BaseComposition",
     "_check_feature_names_in",
     "_check_method_params",
     "_check_sample_weight",

@@ -19,9 +19,9 @@ from scipy import sparse
 from scipy.io import savemat
 from sklearn.compose import make_column_transformer
 from sklearn.exceptions import NotFittedError
-from sklearn.linear_model import LogisticRegression
+from sklearn.linear_model import LogisticRegression, Ridge
 from sklearn.model_selection import RepeatedKFold
-from sklearn.neighbors import KNeighborsClassifier
+from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils import Bunch
@@ -29,8 +29,10 @@ from sklearn.utils import Bunch
 from sklearn_haptic import (
     NNPOM,
     DistributionalOrdinalRegressor,
+    DistributionBlend,
     DummyDistribution,
     KSVDTransformer,
+    RegressedDistribution,
     SensorFusionNNPOM,
     Sequences,
     SignalStatistics,
@@ -197,6 +199,8 @@ ORDINAL = {
 }
 LABELLED = ORDINAL | {"SensorFusionNNPOM": partial(SensorFusionNNPOM, SENSORS)}
 DUMMY = {"DummyDistribution": DummyDistribution}
+REGRESSED = {"RegressedDistribution": partial(RegressedDistribution, Ridge())}
+BLEND = {"DistributionBlend": partial(DistributionBlend, [("linear", NNPOM(0))])}
 GOOD = {"X": X, "y": COUNTS}
 
 
@@ -205,7 +209,7 @@ def fitted(name, names=False):
     """An estimator fitted to an array, to named columns or, a coder, to trials."""
     if name in TRIAL_CODERS:
         return TRIAL_CODERS[name]().fit(TRIALS)
-    return (CODERS | LABELLED)[name]().fit(TABLE if names else X, COUNTS)
+    return (CODERS | LABELLED | REGRESSED)[name]().fit(TABLE if names else X, COUNTS)
 
 
 def fitting(estimators, arg="X", **given):
@@ -282,12 +286,12 @@ OTHER_NAMES = [
     check("an unknown name", TABLE.rename(columns={"pac__0": "force"}),
         "Feature names unseen at fit time:\\s+- force"),
 ]
-ask(fitting(LABELLED), *NOT_A_TABLE, *NOT_FEATURES, arg="X")
+ask(fitting(LABELLED | REGRESSED), *NOT_A_TABLE, *NOT_FEATURES, arg="X")
 ask(fitting(CODERS, y=None), *NOT_A_TABLE, arg="X")
-ask(using(LABELLED, "predict_proba"), *NOT_A_TABLE, *NOT_FEATURES, *OTHER_COLUMNS,
-    arg="X")
+ask(using(LABELLED | REGRESSED, "predict_proba"),
+    *NOT_A_TABLE, *NOT_FEATURES, *OTHER_COLUMNS, arg="X")
 ask(using(CODERS, "transform"), *NOT_A_TABLE, *OTHER_COLUMNS, arg="X")
-ask(using(LABELLED, "predict_proba", names=True), *OTHER_NAMES, arg="X")
+ask(using(LABELLED | REGRESSED, "predict_proba", names=True), *OTHER_NAMES, arg="X")
 ask(using(CODERS, "transform", names=True), *OTHER_NAMES, arg="X")
 
 # Collections of trials
@@ -390,7 +394,7 @@ NOT_RATINGS = [
     check("nothing", None,
         "is no array but .*; give one rating or|target y is None|array-like. Got None"),
 ]
-RATED = LABELLED | DUMMY
+RATED = LABELLED | DUMMY | REGRESSED
 SCORES = direct(
     metrics.ranked_probability_score, metrics.earth_movers_distance,
     metrics.log_score, metrics.macro_mae, metrics.pit_histogram,
@@ -398,7 +402,7 @@ SCORES = direct(
 FUNCTIONS_OF_COUNTS = direct(
     ratings.interrater_agreement, ratings.rating_distribution, ratings.rating_cdf
 ) | direct(ratings.inverse_cdf, p=0.5)
-ask(fitting(RATED, "y"), *NOT_RATINGS, arg="y")
+ask(fitting(RATED, "y") | fitting(BLEND, "y", groups=OBJECTS), *NOT_RATINGS, arg="y")
 ask(by_name("y_true", SCORES), *NOT_RATINGS, arg="y_true")
 ask(FUNCTIONS_OF_COUNTS, *NOT_COUNTS,
     check("one dimension", COUNTS[0], "Expected 2D array, got 1D .*Reshape"),
@@ -450,11 +454,13 @@ CALIBRATION = direct(plotting.PITHistogramDisplay.from_predictions,
     plotting.ReliabilityDisplay.from_predictions, y_true=COUNTS, y_proba=PROBA)
 ask(by_name("y_proba", SCORES), *NOT_PROBA, arg="y_proba")
 ask(by_name("sample_weight", SCORES), *NOT_WEIGHTS, arg="sample_weight")
-ask(fitting(LABELLED, "sample_weight"), *NOT_WEIGHTS, arg="sample_weight")
-ask(fitting(LABELLED, "groups")
+ask(fitting(RATED, "sample_weight")
+    | fitting(BLEND, "sample_weight", groups=OBJECTS),
+    *NOT_WEIGHTS, arg="sample_weight")
+ask(fitting(LABELLED | BLEND, "groups")
     | by_name("groups", CROSS_VALIDATION | CONTRIBUTIONS | CALIBRATION),
     *NOT_OBJECTS, arg="groups")
-ask(fitting(LABELLED, "groups"),
+ask(fitting(LABELLED | BLEND, "groups"),
     check("no groups", [], r"inconsistent numbers of samples: \[12, 0\]"),
     check("text and numbers", ["a", *range(1, N)], "^groups mixes text with"),
     check("two columns", np.ones((N, 2)), "^groups has shape .*, one per trial"),
@@ -518,6 +524,7 @@ PARAMETERS = {
         "final_estimator": (LogisticRegression(),), "held_out": (0,),
     },
     DummyDistribution: {"strategy": ("mean",)},
+    RegressedDistribution: {"estimator": ("trees", 3)},
 }
 for estimator, parameters in PARAMETERS.items():
     for name, values in parameters.items():
@@ -686,6 +693,42 @@ ask(fitting({"SensorFusionNNPOM": partial(SensorFusionNNPOM, SENSORS)}),
     check("a column without a prefix", TABLE.rename(columns={"pac__0": "force"}),
         sensors=None,
         says="Column 'force' of X has no prefix .*; rename it or set sensors"))
+ask(fitting(REGRESSED, "y"),
+    check("several adjectives", TWO,
+        "^y has the ratings of several adjectives, which a RegressedDistribution"))
+NEAR = RegressedDistribution(KNeighborsRegressor(2))
+ask(direct(NEAR.fit, X=X, y=COUNTS),
+    check("weights that differ, and a regressor that takes none",
+        sample_weight=np.arange(N),
+        says="^KNeighborsRegressor takes no sample_weight, .*; give equal weights"))
+ask(fitting(BLEND, groups=OBJECTS),
+    check("no members", estimators=[],
+        says=r"^estimators=\[\] must be a list of one or more \(name, estimator"),
+    check("members without names", estimators=[NNPOM(0)],
+        says=r"^estimators=.* must be a list of one or more \(name, estimator"),
+    check("two members of one name", estimators=[("a", NNPOM(0)), ("a", NNPOM(1))],
+        says="^Names provided are not unique"),
+    check("a member called marginal", estimators=[("marginal", NNPOM(0))],
+        says="^Names provided are not unique"),
+    check("a regressor", estimators=[("ridge", Ridge())],
+        says="^The member 'ridge' was fitted to counts of .*; give a classifier that"),
+    check("a classifier of single labels", estimators=[("one", LogisticRegression())],
+        says="y should be a 1d array"),
+    check("a member of other levels", estimators=[("a", NNPOM(0, levels=[3, 2, 1]))],
+        says="^The member 'a' was fitted to counts of .*; give a classifier that"),
+    check("folds that part objects", cv=[(np.arange(6, N), np.arange(7))],
+        says="^cv trains on 3 in the fold that tests it; keep whole objects"),
+    *wrong(estimators="models", weights="best", cv="five", n_jobs=1.5))
+ask(fitting(BLEND, "y", groups=OBJECTS),
+    check("several adjectives", TWO,
+        "^y has the ratings of several adjectives, which a DistributionBlend"))
+ask(fitting(BLEND, "groups"),
+    check("one object", np.zeros(N), "^The weights are learned on held-out objects"))
+ask(fitting({"DistributionBlend": partial(DistributionBlend,
+        [("near", NEAR), ("piped", make_haptic_pipeline(["tdc"]))])},
+        "sample_weight", groups=OBJECTS),
+    check("weights, and a member that takes none", np.ones(N),
+        "^The member 'piped' takes no sample_weight; give none, or enable metadata"))
 ask(fitting(DUMMY),
     check("trials of another number than ratings", TRIALS,
         r"inconsistent numbers of samples: \[4, 12\]"))

@@ -6,15 +6,17 @@ import numpy as np
 import pandas as pd
 from mord import LogisticAT
 from sklearn.base import clone
-from sklearn.ensemble import HistGradientBoostingRegressor
+from sklearn.ensemble import ExtraTreesRegressor, HistGradientBoostingRegressor
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV
 
 from sklearn_haptic import (
     NNPOM,
     DistributionalOrdinalRegressor,
+    DistributionBlend,
     DummyDistribution,
     KSVDTransformer,
+    RegressedDistribution,
     SensorFusionNNPOM,
     SignalStatistics,
     STHMPTransformer,
@@ -39,6 +41,7 @@ CORPUS = make_haptic_corpus(
 
 _DICTIONARY = {"n_atoms": 4, "n_nonzero_coefs": 2, "max_iter": 2}
 _NETWORK = NNPOM(2, tol=1e-2, random_state=0)
+_TREES = RegressedDistribution(ExtraTreesRegressor(3, max_depth=2), random_state=0)
 _FUSION = SensorFusionNNPOM(None, _NETWORK, NNPOM(1, tol=1e-2), random_state=0)
 
 # Name: unfitted model, X and y.
@@ -108,6 +111,12 @@ MODELS = {
         COUNTS,
     ),
     "dummy": (DummyDistribution("barycentre"), TABLE, COUNTS),
+    "distributions by trees": (_TREES, NAMED, COUNTS),
+    "blend": (
+        DistributionBlend([("network", _NETWORK), ("trees", _TREES)]),
+        NAMED,
+        COUNTS,
+    ),
     "pipeline": (
         make_haptic_pipeline(["pdc", "electrodes"], random_state=0),
         CORPUS.trials,
@@ -131,5 +140,6 @@ MODELS = {
 def fitted(name):
     """The model of a name; not to be changed."""
     model, X, y = MODELS[name]
-    groups = {"groups": np.arange(len(y))} if "stopped early" in name else {}
+    held_out = "stopped early" in name or name == "blend"
+    groups = {"groups": np.arange(len(y))} if held_out else {}
     return clone(model).fit(X, y, **groups)

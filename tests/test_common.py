@@ -2,7 +2,8 @@
 
 import pytest
 from sklearn.base import BaseEstimator
-from sklearn.linear_model import LogisticRegression
+from sklearn.kernel_ridge import KernelRidge
+from sklearn.linear_model import LogisticRegression, Ridge
 from sklearn.utils import estimator_checks
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
@@ -10,8 +11,10 @@ import sklearn_haptic
 from sklearn_haptic import (
     NNPOM,
     DistributionalOrdinalRegressor,
+    DistributionBlend,
     DummyDistribution,
     KSVDTransformer,
+    RegressedDistribution,
     SensorFusionNNPOM,
     SignalStatistics,
     STHMPTransformer,
@@ -46,6 +49,14 @@ PREDICTORS = [
     ),
     DummyDistribution(),
     DummyDistribution("barycentre"),
+    RegressedDistribution(Ridge()),
+    RegressedDistribution(KernelRidge(), random_state=0),
+    DistributionBlend(
+        [
+            ("ordinal", NNPOM(0, tol=1e-10)),
+            ("ridge", RegressedDistribution(Ridge())),
+        ]
+    ),
 ]
 BEYOND_THE_SUITE = [
     (estimator, name)
@@ -85,6 +96,7 @@ def test_every_public_estimator_is_here():
 # Their columns have no names of sensors, and their words no order.
 @pytest.mark.filterwarnings("ignore:y has words, which have no order of their own")
 @pytest.mark.filterwarnings("ignore:X has no column names to tell sensors by")
+@pytest.mark.filterwarnings("ignore:The weights are learned on held-out single trials")
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
 @parametrize_with_checks([*TRANSFORMERS, *PREDICTORS])
 def test_common_checks(estimator, check):
@@ -94,6 +106,7 @@ def test_common_checks(estimator, check):
 # Some of these checks fit on a data frame and transform an array, or the reverse.
 @pytest.mark.filterwarnings("ignore:X (has|does not have valid) feature names")
 @pytest.mark.filterwarnings("ignore:X has no column names to tell sensors by")
+@pytest.mark.filterwarnings("ignore:The weights are learned on held-out single trials")
 @pytest.mark.parametrize(("estimator", "name"), BEYOND_THE_SUITE, ids=str)
 def test_checks_beyond_the_common_suite(estimator, name):
     getattr(estimator_checks, name)(type(estimator).__name__, estimator)

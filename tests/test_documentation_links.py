@@ -15,6 +15,7 @@ import sklearn_haptic
 from sklearn_haptic import (
     NNPOM,
     DistributionalOrdinalRegressor,
+    DistributionBlend,
     KSVDTransformer,
     STHMPTransformer,
     TemporalMaxPool,
@@ -45,7 +46,8 @@ def test_one_address():
 
 @pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda each: each.__name__)
 def test_alone(estimator):
-    assert page(estimator) in links(estimator())
+    required = [[("linear", NNPOM())]] if estimator is DistributionBlend else []
+    assert page(estimator) in links(estimator(*required))
     assert f"sklearn_haptic.{estimator.__name__}" in pages_of_the_reference()
 
 

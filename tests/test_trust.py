@@ -613,6 +613,8 @@ def methods_of(model, X, y):
         "sample": lambda: model.sample(X, 2, random_state=0),
         "score": lambda: model.score(X, y),
         "get_params": lambda: model.get_params(),
+        "set_params": lambda: model.set_params(),
+        "get_metadata_routing": lambda: model.get_metadata_routing(),
         "validation_share": lambda: model.validation_share(),
         "fit": lambda: clone(model).fit(X, y),
     }
@@ -639,6 +641,7 @@ def test_every_public_method_is_called():
 
 
 @pytest.mark.filterwarnings("ignore:Early stopping holds out single trials")
+@pytest.mark.filterwarnings("ignore:The weights are learned on held-out single trials")
 @pytest.mark.usefixtures("unusual_state")
 @pytest.mark.parametrize("name", MODELS)
 def test_methods_change_no_global_state(name):

@@ -19,6 +19,7 @@ from .._sklearn import (
     _fit_context,
     _num_samples,
 )
+from .._validation import check_weights
 from ._ordinal import OrdinalClassifierMixin
 
 
@@ -81,7 +82,9 @@ class DummyDistribution(DocumentedEstimator, OrdinalClassifierMixin, BaseEstimat
         return tags
 
     @_fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X: Trials, y: ArrayLike) -> Self:
+    def fit(
+        self, X: Trials, y: ArrayLike, sample_weight: ArrayLike | None = None
+    ) -> Self:
         """Find the distribution.
 
         Parameters
@@ -90,6 +93,8 @@ class DummyDistribution(DocumentedEstimator, OrdinalClassifierMixin, BaseEstimat
             Features or trials, of which only the number counts.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
             Counts of each rating, or one rating per trial.
+        sample_weight : array-like of shape (n_trials,), default=None
+            Weight of each trial in the mean or the median.
 
         Returns
         -------
@@ -99,11 +104,12 @@ class DummyDistribution(DocumentedEstimator, OrdinalClassifierMixin, BaseEstimat
         counts, self.levels_ = check_ratings(y, self.levels)
         check_consistent_length(X, counts)
         self.classes_ = self.levels_
+        weight = check_weights(sample_weight, X)
         share = counts / counts.sum(axis=1, keepdims=True)
         if self.strategy == "marginal":
-            self.proba_ = share.mean(axis=0)
+            self.proba_ = np.average(share, axis=0, weights=weight)
         else:
-            cdf = np.median(np.cumsum(share, axis=1), axis=0)
+            cdf = _median(np.cumsum(share, axis=1), weight)
             self.proba_ = np.diff(cdf, prepend=0) / cdf[-1]
         return self
 
@@ -121,3 +127,10 @@ class DummyDistribution(DocumentedEstimator, OrdinalClassifierMixin, BaseEstimat
         """
         check_is_fitted(self)
         return np.tile(self.proba_, (_num_samples(X), 1))
+
+
+def _median(values, weight):
+    """Return the weighted median of each column, the mean of the two if there are."""
+    options = {"axis": 0, "weights": weight, "method": "inverted_cdf"}
+    upper = -np.quantile(-values, 0.5, **options)
+    return (np.quantile(values, 0.5, **options) + upper) / 2

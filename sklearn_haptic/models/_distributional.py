@@ -20,7 +20,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from .._check_ratings import check_adjectives, validate_rated_trials, weighted
-from .._distributions import cdf, level_at, quantile_grid
+from .._distributions import level_at, quantile_grid
 from .._sklearn import (
     DocumentedEstimator,
     HasMethods,
@@ -45,7 +45,7 @@ from ._nnpom import NNPOM
 from ._observations import relative_weights
 from ._ordinal import OrdinalClassifierMixin
 from ._quantile_positions import clip_positions, training_observations
-from ._shared_features import has_latent_response, share_features
+from ._shared_features import has_latent_response, seed_estimator, share_features
 
 
 class DistributionalOrdinalRegressor(
@@ -328,13 +328,7 @@ class DistributionalOrdinalRegressor(
         if isinstance(estimator, FrozenEstimator):
             return unfrozen(estimator)
         if self.random_state is not None:
-            seed = int(rng.randint(np.iinfo(np.int32).max))
-            names = [
-                name
-                for name in estimator.get_params()
-                if name == "random_state" or name.endswith("__random_state")
-            ]
-            estimator.set_params(**dict.fromkeys(names, seed))
+            seed_estimator(estimator, rng)
         return estimator
 
     def _check_validation(self, X_val, y_val, share):
@@ -436,39 +430,6 @@ class DistributionalOrdinalRegressor(
             return share_between_crossings(base, X, self._to_input, self._to_position)
         return share_of_medians(self._predict_at, X)
 
-    def predict_cdf(self, X: ArrayLike) -> NDArray[np.float64]:
-        """Predict the share of the population at each level or below.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-
-        Returns
-        -------
-        cdf : ndarray of shape (n_trials, n_levels)
-            Rows never fall and end in exactly 1.
-        """
-        return cdf(self.predict_proba(X))
-
-    def predict_quantile(self, X: ArrayLike, p: ArrayLike) -> np.ndarray:
-        """Predict the rating at given quantile positions.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-            Features of each trial.
-        p : float or array-like of shape (n_positions,)
-            Positions in the population, from 0 (lowest rating) to 1.
-
-        Returns
-        -------
-        rating : ndarray of shape (n_trials,) or (n_trials, n_positions)
-            The inverse of `predict_cdf`, the median at 0.5; never falls as p grows.
-        """
-        p = check_positions(p)
-        rating = self.levels_[level_at(self.predict_proba(X), np.atleast_1d(p))]
-        return rating if p.ndim else rating[..., 0]
-
     def predict_rating(self, X: ArrayLike, p: ArrayLike) -> np.ndarray:
         """Predict the rating at given quantile positions, each by itself.
 
@@ -495,31 +456,6 @@ class DistributionalOrdinalRegressor(
         positions = clip_positions(np.atleast_1d(p))
         rating = self.levels_[ratings_at(self._predict_at, X, positions, self.rule)]
         return rating if p.ndim else rating[..., 0]
-
-    def sample(
-        self, X: ArrayLike, n_samples: int = 1, *, random_state: RandomState = None
-    ) -> np.ndarray:
-        """Draw ratings of random people from the predicted distributions.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-            Features of each trial.
-        n_samples : int, default=1
-            Number of people.
-        random_state : int, RandomState instance or None, default=None
-            Draws the people.
-
-        Returns
-        -------
-        rating : ndarray of shape (n_trials, n_samples)
-        """
-        if not isinstance(n_samples, Integral) or n_samples < 1:
-            raise ValueError(f"n_samples={n_samples!r} must be a positive integer.")
-        proba = self.predict_proba(X)
-        rng = check_random_state(random_state)
-        p = rng.uniform(size=(*proba.shape[:-1], n_samples))
-        return self.levels_[level_at(proba, p)]
 
 
 class _Settings(UserDict[str, Any]):

@@ -99,6 +99,17 @@ def has_latent_response(base: SharesFeatures) -> TypeGuard[HasLatentResponse]:
     return hasattr(base, "predict_latent_with_positions")
 
 
+def seed_estimator(estimator, rng):
+    """Set each ``random_state`` of an estimator and its steps to one drawn seed."""
+    seed = int(rng.randint(np.iinfo(np.int32).max))
+    names = [
+        name
+        for name in estimator.get_params()
+        if name == "random_state" or name.endswith("__random_state")
+    ]
+    estimator.set_params(**dict.fromkeys(names, seed))
+
+
 def refuse_monotone(name):
     """Raise the error of an estimator that cannot be monotone."""
     raise ValueError(

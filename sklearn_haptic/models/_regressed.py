@@ -1,0 +1,184 @@
+"""Distributions of ratings by any regressor of several outputs."""
+
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
+from sklearn.ensemble import ExtraTreesRegressor
+from sklearn.utils import check_random_state
+from sklearn.utils.validation import check_is_fitted, has_fit_parameter
+
+from .._check_ratings import validate_rated_trials
+from .._distributions import cdf
+from .._sklearn import DocumentedEstimator, HasMethods, RandomState, _fit_context
+from .._validation import check_table, check_weights
+from ._ordinal import OrdinalClassifierMixin
+from ._shared_features import refuse_adjectives, seed_estimator
+
+
+def proper_shares(below):
+    """Return the shares of the distribution whose CDF is nearly the one given.
+
+    What lies outside [0, 1] is clipped, and what falls from one level to the next is
+    sorted, which brings it closer to any true CDF (Chernozhukov et al. 2010,
+    :doi:`10.3982/ECTA7880`).
+
+    Parameters
+    ----------
+    below : ndarray of shape (n_trials, n_levels - 1)
+        What was predicted for the share at each level but the last, or below.
+
+    Returns
+    -------
+    share : ndarray of shape (n_trials, n_levels)
+        Rows sum to 1.
+    """
+    below = np.sort(np.clip(below, 0, 1), axis=1)
+    return np.diff(below, axis=1, prepend=0, append=1)
+
+
+class RegressedDistribution(
+    DocumentedEstimator, MetaEstimatorMixin, OrdinalClassifierMixin, BaseEstimator
+):
+    """Classifier that predicts distributions of ratings by any regressor.
+
+    The regressor learns the share of the ratings at or below each level, as one output
+    per level but the last. What it predicts is clipped and sorted, so that it is a
+    distribution. With squared errors it minimises the ranked probability score.
+
+    Parameters
+    ----------
+    estimator : estimator object, default=None
+        A regressor of several outputs, by default extremely randomised trees,
+        ``ExtraTreesRegressor(300, min_samples_leaf=3, max_features="sqrt")``. It learns
+        how far shares are from their mean over the training trials, so that a penalty
+        draws predictions towards that mean. Choose its parameters by a search with
+        ``scoring=neg_rps_scorer`` and whole objects in a fold.
+    levels : array-like of shape (n_levels,), default=None
+        All ordered levels, by default as for `DistributionalOrdinalRegressor`.
+    random_state : int, RandomState instance or None, default=None
+        Seeds ``estimator``, which keeps its own ``random_state`` if this is None.
+
+    Attributes
+    ----------
+    estimator_ : estimator object
+        The fitted regressor.
+    mean_cdf_ : ndarray of shape (n_levels - 1,)
+        Mean share of the training trials' ratings at each level or below.
+    levels_, classes_ : ndarray of shape (n_levels,)
+        The ordered levels.
+    n_features_in_ : int
+        Number of features.
+    feature_names_in_ : ndarray of shape (`n_features_in_`,)
+        Names of the features, if they have any.
+
+    See Also
+    --------
+    DistributionalOrdinalRegressor : Fits an ordinal model to ratings.
+    DistributionBlend : Mean of the distributions of several models.
+
+    Examples
+    --------
+    >>> from sklearn.neighbors import KNeighborsRegressor
+    >>> from sklearn_haptic import RegressedDistribution
+    >>> X = [[-1.0], [-0.4], [0.3], [1.1]]
+    >>> counts = [[4, 1, 0], [2, 3, 0], [0, 3, 2], [0, 1, 4]]
+    >>> model = RegressedDistribution(KNeighborsRegressor(2)).fit(X, counts)
+    >>> model.predict_proba([[-2.0], [2.0]])
+    array([[0.6, 0.4, 0. ],
+           [0. , 0.4, 0.6]])
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "estimator": [HasMethods(["fit", "predict"]), None],
+        "levels": ["array-like", None],
+        "random_state": ["random_state"],
+    }
+
+    def __init__(
+        self,
+        estimator: BaseEstimator | None = None,
+        *,
+        levels: ArrayLike | None = None,
+        random_state: RandomState = None,
+    ) -> None:
+        self.estimator = estimator
+        self.levels = levels
+        self.random_state = random_state
+
+    @_fit_context(prefer_skip_nested_validation=False)
+    def fit(
+        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+    ) -> Self:
+        """Fit the regressor to the shares at or below each level.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+        y : array-like of shape (n_trials, n_levels) or (n_trials,)
+            How many people gave the trial's object each rating, or one rating per
+            trial. A trial counts once, however many people rated it.
+        sample_weight : array-like of shape (n_trials,), default=None
+            Weight of each trial. Trials of weight 0 are left out; if the others differ
+            in weight, the regressor must take weights.
+
+        Returns
+        -------
+        self : RegressedDistribution
+            The fitted model.
+        """
+        X, counts, levels = validate_rated_trials(self, X, y, self.levels)
+        if counts.ndim == 3:
+            refuse_adjectives(type(self).__name__)
+        weight = check_weights(sample_weight, X)
+        used = weight > 0
+        X, weight = X[used], weight[used]
+        below = cdf(counts[used])[:, :-1]
+        mean = np.average(below, axis=0, weights=weight)
+        self.estimator_ = self._fit_estimator(X, below - mean, weight)
+        self.mean_cdf_ = mean
+        self.levels_ = self.classes_ = levels
+        return self
+
+    def _fit_estimator(self, X, target, weight):
+        if self.estimator is None:
+            estimator = ExtraTreesRegressor(
+                300, min_samples_leaf=3, max_features="sqrt"
+            )
+        else:
+            estimator = clone(self.estimator)
+        if self.random_state is not None:
+            seed_estimator(estimator, check_random_state(self.random_state))
+        if target.shape[1] == 0:  # one level, which has nothing to learn
+            return estimator
+        if target.shape[1] == 1:  # not every regressor takes a table of one column
+            target = target[:, 0]
+        if np.ptp(weight) == 0:
+            return estimator.fit(X, target)
+        if not has_fit_parameter(estimator, "sample_weight"):
+            raise ValueError(
+                f"{type(estimator).__name__} takes no sample_weight, but the trials "
+                "differ in weight; give equal weights or none."
+            )
+        return estimator.fit(X, target, sample_weight=weight)
+
+    def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
+        """Predict the distribution of ratings.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_levels)
+            Share of the population at each level; rows sum to 1.
+        """
+        check_is_fitted(self)
+        X = check_table(self, X, dtype=np.float64, reset=False)
+        shape = len(X), len(self.mean_cdf_)
+        departure = self.estimator_.predict(X) if shape[1] else np.empty(shape)
+        return proper_shares(self.mean_cdf_ + np.reshape(departure, shape))

@@ -1,0 +1,387 @@
+"""Means of distributions, against plain loops and a search of the whole simplex."""
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.optimize import minimize
+from sklearn import config_context
+from sklearn.base import clone
+from sklearn.linear_model import LogisticRegression, Ridge
+from sklearn.model_selection import GridSearchCV, GroupKFold, KFold
+from sklearn.neighbors import KNeighborsRegressor
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    DistributionBlend,
+    DummyDistribution,
+    RegressedDistribution,
+)
+from sklearn_haptic.metrics import neg_rps_scorer, ranked_probability_score
+from sklearn_haptic.model_selection import cross_val_predict_proba
+from sklearn_haptic.models._pool_weights import best_weights, cautious_weights
+
+N_OBJECTS, N_TRIALS = 12, 3
+OBJECTS = np.repeat(np.arange(N_OBJECTS), N_TRIALS)
+
+
+def made(seed=0, n_objects=N_OBJECTS, signal=1.0):
+    """Features and counts of objects touched three times each."""
+    rng = np.random.default_rng(seed)
+    objects = np.repeat(np.arange(n_objects), N_TRIALS)
+    latent = rng.normal(size=n_objects)
+    X = signal * latent[objects, None] + rng.normal(size=(len(objects), 4)) / 2
+    people = np.clip(np.rint(2.5 + latent[:, None] + rng.normal(size=(1, 9))), 1, 4)
+    counts = np.stack([(people == k).sum(axis=1) for k in range(1, 5)], axis=1)
+    return X, counts[objects].astype(float), objects
+
+
+def members(**ridge):
+    return [
+        ("linear", NNPOM(0, alpha=1.0)),
+        ("ridge", RegressedDistribution(Ridge(**ridge))),
+    ]
+
+
+def fitted(X, counts, objects, **params):
+    return DistributionBlend(members(), **params).fit(X, counts, groups=objects)
+
+
+# Weights --------------------------------------------------------------------
+
+
+def mean_square(departure, weight, share):
+    """Weighted mean over trials of the squared distance, one term at a time."""
+    total = 0.0
+    for trial, w in zip(departure, weight / weight.sum()):
+        for column in trial.T:
+            total += w * sum(s * c for s, c in zip(share, column)) ** 2
+    return total
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_best_weights_beat_every_point_of_a_grid_on_the_simplex(seed):
+    rng = np.random.default_rng(seed)
+    departure = rng.normal(rng.normal(size=(1, 3, 1)), size=(8, 3, 2))
+    weight = rng.uniform(size=8)
+    share = best_weights(departure, weight)
+    assert share.min() >= 0 and share.sum() == pytest.approx(1, abs=1e-14)
+    steps = np.arange(51) / 50
+    grid = [(a, b, 1 - a - b) for a in steps for b in steps if a + b <= 1 + 1e-9]
+    least = min(mean_square(departure, weight, point) for point in grid)
+    mine = mean_square(departure, weight, share)
+    assert mine <= least + 1e-14
+    assert mine >= least - 0.02 * mean_square(departure, weight, [1, 0, 0])
+
+
+@pytest.mark.parametrize("n_members", [1, 2, 5, 20])
+@pytest.mark.parametrize("unit", [1e-9, 1.0])
+def test_best_weights_meet_the_conditions_of_a_minimum(n_members, unit):
+    rng = np.random.default_rng(n_members)
+    departure = rng.uniform(-unit, unit, size=(30, n_members, 4))
+    weight = rng.uniform(size=30)
+    share = best_weights(departure, weight)
+    gram = np.einsum("t,tik,tjk->ij", weight, departure, departure) / weight.sum()
+    slope, least = gram @ share, share @ gram @ share
+    np.testing.assert_allclose(slope[share > 0], least, rtol=1e-8)
+    assert np.all(slope >= least * (1 - 1e-8))
+
+
+def test_best_weights_of_a_perfect_member_and_of_none():
+    departure = np.random.default_rng(0).normal(size=(9, 3, 2))
+    departure[:, 1] = 0
+    np.testing.assert_array_equal(best_weights(departure, np.ones(9)), [0, 1, 0])
+    assert best_weights(0 * departure, np.ones(9)).sum() == pytest.approx(1)
+
+
+def cautious_by_loops(departure, objects, start):
+    """Equal objects; each step from `start` to the best weights in turn."""
+
+    def score(share):
+        squares = [((share @ trial) ** 2).sum() for trial in departure]
+        return np.array(
+            [np.mean([s for s, o in zip(squares, objects) if o == each])
+             for each in np.unique(objects)]
+        )  # fmt: skip
+
+    best = minimize(
+        lambda share: score(share).mean(),
+        start,
+        method="SLSQP",
+        bounds=[(0, 1)] * len(start),
+        constraints={"type": "eq", "fun": lambda share: share.sum() - 1},
+        options={"ftol": 1e-14, "maxiter": 500},
+    ).x
+    for step in range(101):
+        share = start + step / 100 * (best - start)
+        excess = score(share) - score(best)
+        if excess.mean() <= excess.std() / np.sqrt(len(excess)):
+            return share
+    return best
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_cautious_weights_are_those_of_plain_loops(seed):
+    rng = np.random.default_rng(seed)
+    objects = np.repeat(np.arange(8), rng.integers(1, 4, size=8))
+    departure = rng.normal(
+        rng.normal(scale=0.5, size=(1, 3, 1)), size=(len(objects), 3, 2)
+    )
+    weight = 1 / np.bincount(objects)[objects]
+    start = np.array([0.5, 0.5, 0])
+    np.testing.assert_allclose(
+        cautious_weights(departure, weight, objects, start),
+        cautious_by_loops(departure, objects, start),
+        atol=0.011,  # a step more or less
+    )
+
+
+def test_cautious_weights_approach_the_best_with_more_objects():
+    start, bias = np.array([0.5, 0.5, 0]), [[[1], [0.3], [0.5]]]
+
+    def moved(n, seed):
+        departure = np.random.default_rng(seed).normal(bias, size=(n, 3, 2))
+        share = cautious_weights(departure, np.ones(n), np.arange(n), start)
+        best = best_weights(departure, np.ones(n))
+        return np.linalg.norm(share - start) / np.linalg.norm(best - start)
+
+    few, some, many = (np.mean([moved(n, i) for i in range(9)]) for n in (4, 40, 4000))
+    assert few < some < many
+    assert many > 0.9
+
+
+# The blend ------------------------------------------------------------------
+
+
+def test_a_blend_is_that_of_plain_loops():
+    X, counts, objects = made()
+    blend = fitted(X, counts, objects, cv=3)
+    named = [*members(), ("marginal", DummyDistribution())]
+    below = np.cumsum(counts / counts.sum(axis=1, keepdims=True), axis=1)[:, :-1]
+    departure = np.empty((len(X), 3, 3))
+    for train, test in GroupKFold(3).split(X, groups=objects):
+        for m, (_, member) in enumerate(named):
+            proba = clone(member).fit(X[train], counts[train]).predict_proba(X[test])
+            departure[test, m] = np.cumsum(proba, axis=1)[:, :-1] - below[test]
+    share = cautious_by_loops(departure, objects, np.array([0.5, 0.5, 0]))
+    np.testing.assert_allclose([*blend.weights_.values()], share, atol=0.011)
+    for m, (name, _) in enumerate(named):
+        rps = (departure[:, m] ** 2 + below * (1 - below)).sum(axis=1).mean()
+        assert blend.rps_[name] == pytest.approx(rps)
+    new = np.random.default_rng(1).normal(size=(5, 4))
+    expected = sum(
+        blend.weights_[name] * member.fit(X, counts).predict_proba(new)
+        for name, member in named
+    )
+    np.testing.assert_allclose(blend.predict_proba(new), expected, atol=1e-12)
+    np.testing.assert_array_equal(blend.predict(new), expected.argmax(axis=1) + 1)
+
+
+def test_equal_weights_hold_nothing_out():
+    X, counts, _ = made()
+    blend = DistributionBlend(members(), weights="equal").fit(X, counts)
+    assert blend.weights_ == {"linear": 0.5, "ridge": 0.5, "marginal": 0.0}
+    assert list(blend.estimators_) == ["linear", "ridge"]
+    assert blend.rps_ == {}
+
+
+def test_where_there_is_nothing_to_learn_it_is_near_the_marginal():
+    X, counts, objects = made(0, n_objects=60, signal=0)
+    pair = [
+        ("neighbour", RegressedDistribution(KNeighborsRegressor(1))),
+        ("ridge", RegressedDistribution(Ridge(1e-3))),
+    ]
+
+    def score(model, **params):
+        proba = cross_val_predict_proba(model, X, counts, groups=objects, params=params)
+        return ranked_probability_score(counts, proba)
+
+    marginal = score(DummyDistribution())
+    assert score(pair[0][1]) > 1.3 * marginal
+    blend = DistributionBlend(pair)
+    assert score(blend, groups=objects) < 1.03 * marginal
+    assert blend.fit(X, counts, groups=objects).weights_["marginal"] > 0.6
+
+
+def test_a_hopeless_member_beside_a_good_one_gets_little_weight():
+    X, counts, objects = made(1, n_objects=60)
+    pair = [
+        ("linear", NNPOM(0)),
+        ("noise", make_pipeline(
+            FunctionTransformer(lambda X: np.sin(1e6 * X)),
+            RegressedDistribution(KNeighborsRegressor(1)))),
+    ]  # fmt: skip
+    blend = DistributionBlend(pair).fit(X, counts, groups=objects)
+    assert blend.weights_["noise"] < 0.1 < blend.rps_["noise"] - blend.rps_["linear"]
+
+
+def test_members_may_have_features_of_their_own():
+    X, counts, objects = made()
+    trials = pd.DataFrame(X, columns=["pac", "pdc", "tac", "tdc"])
+
+    def on(columns, model):
+        return make_pipeline(FunctionTransformer(lambda table: table[columns]), model)
+
+    blend = DistributionBlend(
+        [
+            ("shaking", on(["pac"], RegressedDistribution(Ridge()))),
+            ("heat", on(["tac", "tdc"], DistributionalOrdinalRegressor())),
+        ]
+    ).fit(trials, counts, groups=objects)
+    parts = [blend.estimators_[name] for name in ("shaking", "heat")]
+    assert [part[-1].n_features_in_ for part in parts] == [1, 2]
+    np.testing.assert_allclose(blend.predict_proba(trials).sum(axis=1), 1)
+
+
+@pytest.mark.parametrize("levels", [[1, 2, 3, 4], ["soft", "firm", "hard", "stone"]])
+def test_ratings_are_the_same_as_counts_of_one_person(levels):
+    X, counts, objects = made()
+    index = counts.argmax(axis=1)
+    ratings = np.array(levels)[index]
+    one = DistributionBlend(members(), levels=levels).fit(X, ratings, groups=objects)
+    plain = fitted(X, np.eye(4)[index], objects)
+    np.testing.assert_array_equal(one.predict_proba(X), plain.predict_proba(X))
+    np.testing.assert_array_equal(one.classes_, levels)
+    assert set(one.predict(X)) <= set(levels)
+
+
+def test_a_weight_of_two_equals_the_trial_given_twice():
+    X, counts, objects = made()
+    weight = np.where(np.arange(len(X)) % 4 == 0, 2, 1)
+    strict = [("linear", NNPOM(0, tol=1e-10)), members()[1]]
+    folds = list(GroupKFold(3).split(X, groups=objects))
+    weighted = DistributionBlend(strict, cv=folds).fit(
+        X, counts, weight, groups=objects
+    )
+    rows = np.repeat(np.arange(len(X)), weight)
+    same = [tuple(np.flatnonzero(np.isin(rows, i)) for i in fold) for fold in folds]
+    twice = DistributionBlend(strict, cv=same).fit(
+        X[rows], counts[rows], groups=objects[rows]
+    )
+    assert twice.weights_ == pytest.approx(weighted.weights_, abs=1e-6)
+    np.testing.assert_allclose(
+        twice.predict_proba(X), weighted.predict_proba(X), atol=1e-6
+    )
+
+
+def test_jobs_change_no_bit():
+    X, counts, objects = made()
+    one, two = (fitted(X, counts, objects, n_jobs=n) for n in (1, 2))
+    np.testing.assert_array_equal(one.predict_proba(X), two.predict_proba(X))
+
+
+def test_parameters_of_members_are_set_by_name():
+    X, counts, objects = made()
+    blend = DistributionBlend(members()).set_params(ridge__estimator__alpha=1e9)
+    assert blend.get_params()["ridge__estimator__alpha"] == 1e9
+    blend.fit(X, counts, groups=objects)
+    flat = blend.estimators_["ridge"].predict_proba(X)
+    mean = DummyDistribution().fit(X, counts).predict_proba(X)
+    np.testing.assert_allclose(flat, mean, atol=1e-6)
+
+
+# Objects --------------------------------------------------------------------
+
+
+def test_without_groups_it_warns_and_says_how_to_mend_it():
+    X, counts, _ = made()
+    with pytest.warns(UserWarning, match="single trials, since fit was given no gro"):
+        blend = DistributionBlend(members()).fit(X, counts)
+    one_each = fitted(X, counts, range(len(X)))
+    assert one_each.weights_ == blend.weights_
+
+
+def test_folds_that_part_an_object_are_refused():
+    X, counts, objects = made()
+    with pytest.raises(ValueError, match="in the fold that tests it; keep whole"):
+        fitted(X, counts, objects, cv=list(KFold(5).split(X)))
+
+
+def test_memory_of_objects_earns_no_weight_with_groups_and_all_without():
+    X, counts, objects = made(2, n_objects=40, signal=0)
+    X = np.random.default_rng(0).normal(size=(40, 4))[objects]  # says which object
+    heart = [("heart", RegressedDistribution(KNeighborsRegressor(1)))]
+    blend = DistributionBlend(heart)
+    assert blend.fit(X, counts, groups=objects).weights_["heart"] < 0.5
+    with pytest.warns(UserWarning, match="know objects by heart"):
+        assert blend.fit(X, counts).weights_["heart"] > 0.99
+
+
+def test_groups_reach_it_and_the_searches_in_it_by_metadata_routing():
+    X, counts, objects = made()
+
+    class Recorded(GroupKFold):
+        seen = []  # noqa: RUF012
+
+        def split(self, X, y=None, groups=None):
+            self.seen.append(groups)
+            return super().split(X, y, groups)
+
+    with config_context(enable_metadata_routing=True), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        search = GridSearchCV(
+            RegressedDistribution(Ridge()),
+            {"estimator__alpha": [0.1, 10.0]},
+            scoring=neg_rps_scorer,
+            cv=Recorded(2),
+        )
+        pair = [("linear", DistributionalOrdinalRegressor()), ("ridge", search)]
+        model = make_pipeline(StandardScaler(), DistributionBlend(pair, cv=3))
+        model.fit(X, counts, groups=objects)
+        assert len(Recorded.seen) >= 3  # once per fold
+        for groups, (train, _) in zip(
+            Recorded.seen, GroupKFold(3).split(X, groups=objects)
+        ):
+            np.testing.assert_array_equal(groups, objects[train])
+        predicted = cross_val_predict_proba(model, X, counts, groups=objects, cv=2)
+    assert predicted.shape == counts.shape
+
+
+def test_sample_weight_goes_to_members_that_request_it():
+    X, counts, objects = made()
+    weight = np.random.default_rng(0).uniform(0.5, 2, size=len(X))
+    neighbours = RegressedDistribution(KNeighborsRegressor(2))
+    linear = NNPOM(0)
+    with config_context(enable_metadata_routing=True):
+        pair = [
+            ("linear", linear.set_fit_request(sample_weight=True)),
+            ("near", neighbours.set_fit_request(sample_weight=False)),
+        ]
+        blend = DistributionBlend(pair, weights="equal")
+        blend.fit(X, counts, sample_weight=weight, groups=objects)
+    alone = NNPOM(0).fit(X, counts, weight)
+    np.testing.assert_array_equal(
+        blend.estimators_["linear"].coefs_[0], alone.coefs_[0]
+    )
+    in_pipeline = [("scaled", make_pipeline(StandardScaler(), NNPOM(0)))]
+    with pytest.raises(ValueError, match="The member 'scaled' takes no sample_weight"):
+        DistributionBlend(in_pipeline).fit(X, counts, weight, groups=objects)
+
+
+@pytest.mark.parametrize("n_objects", [2, 3])
+def test_few_objects(n_objects):
+    X, counts, objects = made(0, n_objects)
+    blend = fitted(X, counts, objects)
+    assert sum(blend.weights_.values()) == pytest.approx(1)
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_trials():
+    X, counts, objects = made(0, n_objects=33_334)
+    pair = [("mean", DummyDistribution()), ("ridge", RegressedDistribution(Ridge()))]
+    blend = DistributionBlend(pair, cv=2).fit(X, counts, groups=objects)
+    assert blend.weights_["ridge"] > 0.9
+
+
+def test_members_that_take_no_counts_are_refused():
+    X, counts, objects = made()
+    odd = [("logistic", LogisticRegression())]
+    with pytest.raises(ValueError, match="y should be a 1d array"):
+        DistributionBlend(odd).fit(X, counts, groups=objects)
+    other = [("four", NNPOM(0, levels=[4, 3, 2, 1]))]
+    with pytest.raises(ValueError, match=r"'four' was fitted to counts of \[1, 2, 3"):
+        DistributionBlend(other).fit(X, counts, groups=objects)

@@ -1,0 +1,130 @@
+"""Distributions by regressors, against the regressors themselves and plain algebra."""
+
+import numpy as np
+import pytest
+from sklearn.ensemble import ExtraTreesRegressor
+from sklearn.kernel_ridge import KernelRidge
+from sklearn.linear_model import Ridge
+from sklearn.neighbors import KNeighborsRegressor
+
+from sklearn_haptic import DummyDistribution, RegressedDistribution
+from sklearn_haptic.metrics import ranked_probability_score
+from sklearn_haptic.models._regressed import proper_shares
+
+RNG = np.random.default_rng(0)
+X = RNG.normal(size=(40, 3))
+COUNTS = RNG.multinomial(12, RNG.dirichlet(np.ones(5), 40)).astype(float)
+SHARES = COUNTS / COUNTS.sum(axis=1, keepdims=True)
+
+
+def test_ridge_is_that_of_the_normal_equations():
+    model = RegressedDistribution(Ridge(2.0)).fit(X, COUNTS)
+    below = np.cumsum(SHARES, axis=1)[:, :-1]
+    A = X - X.mean(axis=0)
+    coef = np.linalg.solve(A.T @ A + 2 * np.eye(3), A.T @ (below - below.mean(axis=0)))
+    cdf = below.mean(axis=0) + A @ coef  # inside [0, 1] and rising, as it turns out
+    assert np.all(np.diff(cdf, axis=1) > 0) and cdf.min() > 0 and cdf.max() < 1
+    np.testing.assert_allclose(model.predict_cdf(X)[:, :-1], cdf, atol=1e-12)
+
+
+def test_trees_and_neighbours_predict_means_of_shares():
+    for regressor in (
+        KNeighborsRegressor(4),
+        ExtraTreesRegressor(20, min_samples_leaf=3, random_state=0),
+    ):
+        model = RegressedDistribution(regressor).fit(X, COUNTS)
+        below = np.cumsum(SHARES, axis=1)[:, :-1]
+        alone = regressor.fit(X, below - below.mean(axis=0)).predict(X)
+        expected = np.diff(alone + below.mean(axis=0), prepend=0, append=1)
+        np.testing.assert_allclose(model.predict_proba(X), expected, atol=1e-12)
+        assert model.predict_proba(X).min() >= 0
+
+
+def test_any_prediction_becomes_a_distribution_closer_to_every_truth():
+    rng = np.random.default_rng(1)
+    wild = rng.normal(0.5, 1, size=(500, 4))
+    share = proper_shares(wild)
+    assert share.min() >= 0
+    np.testing.assert_allclose(share.sum(axis=1), 1, atol=1e-12)
+    for _ in range(20):
+        true = np.sort(rng.uniform(size=(500, 4)), axis=1)
+        mended = np.cumsum(share, axis=1)[:, :-1]
+        distance, before = ((each - true) ** 2 for each in (mended, wild))
+        assert np.all(distance.sum(axis=1) <= before.sum(axis=1) + 1e-12)
+
+
+@pytest.mark.parametrize("regressor", [Ridge(1e12), KernelRidge(alpha=1e12)])
+def test_a_large_penalty_leads_to_the_marginal(regressor):
+    weight = np.arange(1.0, 41)
+    model = RegressedDistribution(regressor).fit(X, COUNTS, weight)
+    mean = DummyDistribution().fit(X, COUNTS, weight).predict_proba(X)
+    np.testing.assert_allclose(model.predict_proba(X), mean, atol=1e-6)
+
+
+def test_weights_equal_repeated_trials():
+    weight = np.arange(40) % 3
+    rows = np.repeat(np.arange(40), weight)
+    for regressor in (Ridge(), KernelRidge(alpha=0.5, kernel="rbf")):
+        weighted = RegressedDistribution(regressor).fit(X, COUNTS, weight)
+        repeated = RegressedDistribution(regressor).fit(X[rows], COUNTS[rows])
+        np.testing.assert_allclose(
+            weighted.predict_proba(X), repeated.predict_proba(X), atol=1e-10
+        )
+
+
+@pytest.mark.parametrize("strategy", ["marginal", "barycentre"])
+def test_weights_of_the_baselines_equal_repeated_trials(strategy):
+    weight = RNG.integers(0, 4, size=40)
+    rows = np.repeat(np.arange(40), weight)
+    weighted = DummyDistribution(strategy).fit(X, COUNTS, weight).proba_
+    repeated = DummyDistribution(strategy).fit(X[rows], COUNTS[rows]).proba_
+    np.testing.assert_allclose(weighted, repeated, atol=1e-12)
+
+
+def test_the_barycentre_is_the_median_of_cdfs():
+    for n in (39, 40):
+        median = np.median(np.cumsum(SHARES[:n], axis=1), axis=0)
+        proba = DummyDistribution("barycentre").fit(X[:n], COUNTS[:n]).proba_
+        np.testing.assert_allclose(np.cumsum(proba), median / median[-1], atol=1e-12)
+
+
+def test_a_regressor_without_weights_is_refused_only_if_they_differ():
+    model = RegressedDistribution(KNeighborsRegressor())
+    model.fit(X, COUNTS, np.full(40, 3.0))
+    with pytest.raises(ValueError, match="KNeighborsRegressor takes no sample_weight"):
+        model.fit(X, COUNTS, np.arange(40))
+
+
+def test_the_default_learns_and_repeats_itself():
+    latent = X[:, 0] > 0
+    counts = np.where(latent[:, None], [0, 2, 10], [10, 2, 0])
+    one, two = (
+        RegressedDistribution(random_state=3).fit(X, counts).predict_proba(X)
+        for _ in range(2)
+    )
+    np.testing.assert_array_equal(one, two)
+    mean = DummyDistribution().fit(X, counts).predict_proba(X)
+    score = ranked_probability_score(counts, one)
+    assert score < 0.75 * ranked_probability_score(counts, mean)
+
+
+@pytest.mark.parametrize("n_levels", [2, 3])
+def test_labels_and_words(n_levels):
+    words = ["low", "mid", "high"][:n_levels]
+    y = np.arange(40) % n_levels
+    model = RegressedDistribution(Ridge(), levels=words).fit(X, np.array(words)[y])
+    plain = RegressedDistribution(Ridge()).fit(X, np.eye(n_levels)[y])
+    np.testing.assert_array_equal(model.predict_proba(X), plain.predict_proba(X))
+    assert set(model.predict(X)) <= set(words)
+    assert set(model.predict_quantile(X, [0, 1]).ravel()) <= set(words)
+    assert model.sample(X, 3, random_state=0).shape == (40, 3)
+
+
+@pytest.mark.parametrize("n_trials", [1, 5000, 100_000])
+def test_from_one_trial_to_many(n_trials):
+    rng = np.random.default_rng(0)
+    X, y = rng.normal(size=(n_trials, 2)), rng.integers(1, 4, size=n_trials)
+    model = RegressedDistribution(Ridge(), levels=[1, 2, 3]).fit(X, y)
+    proba = model.predict_proba(X)
+    share = np.bincount(y, minlength=4)[1:] / n_trials
+    np.testing.assert_allclose(proba.mean(axis=0), share, atol=1e-9)
