@@ -6,8 +6,39 @@ from .metrics import (
     earth_movers_distance,
     log_score,
     macro_mae,
+    macro_mae_at_positions,
     ranked_probability_score,
+    ratings_decided_on,
 )
+
+
+def predict_and_score(model, X, counts):
+    """Predict the distribution of each trial's ratings, and score it.
+
+    Parameters
+    ----------
+    model : DistributionalOrdinalRegressor
+        Fitted.
+    X : array-like of shape (n_trials, n_features)
+    counts : array-like of shape (n_trials, n_levels) or (n_trials,)
+        How many people gave each trial's object each rating, or one rating.
+
+    Returns
+    -------
+    proba : ndarray of shape (n_trials, n_levels)
+    scores : dict of str to ndarray of shape (n_trials,)
+        Those of `score_trials`. Of a model that decides on one rating per position, as
+        in the paper, "macro_mae" is the error of these ratings as they are, while the
+        distribution has them sorted.
+    """
+    proba = model.predict_proba(X)
+    scores = score_trials(counts, proba)
+    decided = ratings_decided_on(model, X)
+    if decided is not None:
+        scores["macro_mae"] = macro_mae_at_positions(
+            counts, *decided, levels=model.classes_, average=False
+        )
+    return proba, scores
 
 
 def score_trials(counts, proba):

@@ -24,7 +24,7 @@ from .._sklearn import (
     _safe_indexing,
     validate_params,
 )
-from .._trial_scores import score_trials
+from .._trial_scores import predict_and_score
 from .._validation import check_groups
 from ..models import DistributionalOrdinalRegressor, SensorFusionNNPOM
 
@@ -90,7 +90,8 @@ def sensor_contributions(
         ``object``; ``trial``, the row of ``X``; and the scores, lower being better:
         ``macro_mae``, ``emd`` and ``rps`` in levels, ``log_score`` in nats, and
         ``rps_1``, …, the terms of the ranked probability score (RPS) at the thresholds
-        between levels k and k + 1, which sum to ``rps``.
+        between levels k and k + 1, which sum to ``rps``. A model that decodes as in
+        the paper has the ``macro_mae`` of its ratings as it predicts them, unsorted.
 
     Raises
     ------
@@ -217,7 +218,7 @@ def _score_start(
                 {
                     "held_out": held_out,
                     **columns,
-                    **score_trials(y_test, model.predict_proba(X_test)),
+                    **predict_and_score(model, X_test, y_test)[1],
                 }
             )
             for held_out, model in models.items()
