@@ -55,14 +55,15 @@ class _Turns:
     def __init__(self, n_functions):
         self.running = threading.Condition()  # held by the function that runs
         self.members = set(range(n_functions))
-        self.matrix, self.product = None, None
+        self.X, self.product = None, None
         self.factors, self.products = {}, {}
 
-    def join(self, i, matrix):
+    def join(self, i, X):
         """Return whether the function takes part: not if its matrix is another."""
-        if self.matrix is None:
-            self.matrix = matrix
-        shared = np.array_equal(self.matrix, matrix)
+        if self.X is None:
+            self.X, self.used = X, np.flatnonzero(X.any(axis=0))
+            self.X_used = X[:, self.used]
+        shared = X is self.X or np.array_equal(X, self.X)
         if not shared:
             self.leave(i)
         return shared
@@ -96,7 +97,7 @@ class _Turns:
 class Matrix:
     """A matrix whose products are computed together, within `run_together`.
 
-    Then columns of zeros are left out of the work.
+    Columns of zeros are left out of the work then.
 
     Parameters
     ----------
@@ -107,30 +108,26 @@ class Matrix:
         self._X, self._turns = X, None
         turns, i = getattr(_this_thread, "turns", (None, None))
         _this_thread.turns = None, None  # of each function the first matrix is shared
-        if turns is None:
-            return
-        used = np.flatnonzero(X.any(axis=0))
-        X = X[:, used]
-        if turns.join(i, X):
-            self._X, self._turns, self._i, self._used = turns.matrix, turns, i, used
+        if turns is not None and turns.join(i, X):
+            self._turns, self._i = turns, i
 
     def times(self, coef):
         """Return ``X @ coef``."""
         if self._turns is None:
             return self._X @ coef
-        return self._turns.multiply(self._i, self._times, coef[self._used])
+        coef = coef[self._turns.used]
+        return self._turns.multiply(self._i, self._times, coef)
 
     def add_transposed_times(self, rows, out):
         """Add ``X.T @ rows`` to an array of n_columns rows."""
         if self._turns is None:
             out += self._X.T @ rows
         else:
-            out[self._used] += self._turns.multiply(
-                self._i, self._transposed_times, rows
-            )
+            product = self._turns.multiply(self._i, self._transposed_times, rows)
+            out[self._turns.used] += product
 
     def _times(self, coef):
-        return self._X @ coef
+        return self._turns.X_used @ coef
 
     def _transposed_times(self, rows):
-        return (rows.T @ self._X).T  # of as many rows as X has twice as fast
+        return (rows.T @ self._turns.X_used).T  # takes 0.7 of the time of X.T @ rows

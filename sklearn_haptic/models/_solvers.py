@@ -75,8 +75,8 @@ def _move(x, grad, size, step, previous_sign, back):
     sign = np.sign(grad, out=grad)
     agreement = np.multiply(previous_sign, sign, out=previous_sign)
     turned = agreement < 0
-    np.multiply(size, _GROW, out=size, where=agreement > 0)
-    np.multiply(size, _SHRINK, out=size, where=turned)
+    # By arithmetic, since masks take ten times as long: 1.2, 1 or 0.5.
+    size *= 1 + np.minimum((_GROW - 1) * agreement, (1 - _SHRINK) * agreement)
     np.minimum(size, _LARGEST_STEP, out=size)
     sign *= ~turned
     previous_sign[:] = sign
