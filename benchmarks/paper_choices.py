@@ -199,6 +199,15 @@ def run(choices, adjective, seed):
     return np.array([scores[each] for each in sorted(scores)]), seconds
 
 
+def described(scores, of_base):
+    """Return the mean difference and its error; the mean if there is no difference."""
+    if np.isinf([scores, of_base]).any():
+        return f"{scores.mean():.3f}".replace("inf", "infinite")
+    difference = scores - of_base
+    error = difference.std(ddof=1) / np.sqrt(len(difference))
+    return f"{difference.mean():+.3f} ± {error:.3f}"
+
+
 def print_table(base, other, adjective, seeds):
     def both(choices):
         results = [run(choices, adjective, seed) for seed in seeds]
@@ -210,17 +219,13 @@ def print_table(base, other, adjective, seeds):
     print(f"| {' | '.join(head)} |")
     print("|---" * len(head) + "|")
     means = " | ".join(f"{mean:.3f}" for mean in of_base.mean(axis=0))
+    means = means.replace("inf", "infinite")
     print(f"| nothing | {means} | {seconds[0]:.0f} | {seconds[1]:.0f} |", flush=True)
     for name, choices in changed(base, other).items():
         if choices == base:
             continue
         scores, seconds = both(choices)
-        difference = scores - of_base
-        error = difference.std(axis=0, ddof=1) / np.sqrt(len(difference))
-        cells = " | ".join(
-            f"{mean:+.3f} ± {of_mean:.3f}"
-            for mean, of_mean in zip(difference.mean(axis=0), error)
-        )
+        cells = " | ".join(map(described, scores.T, of_base.T))
         print(f"| {name} | {cells} | {seconds[0]:.0f} | {seconds[1]:.0f} |", flush=True)
 
 
