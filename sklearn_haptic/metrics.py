@@ -635,13 +635,24 @@ def neg_macro_mae_scorer(
     -0.3333
     """
     model, X = _last_step(estimator, X)
-    if getattr(model, "decode", None) == "quantile" and model.rule == "argmax":
-        p = quantile_grid(model.n_quantiles)
-        score = partial(macro_mae_at_positions, p=p)
-        predicted = model.predict_rating(X, p)
-    else:
+    decided = ratings_decided_on(model, X)
+    if decided is None:
         score, predicted = macro_mae, model.predict_proba(X)
+    else:
+        predicted, p = decided
+        score = partial(macro_mae_at_positions, p=p)
     return -_score_predicted(score, predicted, model.classes_, y, sample_weight)
+
+
+def ratings_decided_on(model, X):
+    """Return the ratings that a model predicts one by one, and their positions.
+
+    None for all but a `DistributionalOrdinalRegressor` that decodes as the paper does.
+    """
+    if getattr(model, "decode", None) != "quantile" or model.rule != "argmax":
+        return None
+    p = quantile_grid(model.n_quantiles)
+    return model.predict_rating(X, p), p
 
 
 def _last_step(estimator, X):

@@ -28,6 +28,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.special import expit, log_expit
 
+from .._together import Matrix
+
 # Odds beyond its exponential, and their reciprocals, are not normal numbers.
 _LARGEST_EXPONENT = 709.0
 
@@ -423,6 +425,8 @@ class _AdjectiveLoss:
         self.sum_by_trial = sparse.csr_array((np.ones(len(each)), each, ends))
         if positions is not None:  # trials of an object often share theirs
             self.distinct, self.which = np.unique(self.positions, return_inverse=True)
+            if len(self.distinct) == len(self.positions):
+                self.distinct = self.positions
             self.moved = np.empty((len(self.distinct), layout.n_hidden))
         # A hidden layer for each observation, or for each trial if they share it.
         n_rows = len(weight) if positions is None else len(each)
@@ -434,7 +438,7 @@ class _AdjectiveLoss:
         Parameters
         ----------
         shared : ndarray of shape (n_trials, n_hidden), or (n_trials,) without units
-            What the features and biases contribute; overwritten if there are units.
+            What the features and biases contribute.
         position_coef : ndarray of shape (1, n_hidden), or (1,) without units
             Weights of the position; empty if it is no input.
         head : Head
@@ -486,10 +490,12 @@ class _AdjectiveLoss:
             return np.take(values, self.trial, axis=0, out=layer, mode="clip")
 
         def of_positions(values):
+            if len(values) == len(work):  # as they are, one for each observation
+                return values
             return np.take(values, self.which, axis=0, out=work, mode="clip")
 
-        np.multiply(self.distinct[:, None], position_coef, out=self.moved)
-        return sigmoid_of_sums(shared, self.moved, of_trials, of_positions, out=layer)
+        moved = np.multiply(self.distinct[:, None], position_coef, out=self.moved)
+        return sigmoid_of_sums(shared.copy(), moved, of_trials, of_positions, out=layer)
 
 
 class NetworkLoss:
@@ -522,7 +528,8 @@ class NetworkLoss:
     """
 
     def __init__(self, layout, X, observations, alpha):
-        self.layout, self.X = layout, X
+        self.layout, self.n_features = layout, X.shape[1]
+        self.matrix = Matrix(X)
         alpha = np.broadcast_to(alpha, layout.n_inputs + 1)
         self.input_alpha, self.output_alpha = alpha[:-1], alpha[-1]
         self.adjectives = [_AdjectiveLoss(layout, *each) for each in observations]
@@ -530,16 +537,17 @@ class NetworkLoss:
 
     def __call__(self, params):
         """Return the cost and its gradient."""
-        n_hidden, n_features = self.layout.n_hidden, self.X.shape[1]
+        n_hidden, n_features = self.layout.n_hidden, self.n_features
         coef, bias, heads = self.layout.split(params)
-        shared = self.X @ coef[:n_features]
+        shared = self.matrix.times(coef[:n_features])
         g_coef = (self.input_alpha * coef.T).T
         square = np.vdot(g_coef, coef)
+        if n_hidden:
+            shared += bias
         loss, g_shared, g_heads = 0.0, np.zeros(shared.shape), []
         for adjective, head in zip(self.adjectives, heads):
-            of_trials = shared[adjective.trials]
             part, g_part, g_position_coef, g_head = adjective(
-                of_trials + bias if n_hidden else of_trials, coef[n_features:], head
+                shared[adjective.trials], coef[n_features:], head
             )
             loss += part
             square += self.output_alpha * (head.output @ head.output)
@@ -547,7 +555,7 @@ class NetworkLoss:
             g_coef[n_features:] += g_position_coef
             g_output = g_head.output + self.output_alpha * head.output
             g_heads.append(g_head._replace(output=g_output))
-        g_coef[:n_features] += self.X.T @ g_shared
+        self.matrix.add_transposed_times(g_shared, g_coef[:n_features])
         g_bias = g_shared.sum(axis=0) if n_hidden else bias
         grad = self.layout.join(g_coef, g_bias, g_heads)
         grad /= self.total
