@@ -10,12 +10,14 @@ from .models import (
     DummyDistribution,
     SensorFusionNNPOM,
 )
+from .streaming import AnytimeRegressor
 
 __version__ = "0.1.0"
 
 __all__ = [
     "NNPOM",
     "PAPER_2020",
+    "AnytimeRegressor",
     "DistributionalOrdinalRegressor",
     "DummyDistribution",
     "KSVDTransformer",
