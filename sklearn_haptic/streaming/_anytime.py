@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, ClassifierMixin, MetaEstimatorMixin
+from sklearn.base import BaseEstimator, ClassifierMixin, MetaEstimatorMixin, clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import (
     check_consistent_length,
@@ -33,6 +33,7 @@ from ..metrics import neg_rps_scorer
 from ._branches import fit_features, used_sensors
 from ._heads import best_power, fit_heads, predict_head, predict_out_of_fold, temper
 from ._prefixes import durations_complete, samples_in, seconds_felt
+from ._touch import TouchInProgress, check_limits
 from ._touches import ONLY_SENSOR, check_touches
 
 
@@ -75,6 +76,10 @@ class AnytimeRegressor(
     cv : int, splitter or iterable, default=5
         Folds of the training touches for the predictions out of fold. A number keeps
         objects whole if `fit` is given `groups`.
+    stopping : FixedDuration, CertaintyThreshold, NoChange, ExpectedGain or None, \
+            default=None
+        When a touch is done, which the rule learns from predictions out of fold. By
+        default when the longest duration is complete.
 
     Attributes
     ----------
@@ -96,6 +101,8 @@ class AnytimeRegressor(
             (n_trials, n_durations, n_adjectives, n_levels)
         Calibrated predictions of the training touches by heads fitted without them.
         NaN where a touch is not so long.
+    stopping_ : object or None
+        The fitted rule.
 
     See Also
     --------
@@ -135,6 +142,7 @@ class AnytimeRegressor(
         "sharing": [Interval(Real, 0, 1, closed="both")],
         "max_delay": [Interval(Real, 0, None, closed="left")],
         "cv": ["cv_object"],
+        "stopping": [HasMethods(["fit", "stops"]), None],
     }
 
     def __init__(
@@ -146,6 +154,7 @@ class AnytimeRegressor(
         sharing: float = 0.5,
         max_delay: float = 0.1,
         cv: CrossValidator = 5,
+        stopping: BaseEstimator | None = None,
     ) -> None:
         self.estimator = estimator
         self.durations = durations
@@ -153,6 +162,7 @@ class AnytimeRegressor(
         self.sharing = sharing
         self.max_delay = max_delay
         self.cv = cv
+        self.stopping = stopping
 
     @_fit_context(prefer_skip_nested_validation=False)
     @one_blas_thread
@@ -202,7 +212,18 @@ class AnytimeRegressor(
         self.heads_ = fit_heads(head, rows, reached, y, self.sharing)
         self.classes_ = max((each.classes_ for each in self.heads_), key=len)
         self._ordered = hasattr(self.heads_[0][-1], "levels_")
-        self._calibrate(head, rows, reached, X, y, groups)
+        true = self._shares(y)
+        self.shares_ = true.mean(axis=0)
+        folds = make_splitter(head[-1][1], y, groups, self.cv).split(X, y, groups)
+        self.oof_proba_ = predict_out_of_fold(
+            head, rows, reached, y, self.sharing, self.classes_, folds
+        )
+        self.powers_ = _calibrate(self.oof_proba_, true)
+        self.stopping_ = None
+        if self.stopping is not None:
+            self.stopping_ = clone(self.stopping).fit(
+                self.oof_proba_, true, durations=durations, ordered=self._ordered
+            )
         return self
 
     def _check_estimator(self):
@@ -298,23 +319,6 @@ class AnytimeRegressor(
                 rows[there, columns] = features
         return rows
 
-    def _calibrate(self, head, rows, reached, X, y, groups):
-        """Predict out of fold; learn the power of each duration and mean shares."""
-        true = self._shares(y)
-        self.shares_ = true.mean(axis=0)
-        splitter = make_splitter(head[-1][1], y, groups, self.cv)
-        folds = splitter.split(np.empty((len(reached), 0)), y, groups)
-        proba = predict_out_of_fold(
-            head, rows, reached, y, self.sharing, self.classes_, folds
-        )
-        tested = np.isfinite(proba).all(axis=tuple(range(2, proba.ndim)))
-        self.powers_ = np.ones(len(rows))
-        for k, here in enumerate(tested.T):
-            if here.any():
-                self.powers_[k] = best_power(proba[here, k], true[here])
-                proba[here, k] = temper(proba[here, k], self.powers_[k])
-        self.oof_proba_ = proba
-
     def _shares(self, y):
         """Return labels or counts as shares of the classes."""
         if np.ndim(y) == 1:
@@ -390,6 +394,73 @@ class AnytimeRegressor(
             proba[trial, time] = self._predict_at(touches, which, k)[place]
         return proba
 
+    @one_blas_thread
+    def predict_when_done(
+        self, X: Trials
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Predict each touch from what had been felt when it was done.
+
+        Parameters
+        ----------
+        X : DataFrame with a column per sensor, or collection of trials
+            Touches of any length.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_levels)
+            Predictions at the duration at which the rule stops, or at the last that is
+            complete; with several adjectives of shape (n_trials, n_adjectives,
+            n_levels).
+        seconds : ndarray of shape (n_trials,)
+            This duration; 0 for a touch shorter than the first.
+        """
+        touches = self._touches(X)
+        n_reached = self._durations_reached(touches)
+        index = n_reached - 1
+        path = np.full(
+            (len(touches), len(self.durations_), *self.shares_.shape), np.nan
+        )
+        going = n_reached > 0
+        for k in range(len(self.durations_)):
+            which = np.flatnonzero(going & (n_reached > k))
+            if len(which) == 0:
+                break
+            path[which, k] = self._predict_at(touches, which, k)
+            stop = which[self._stops(path[which, : k + 1])]
+            index[stop], going[stop] = k, False
+        proba = path[np.arange(len(index)), index]
+        proba[n_reached == 0] = self.shares_
+        return proba, np.where(n_reached == 0, 0.0, self.durations_[index])
+
+    def _stops(self, path):
+        """Whether touches are done, given their predictions so far."""
+        if path.shape[1] == len(self.durations_):
+            return np.ones(len(path), dtype=bool)
+        if self.stopping_ is None:
+            return np.zeros(len(path), dtype=bool)
+        return self.stopping_.stops(path)
+
+    def start(
+        self,
+        limits: Mapping[str, tuple[float, float]] | tuple[float, float] | None = None,
+    ) -> TouchInProgress:
+        """Begin a touch of which the samples arrive bit by bit.
+
+        Parameters
+        ----------
+        limits : dict of str to tuple of float (low, high), default=None
+            Values at which a sensor is saturated; samples at or beyond them are
+            ignored, as are those that are not finite. For a model of one sensor
+            without name, the pair itself. By default no limits.
+
+        Returns
+        -------
+        touch : TouchInProgress
+            A touch without samples.
+        """
+        check_is_fitted(self)
+        return TouchInProgress(self, check_limits(limits, self.sensors_))
+
     def predict(self, X: Trials) -> np.ndarray:
         """Predict the most probable level or class.
 
@@ -430,6 +501,17 @@ class AnytimeRegressor(
         tags.input_tags.one_d_array = True
         tags.no_validation = True
         return tags
+
+
+def _calibrate(proba, true):
+    """Temper predictions out of fold, in place; return the power of each duration."""
+    powers = np.ones(proba.shape[1])
+    tested = np.isfinite(proba).all(axis=tuple(range(2, proba.ndim)))
+    for k, here in enumerate(tested.T):
+        if here.any():
+            powers[k] = best_power(proba[here, k], true[here])
+            proba[here, k] = temper(proba[here, k], powers[k])
+    return powers
 
 
 def _check_durations(durations):

@@ -29,7 +29,7 @@ class Touches(NamedTuple):
     """
 
     signals: dict[str, list[FloatArray]]
-    names: pd.Index | None
+    names: pd.Index | None = None
 
     def __len__(self):
         return len(next(iter(self.signals.values())))
