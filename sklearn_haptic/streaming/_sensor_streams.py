@@ -43,8 +43,10 @@ class MendedSamples:
 
     def mend(self, samples):
         """Return the samples that are good or mended by now."""
+        if len(samples) == 0:
+            return samples
         good = (samples > self._low) & (samples < self._high)  # false for NaN
-        if good.all() and not len(self._waiting) and len(samples):
+        if good.all() and not len(self._waiting):
             self._last = samples[-1:].copy()
             return samples
         flat = good.reshape(len(good), -1)

@@ -19,6 +19,9 @@ from .._distributions import shares as as_shares
 from .._sklearn import Interval, StrOptions, _fit_context
 from .._validation import check_numbers
 
+# Number of touches that the prior of the slopes is worth, which is that they are 0.
+_PRIOR = 100
+
 
 def losses(proba, shares, *, ordered):
     """Return the loss of each prediction, averaged over adjectives if there are any.
@@ -64,6 +67,39 @@ def changes(path):
         return np.zeros(len(path))
     moved = np.abs(path[:, -1] - path[:, -2]).sum(axis=-1) / 2
     return moved.reshape(len(moved), -1).mean(axis=1)
+
+
+def shrunken_regression(state, gain):
+    """Regress on standardised columns, with slopes shrunk towards 0.
+
+    A slope is shrunk by half from as many touches as the prior is worth, and the less
+    the more there are.
+
+    Parameters
+    ----------
+    state : ndarray of shape (n_trials, n_columns)
+    gain : ndarray of shape (n_trials,)
+
+    Returns
+    -------
+    coefs : ndarray of shape (1 + n_columns,)
+        Intercept and slopes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.streaming._stopping import shrunken_regression
+    >>> state, gain = np.array([[0.0], [2.0]] * 50), np.array([1.0, 5.0] * 50)
+    >>> shrunken_regression(state, gain)
+    array([2., 1.])
+    """
+    scale = state.std(axis=0)
+    scale[scale <= 1e-9 * np.abs(state).max(axis=0, initial=0)] = np.inf  # constant
+    centre = state.mean(axis=0)
+    X = (state - centre) / scale
+    penalised = X.T @ X + _PRIOR * np.eye(X.shape[1])
+    slopes = np.linalg.solve(penalised, X.T @ (gain - gain.mean())) / scale
+    return np.append(gain.mean() - centre @ slopes, slopes)
 
 
 class _Rule(BaseEstimator):
@@ -301,8 +337,14 @@ class ExpectedGain(_Rule):
 
     Attributes
     ----------
-    coefs_ : ndarray of shape (n_durations - 1, 4)
-        Coefficients of 1, the expected loss, its square and the change.
+    coefs_ : ndarray of shape (n_durations - 1, 3)
+        Expected gain at each duration but the last: intercept, and slopes of the
+        expected loss and of the change.
+
+    Notes
+    -----
+    Slopes are shrunk towards 0, by half from 100 touches, because the touches of an
+    object share most of their errors.
 
     References
     ----------
@@ -317,7 +359,7 @@ class ExpectedGain(_Rule):
     >>> import numpy as np
     >>> from sklearn_haptic.streaming import ExpectedGain
     >>> sure, unsure = [[1.0, 0.0], [1.0, 0.0]], [[0.5, 0.5], [1.0, 0.0]]
-    >>> proba, y = np.array([sure, unsure] * 10), np.array([[1, 0]] * 20)
+    >>> proba, y = np.array([sure, unsure] * 200), np.array([[1, 0]] * 400)
     >>> rule = ExpectedGain(price=0.1).fit(proba, y, durations=[1, 2])
     >>> rule.stop_at(proba[:2])
     array([0, 1])
@@ -364,7 +406,7 @@ class ExpectedGain(_Rule):
         true = as_shares(np.asarray(y, dtype=np.float64))
         given = np.isfinite(proba.reshape(*proba.shape[:2], -1)).all(axis=2)
         steps = self.price * np.diff(self.durations_)
-        self.coefs_ = np.zeros((len(steps), 4))
+        self.coefs_ = np.zeros((len(steps), 3))
         cost = np.full(len(proba), np.nan)  # of a touch that goes on as the rule says
         for k in reversed(range(len(self.durations_))):
             here = given[:, k]
@@ -374,8 +416,8 @@ class ExpectedGain(_Rule):
             if k < len(steps) and further.any():
                 state = self._state(proba[further, : k + 1])
                 gain = loss[further] - cost[further] - steps[k]
-                self.coefs_[k] = np.linalg.lstsq(state, gain, rcond=1e-10)[0]
-                goes_on = np.flatnonzero(further)[state @ self.coefs_[k] > 0]
+                self.coefs_[k] = shrunken_regression(state, gain)
+                goes_on = np.flatnonzero(further)[self._gain(state, k) > 0]
                 loss[goes_on] = cost[goes_on] + steps[k]
             cost = loss
         return self
@@ -397,9 +439,12 @@ class ExpectedGain(_Rule):
         k = path.shape[1] - 1
         if k == len(self.coefs_):
             return np.ones(len(path), dtype=bool)
-        return np.asarray(self._state(path) @ self.coefs_[k] <= 0)
+        return np.asarray(self._gain(self._state(path), k) <= 0)
+
+    def _gain(self, state, k):
+        return self.coefs_[k, 0] + state @ self.coefs_[k, 1:]
 
     def _state(self, path):
-        """Return what the expected gain depends on, of shape (n_trials, 4)."""
+        """Return what the expected gain depends on, of shape (n_trials, 2)."""
         loss = expected_losses(path[:, -1], ordered=self.ordered_)
-        return np.stack([np.ones(len(loss)), loss, loss**2, changes(path)], axis=1)
+        return np.stack([loss, changes(path)], axis=1)

@@ -86,12 +86,12 @@ def check_touches(X, sensors, shapes=None):
     ValueError
         If X is in another form, or a recording is; the message names sensor and trial.
     """
-    if is_table(X):
-        raise ValueError(
-            "X is a table of numbers; give recordings: a list with one array per "
-            "touch, or a DataFrame with a column per sensor."
-        )
     columns = list(getattr(X, "columns", []))
+    if not columns and is_table(X):
+        raise ValueError(
+            "X is no collection of recordings; give a list with one array per touch, "
+            "or a DataFrame with a column per sensor."
+        )
     if sensors == [ONLY_SENSOR]:
         if len(columns) > 1:
             raise ValueError(
