@@ -219,11 +219,12 @@ class AnytimeRegressor(
             head, rows, reached, y, self.sharing, self.classes_, folds
         )
         self.powers_ = _calibrate(self.oof_proba_, true)
-        self.stopping_ = None
+        stopping = None
         if self.stopping is not None:
-            self.stopping_ = clone(self.stopping).fit(
+            stopping = clone(self.stopping).fit(
                 self.oof_proba_, true, durations=durations, ordered=self._ordered
             )
+        self.stopping_ = stopping
         return self
 
     def _check_estimator(self):
@@ -494,6 +495,9 @@ class AnytimeRegressor(
         if self._ordered:
             return neg_rps_scorer(self, X, y)
         return float(np.mean(self.predict(X) == np.asarray(y)))
+
+    def __sklearn_is_fitted__(self):
+        return hasattr(self, "stopping_")  # which is set last
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()

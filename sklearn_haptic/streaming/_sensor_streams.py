@@ -12,7 +12,7 @@ from .._cells import cell_bounds
 from ..features import KSVDTransformer
 
 # Windows that wait to be coded together, which takes little longer than one by itself.
-_TOGETHER = 16
+_TOGETHER = 64
 
 
 class MendedSamples:

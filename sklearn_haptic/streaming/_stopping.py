@@ -105,6 +105,9 @@ def shrunken_regression(state, gain):
 class _Rule(BaseEstimator):
     """Base of the rules: `stops` tells for a path, `stop_at` for whole paths."""
 
+    _parameter_constraints: dict[str, list[object]] = {}  # noqa: RUF012
+
+    @_fit_context(prefer_skip_nested_validation=True)
     def fit(
         self,
         proba: ArrayLike,
@@ -132,6 +135,17 @@ class _Rule(BaseEstimator):
         self : object
             The fitted rule.
         """
+        shape, expected = np.shape(proba), np.shape(y)
+        if len(shape) < 3 or shape[1] != len(np.atleast_1d(durations)):
+            raise ValueError(
+                f"proba has shape {shape}; give one distribution per duration, as the "
+                "oof_proba_ of an AnytimeRegressor."
+            )
+        if (*shape[:1], *shape[2:]) != expected:
+            raise ValueError(
+                f"proba has shape {shape}, but y has shape {expected}; give the counts "
+                "of the same trials and levels."
+            )
         self.durations_ = np.asarray(durations, dtype=np.float64)
         self.ordered_ = ordered
         return self
