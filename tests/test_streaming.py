@@ -1,6 +1,8 @@
 """Touches in progress predict what the model predicts for the samples so far."""
 
+import runpy
 import time
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -242,6 +244,26 @@ def test_what_is_kept_and_what_an_update_costs_do_not_grow(of_codes):
     assert np.median(seconds[-500:]) < 3 * np.median(seconds[100:600]) + 1e-4
     kept = [pool._rest.nbytes + pool._maxima.nbytes for pool in touch._pools.values()]
     assert sum(kept) < 100_000
+
+
+def test_the_node_of_the_examples_replays_a_recorded_touch(of_codes):
+    """Without ROS: its predictions are the model's, and it says once to stop."""
+    path = Path(__file__).parents[1] / "examples" / "run_touch_node.py"
+    example = runpy.run_path(str(path))
+    said, done = [], []
+    node = example["TouchNode"](of_codes, lambda *new: said.append(new), done.append)
+    _, stops = of_codes.predict_when_done(TOUCHES)
+    for trial in (0, 17):
+        said.clear(), done.clear()
+        node.on_start()
+        example["replay"](node, TOUCHES.iloc[trial], RATES, sleep=lambda _: None)
+        assert done == pytest.approx([stops[trial]])
+        assert [seconds for seconds, _ in said] == pytest.approx(
+            [d for d in of_codes.durations_ if d <= stops[trial]]
+        )
+        for seconds, proba in said:
+            expected = of_codes.predict_proba(cut(TOUCHES, seconds))[trial]
+            np.testing.assert_allclose(proba, expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("n", [0, 1])

@@ -89,6 +89,8 @@ class AnytimeRegressor(
         The durations in seconds.
     sensors_ : list of str
         Columns that are used; ``[""]`` for the recordings of one sensor.
+    sample_shapes_ : dict of str to tuple of int
+        Shape of one sample of each sensor.
     heads_ : list of Pipeline
         The head of each duration.
     powers_ : ndarray of shape (n_durations,)
@@ -199,7 +201,9 @@ class AnytimeRegressor(
         check_consistent_length(X, y)
         groups = check_groups(groups, X)
         self._rates = np.array([rates[sensor] for sensor in self.sensors_])
-        self._shapes = {s: each[0].shape[1:] for s, each in touches.signals.items()}
+        self.sample_shapes_ = {
+            s: each[0].shape[1:] for s, each in touches.signals.items()
+        }
         self._needed = samples_in(durations[:, np.newaxis], self._rates)
         self._max_delay = self.max_delay
         self.durations_ = durations
@@ -336,7 +340,7 @@ class AnytimeRegressor(
 
     def _touches(self, X):
         check_is_fitted(self)
-        return check_touches(X, self.sensors_, self._shapes)
+        return check_touches(X, self.sensors_, self.sample_shapes_)
 
     @one_blas_thread
     def predict_proba(self, X: Trials) -> NDArray[np.float64]:

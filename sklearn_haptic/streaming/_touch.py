@@ -72,7 +72,7 @@ class TouchInProgress:
         needed = dict(zip(model.sensors_, model._needed.T))
         self._n_samples = np.zeros(len(model.sensors_), dtype=np.intp)
         self._menders = {}
-        for sensor, shape in model._shapes.items():
+        for sensor, shape in model.sample_shapes_.items():
             low, high = self._limits.get(sensor, (-np.inf, np.inf))
             mender = MendedSamples(shape, low, high, needed[sensor][-1])
             self._menders[sensor] = mender
@@ -81,7 +81,7 @@ class TouchInProgress:
         for i, branch in enumerate(model._branches):
             steps = branch.incremental()
             for sensor in branch.sensors:
-                shape, n_needed = model._shapes[sensor], needed[sensor]
+                shape, n_needed = model.sample_shapes_[sensor], needed[sensor]
                 if steps is None:
                     self._kept[sensor] = KeptSamples(shape, n_needed[-1])
                 else:
@@ -124,7 +124,7 @@ class TouchInProgress:
                 f"sensors, {sensors}, to arrays."
             )
         checked = {
-            sensor: _check_samples(new, sensor, self._model._shapes)
+            sensor: _check_samples(new, sensor, self._model.sample_shapes_)
             for sensor, new in samples.items()
         }
         for sensor, new in checked.items():
