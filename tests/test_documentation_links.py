@@ -14,6 +14,7 @@ from test_docs import pages_of_the_reference
 import sklearn_haptic
 from sklearn_haptic import (
     NNPOM,
+    AnytimeRegressor,
     DistributionalOrdinalRegressor,
     KSVDTransformer,
     STHMPTransformer,
@@ -45,7 +46,11 @@ def test_one_address():
 
 @pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda each: each.__name__)
 def test_alone(estimator):
-    assert page(estimator) in links(estimator())
+    required = {}
+    if estimator is AnytimeRegressor:
+        pipeline = make_pipeline(TemporalMaxPool(), NNPOM())
+        required = {"estimator": pipeline, "durations": [1], "sampling_rates": 100}
+    assert page(estimator) in links(estimator(**required))
     assert f"sklearn_haptic.{estimator.__name__}" in pages_of_the_reference()
 
 

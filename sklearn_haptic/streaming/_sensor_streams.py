@@ -114,7 +114,7 @@ class PooledCodes:
         self._window = self._step = 1
         if isinstance(coder, KSVDTransformer):
             self._window, self._step = coder.components_.shape[1], coder.window_step_
-        self._limit = needed[-1]
+        self._needed = needed
         self._n, self._n_rows = 0, 0
         self._rest = np.empty((0, *shape))
         rows = [(n - self._window) // self._step + 1 for n in needed]
@@ -138,13 +138,15 @@ class PooledCodes:
         return [cell_bounds(n_rows, n, pool.split_) for n in pool.cells_]
 
     def add(self, samples):
-        """Take samples; code the windows that they complete, some at a time."""
-        samples = samples[: max(0, self._limit - self._n)]
+        """Take samples; code windows some at a time and when a duration is complete."""
+        samples = samples[: max(0, self._needed[-1] - self._n)]
+        n_complete = np.searchsorted(self._needed, self._n, side="right")
         self._n += len(samples)
+        at_end = n_complete < np.searchsorted(self._needed, self._n, side="right")
         if len(self._rest):
             samples = np.concatenate([self._rest, samples])
         self._rest = samples.copy()
-        if self._n_complete() >= _TOGETHER:
+        if at_end or self._n_complete() >= _TOGETHER:
             self._code()
 
     def _n_complete(self):
@@ -169,6 +171,5 @@ class PooledCodes:
 
     def pooled(self, k):
         """Return the features of the k-th duration, of shape (1, n_features)."""
-        self._code()
         cells = [self._maxima[start:end].max(axis=0) for start, end in self._spans[k]]
         return np.concatenate(cells)[np.newaxis]

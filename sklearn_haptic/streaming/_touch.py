@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -55,7 +55,7 @@ class TouchInProgress:
     4.0
     """
 
-    def __init__(self, model, limits):
+    def __init__(self, model: Any, limits: Mapping[str, tuple[float, float]]) -> None:
         self._model = model
         self._limits = limits
         self.reset()
