@@ -217,7 +217,7 @@ class AnytimeRegressor(
         self.classes_ = max((each.classes_ for each in self.heads_), key=len)
         self._ordered = hasattr(self.heads_[0][-1], "levels_")
         true = self._shares(y)
-        self.shares_ = true.mean(axis=0)
+        self.shares_ = shares(true.sum(axis=0))
         folds = make_splitter(head[-1][1], y, groups, self.cv).split(X, y, groups)
         self.oof_proba_ = predict_out_of_fold(
             head, rows, reached, y, self.sharing, self.classes_, folds
