@@ -20,12 +20,14 @@ from .models import (
     RegressedDistribution,
     SensorFusionNNPOM,
 )
+from .streaming import AnytimeRegressor
 
 __version__ = "0.1.0"
 
 __all__ = [
     "NNPOM",
     "PAPER_2020",
+    "AnytimeRegressor",
     "DistributionBlend",
     "DistributionalOrdinalRegressor",
     "DummyDistribution",

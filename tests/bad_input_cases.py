@@ -17,13 +17,14 @@ import numpy as np
 import pandas as pd
 from scipy import sparse
 from scipy.io import savemat
-from sklearn.compose import make_column_transformer
+from sklearn.base import clone
+from sklearn.compose import ColumnTransformer, make_column_transformer
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LogisticRegression, Ridge
 from sklearn.model_selection import RepeatedKFold
 from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.utils import Bunch
 
 from sklearn_haptic import (
@@ -43,6 +44,7 @@ from sklearn_haptic import (
     model_selection,
     plotting,
     ratings,
+    streaming,
 )
 from sklearn_haptic.datasets import MatlabRatings, load_phac2, make_haptic_corpus
 from sklearn_haptic.ratings import RatingTable
@@ -1536,6 +1538,132 @@ ask({"read_study": reading},
     check("a record whose file is a folder", b'{"file": "hold", "sha256": "0"}',
         **{"models/hold/table.csv": b"rps\n"}, says=DAMAGED_UNIT),
     in_folder=True)
+
+# Touches in progress
+
+TOUCHES = pd.DataFrame({s: pd.Series(TRIALS * 3) for s in ("pac", "tdc")})
+
+
+def spreads(touches):
+    return np.array([[each.std()] for each in touches["pac"]])
+
+
+STATISTICS = FunctionTransformer(spreads)
+ANYTIME = streaming.AnytimeRegressor(
+    make_pipeline(STATISTICS, DistributionalOrdinalRegressor()),
+    durations=[0.5, 0.8], sampling_rates={"pac": 10, "tdc": 10}, cv=2)
+PATH = np.full((N, 2, 3), 1 / 3)
+EXPECTED = streaming.ExpectedGain().fit(PATH, COUNTS, durations=[1, 2])
+
+
+@cache
+def anytime():
+    return clone(ANYTIME).fit(TOUCHES, COUNTS)
+
+
+def fit_anytime(*bad, **params):
+    X, y = [*bad, *(TOUCHES, COUNTS)[len(bad):]]
+    return call(clone(ANYTIME).set_params(**params).fit, X, y)
+
+
+def of_touches(name):
+    def ask_model(*bad):
+        return call(getattr(anytime(), name), *bad)
+
+    return {f"AnytimeRegressor.{name}": ask_model}
+
+
+def of_a_touch(name):
+    def ask_touch(*bad):
+        return call(getattr(anytime().start(), name), *bad)
+
+    return {f"TouchInProgress.{name}": ask_touch}
+
+
+def lacking(sensor, value=None):
+    touches = TOUCHES.copy()
+    touches[sensor] = [value, *TOUCHES[sensor][1:]]
+    return touches
+
+
+NO_PROBA = make_pipeline(STATISTICS, Ridge())
+ask({"AnytimeRegressor.fit": fit_anytime},
+    check("a table of numbers", X, "^X is no collection of recordings; give a"),
+    check("a touch without a sensor", lacking("tdc"),
+        "^Trial 0 of X has no recording of sensor 'tdc'; leave it out"),
+    check("NaN in a recording", lacking("tdc", replaced(TRIALS[0], np.nan)),
+        "^Sensor 'tdc': Trial 0 of X contains NaN or infinity"),
+    check("a column less", TOUCHES[["pac"]], "^X has no column 'tdc', which"),
+    check("no pipeline", estimator=LogisticRegression(),
+        says="^estimator is a LogisticRegression; give a Pipeline whose first"),
+    check("no probabilities", estimator=NO_PROBA,
+        says="^The last step of estimator, Ridge.*, has no predict_proba; take a"),
+    check("no weights", estimator=make_pipeline(STATISTICS, KNeighborsClassifier()),
+        says="takes no sample_weight, which sharing=0.5 requires; set sharing=0"),
+    check("no row of features", estimator=make_pipeline(
+        ColumnTransformer([("pac", "passthrough", ["pac"])]), LogisticRegression()),
+        says="^estimator has no step before its last that turns each touch into a row"),
+    *settings("durations", [], [0, 1], [2, 1], [[1, 2]], [np.inf],
+        says="^durations=.* must list seconds above 0 in ascending order"),
+    *settings("durations", ["1", "2"], says="^durations is not an array of numbers"),
+    check("a duration that no touch reaches", durations=[0.5, 60],
+        says="^durations holds 60 s, but only 0 of 12 training touches are so long"),
+    check("a rate of 0", sampling_rates={"pac": 0, "tdc": 10},
+        says="^The sampling rate of 'pac' is 0; give samples per second"),
+    check("no rates", sampling_rates={}, says="^sampling_rates names no sensor"),
+    check("one rate for two columns", sampling_rates=10,
+        says="but sampling_rates is one number; give a dict"),
+    check("a rate of a numbered column", sampling_rates={0: 10},
+        says="^sampling_rates names the sensor 0; name sensors by the columns"),
+    *wrong(sharing=[2, "all"], max_delay=[-1], stopping=[0.5], estimator=[None],
+        sampling_rates=["fast"]))
+ask(of_touches("predict_proba") | of_touches("predict") |
+    of_touches("predict_when_done"),
+    check("other channels than in fit", lacking("pac", TRIALS[0][:, :7]),
+        "^Sensor 'pac': Trial 0 of X has 7 channels"),
+    check("a number for a recording", lacking("pac", 3.0),
+        "^Sensor 'pac': Trial 0 of X is 3.0, not an array"),
+    check("a list", TRIALS, "^X has no column 'pac', which sampling_rates names"))
+ask(of_touches("predict_proba_over_time"),
+    check("times that are no list", TOUCHES, 3, "^times has shape \\(\\); give a list"),
+    check("a time before the touch", TOUCHES, [-1], "^times has shape .*, 0 or more"))
+ask(of_touches("start"),
+    check("limits of an unknown sensor", {"mic": (0, 1)},
+        "^limits names the sensor 'mic'; the model has \\['pac', 'tdc'\\]"),
+    check("limits of all sensors", (0, 1), "^limits is a tuple; give a dict from"),
+    check("limits in the wrong order", {"pac": (1, 0)},
+        "^limits holds \\(1, 0\\); give a pair \\(low, high\\)"))
+ask(of_a_touch("update"),
+    check("an array for two sensors", TRIALS[0], "^samples is a ndarray; give a dict"),
+    check("an unknown sensor", {"mic": TRIALS[0]}, "^samples names the sensor 'mic'"),
+    check("other channels than in fit", {"pac": np.ones((3, 4))},
+        r"^samples\['pac'\] has shape \(3, 4\), but one sample had the shape \(19,\)"),
+    check("text", {"pac": ["a"] * 19}, r"^samples\['pac'\] is not an array of numbers"))
+RULES = {
+    "ExpectedGain": (streaming.ExpectedGain, settings("price", -1, "high")),
+    "FixedDuration": (streaming.FixedDuration, settings("seconds", 0, "long")),
+    "CertaintyThreshold": (streaming.CertaintyThreshold, [
+        *settings("threshold", 2), *settings("measure", "sum")]),
+    "NoChange": (streaming.NoChange, settings("tol", -1, 2)),
+}
+for name, (rule, checks) in RULES.items():
+    ask({f"{name}.fit": lambda *bad, rule=rule, **params: call(
+            rule(**params).fit, *[*bad, *(PATH, COUNTS)[len(bad):]], durations=[1, 2])},
+        *checks,
+        check("one duration less", PATH[:, :1],
+            says="^proba has shape \\(12, 1, 3\\).* one distribution per duration"),
+        check("ratings of other trials", PATH, COUNTS[:3],
+            says="^proba has shape .*, but y has shape \\(3, 3\\)"))
+BY_TIME = {"TouchTimeDisplay.from_predictions": lambda *bad, **given: call(
+    plotting.TouchTimeDisplay.from_predictions,
+    *[*bad, *(COUNTS, PATH, [1, 2])[len(bad):]], **given)}
+ask(BY_TIME,
+    check("one duration less", COUNTS, PATH, [1], "^y_proba has shape .* and seconds"),
+    check("durations in no order", COUNTS, PATH, [2, 1], "must be above 0 and in asc"),
+    check("another metric", metric="mae", says="^metric='mae' must be 'rps' or"),
+    check("no distribution", COUNTS, PATH * 2, "^y_proba is no distribution"),
+    check("stops in seconds", stopped={"rule": [0.5] * N}, says="give the index of a"),
+    check("a stop behind the last", stopped={"rule": [2] * N}, says="outside 0 to 1"))
 
 # Input large enough to see how much memory its refusal takes
 

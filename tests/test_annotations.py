@@ -24,16 +24,19 @@ MODULES = (
     "sklearn_haptic.model_selection",
     "sklearn_haptic.plotting",
     "sklearn_haptic.ratings",
+    "sklearn_haptic.streaming",
     "sklearn_haptic.study",
 )
 
 
 def public_objects():
     """Yield every public class and function, once each, with its full name."""
+    seen = set()
     for name in MODULES:
         module = import_module(name)
-        for key in module.__all__:
+        for key in [key for key in module.__all__ if key not in seen]:
             if callable(getattr(module, key)):
+                seen.add(key)
                 yield f"{name}.{key}", getattr(module, key)
 
 

@@ -14,6 +14,7 @@ from test_docs import pages_of_the_reference
 import sklearn_haptic
 from sklearn_haptic import (
     NNPOM,
+    AnytimeRegressor,
     DistributionalOrdinalRegressor,
     DistributionBlend,
     KSVDTransformer,
@@ -46,8 +47,13 @@ def test_one_address():
 
 @pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda each: each.__name__)
 def test_alone(estimator):
-    required = [[("linear", NNPOM())]] if estimator is DistributionBlend else []
-    assert page(estimator) in links(estimator(*required))
+    required = {}
+    if estimator is DistributionBlend:
+        required = {"estimators": [("linear", NNPOM())]}
+    elif estimator is AnytimeRegressor:
+        pipeline = make_pipeline(TemporalMaxPool(), NNPOM())
+        required = {"estimator": pipeline, "durations": [1], "sampling_rates": 100}
+    assert page(estimator) in links(estimator(**required))
     assert f"sklearn_haptic.{estimator.__name__}" in pages_of_the_reference()
 
 
