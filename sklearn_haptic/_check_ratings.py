@@ -180,6 +180,8 @@ def check_predicted_ratings(y_true, y_pred, levels, n_positions):
         Counts as float64.
     predicted : ndarray of int of shape (n_trials, n_positions)
         Indices of levels.
+    levels : ndarray of shape (n_levels,)
+        The ordered levels.
 
     Raises
     ------
@@ -197,7 +199,7 @@ def check_predicted_ratings(y_true, y_pred, levels, n_positions):
         )
     rows = np.repeat(np.arange(len(counts)), n_positions)
     matches, _ = match_levels(ratings.ravel(), None, levels, "y_pred", rows=rows)
-    return counts, matches.argmax(axis=1).reshape(ratings.shape)
+    return counts, matches.argmax(axis=1).reshape(ratings.shape), levels
 
 
 def weighted(counts, sample_weight):

@@ -57,7 +57,7 @@ def level_at(counts, p):
     return index
 
 
-def macro_error(predicted, true, counted=True):
+def macro_error(predicted, true, counted=True, *, values=None):
     """Return the absolute error per trial, averaged over the levels true in it.
 
     Parameters
@@ -66,13 +66,18 @@ def macro_error(predicted, true, counted=True):
         Indices of levels.
     counted : bool or ndarray of bool of shape (n_trials, n_observations), default=True
         Which observations count; at least one per trial.
+    values : ndarray of shape (n_levels,), default=None
+        Number of each level, by default its index.
 
     Returns
     -------
     error : ndarray of shape (n_trials,)
-        Errors in levels.
+        Errors in levels, or in units of the values.
     """
-    error = np.abs(predicted - true)
+    if values is None:
+        error = np.abs(predicted - true)
+    else:
+        error = np.abs(values[predicted] - values[true])
     total = np.zeros(len(error))
     n_levels = np.zeros(len(error))
     for level in np.unique(true):

@@ -3,7 +3,8 @@ r"""Scores of predicted distributions of ratings, and scorers for searches.
 Throughout, trial t has the *true* distribution :math:`F_k`, the proportion of
 people who rated its object at level k or below, and the *predicted* one
 :math:`\hat F_k`. Levels are ordinal, so distances between ratings are counted in
-levels: neighbours are 1 apart whatever their labels.
+levels: neighbours are 1 apart whatever their labels. Where the levels are numbers that
+mean something, as -3 … 3 or 0 … 100 do, ``units="scale"`` counts in these numbers.
 """
 
 from collections.abc import Callable
@@ -19,7 +20,8 @@ from sklearn.pipeline import Pipeline
 
 from ._check_ratings import check_distributions, check_predicted_ratings
 from ._distributions import cdf, level_at, macro_error, quantile_grid, shares
-from ._sklearn import Interval, Trials, validate_params
+from ._levels import level_values
+from ._sklearn import Interval, StrOptions, Trials, validate_params
 from ._validation import check_positions, check_weights
 
 __all__ = [
@@ -41,6 +43,7 @@ _CONSTRAINTS = {
     "sample_weight": ["array-like", None],
     "levels": ["array-like", None],
 }
+_UNITS = [StrOptions({"levels", "scale"})]
 
 
 class _Score(Protocol):
@@ -55,7 +58,7 @@ class _Score(Protocol):
         sample_weight: ArrayLike | None = ...,
         average: Literal[True] = ...,
         levels: ArrayLike | None = ...,
-        **options: int,
+        **options: Any,
     ) -> float: ...
 
     @overload
@@ -67,7 +70,7 @@ class _Score(Protocol):
         sample_weight: ArrayLike | None = ...,
         average: Literal[False],
         levels: ArrayLike | None = ...,
-        **options: int,
+        **options: Any,
     ) -> NDArray[np.float64]: ...
 
 
@@ -80,7 +83,7 @@ def _score(**constraints: list[Any]) -> Callable[[Callable[..., Any]], _Score]:
     return decorate
 
 
-@_score(n_quantiles=[Interval(Integral, 1, None, closed="left")])
+@_score(units=_UNITS, n_quantiles=[Interval(Integral, 1, None, closed="left")])
 def macro_mae(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -88,6 +91,7 @@ def macro_mae(
     sample_weight: ArrayLike | None = None,
     average: bool = True,
     levels: ArrayLike | None = None,
+    units: Literal["levels", "scale"] = "levels",
     n_quantiles: int = 99,
 ) -> float | NDArray[np.float64]:
     r"""Macro-averaged mean absolute error of the predicted ratings, per trial.
@@ -106,13 +110,15 @@ def macro_mae(
         The ordered levels, to which ratings and labelled columns are matched. By
         default the ordered categories or column labels of ``y_true``, or else of
         ``y_proba``; without labels, the columns of counts or the sorted ratings.
+    units : {"levels", "scale"}, default="levels"
+        Whether neighbouring levels are 1 apart, or as far as their numbers are.
     n_quantiles : int, default=99
         Number of quantile positions p at which ratings are compared.
 
     Returns
     -------
     score : float or ndarray of shape (n_trials,)
-        Error in levels, from 0 (best) to n_levels - 1.
+        Error in levels, from 0 (best) to n_levels - 1; or in units of the scale.
 
     Raises
     ------
@@ -153,9 +159,9 @@ def macro_mae(
     >>> macro_mae([[3, 0, 1]], [[0.75, 0.25, 0]])
     0.5
     """
-    counts, proba, _ = check_distributions(y_true, y_proba, levels)
-    p = quantile_grid(n_quantiles)
-    errors = macro_error(level_at(proba, p), level_at(counts, p))
+    counts, proba, levels = check_distributions(y_true, y_proba, levels)
+    p, values = quantile_grid(n_quantiles), level_values(levels, units)
+    errors = macro_error(level_at(proba, p), level_at(counts, p), values=values)
     return _summarise(errors, sample_weight, average)
 
 
@@ -167,6 +173,7 @@ def macro_mae(
         "sample_weight": ["array-like", None],
         "average": ["boolean"],
         "levels": ["array-like", None],
+        "units": _UNITS,
     },
     prefer_skip_nested_validation=True,
 )
@@ -178,6 +185,7 @@ def macro_mae_at_positions(
     sample_weight: ArrayLike | None = None,
     average: bool = True,
     levels: ArrayLike | None = None,
+    units: Literal["levels", "scale"] = "levels",
 ) -> float | NDArray[np.float64]:
     r"""Macro-averaged mean absolute error of ratings predicted one by one, per trial.
 
@@ -205,11 +213,13 @@ def macro_mae_at_positions(
         The ordered levels, to which ratings and labelled columns are matched. By
         default the ordered categories or column labels of ``y_true``; without labels,
         1, 2, … for the columns of counts, or the sorted ratings.
+    units : {"levels", "scale"}, default="levels"
+        Whether neighbouring levels are 1 apart, or as far as their numbers are.
 
     Returns
     -------
     score : float or ndarray of shape (n_trials,)
-        Error in levels, from 0 (best) to n_levels - 1.
+        Error in levels, from 0 (best) to n_levels - 1; or in units of the scale.
 
     Raises
     ------
@@ -238,12 +248,15 @@ def macro_mae_at_positions(
     array([0., 1.])
     """
     positions = np.atleast_1d(check_positions(p))
-    counts, predicted = check_predicted_ratings(y_true, y_pred, levels, len(positions))
-    errors = macro_error(predicted, level_at(counts, positions))
+    counts, predicted, levels = check_predicted_ratings(
+        y_true, y_pred, levels, len(positions)
+    )
+    values = level_values(levels, units)
+    errors = macro_error(predicted, level_at(counts, positions), values=values)
     return _summarise(errors, sample_weight, average)
 
 
-@_score()
+@_score(units=_UNITS)
 def ranked_probability_score(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -251,6 +264,7 @@ def ranked_probability_score(
     sample_weight: ArrayLike | None = None,
     average: bool = True,
     levels: ArrayLike | None = None,
+    units: Literal["levels", "scale"] = "levels",
 ) -> float | NDArray[np.float64]:
     r"""Ranked probability score, averaged over the people who rated a trial.
 
@@ -268,11 +282,14 @@ def ranked_probability_score(
         The ordered levels, to which ratings and labelled columns are matched. By
         default the ordered categories or column labels of ``y_true``, or else of
         ``y_proba``; without labels, the columns of counts or the sorted ratings.
+    units : {"levels", "scale"}, default="levels"
+        Whether neighbouring levels are 1 apart, or as far as their numbers are.
 
     Returns
     -------
     score : float or ndarray of shape (n_trials,)
-        Score in levels, at most n_levels - 1 and not divided by it; lower is better.
+        Score in levels, at most n_levels - 1 and not divided by it, or in units of
+        the scale; lower is better.
 
     Raises
     ------
@@ -288,7 +305,9 @@ def ranked_probability_score(
         = \sum_{k=1}^{K-1} \left[(\hat F_k - F_k)^2 + F_k (1 - F_k)\right].
 
     The score is strictly proper: the true distribution scores best, and its score
-    is the second term, which is 0 only where people agree.
+    is the second term, which is 0 only where people agree. With ``units="scale"`` each
+    term is multiplied by the distance of its two levels, and the score is the
+    continuous ranked probability score of the levels' numbers.
 
     References
     ----------
@@ -304,14 +323,22 @@ def ranked_probability_score(
     >>> from sklearn_haptic.metrics import ranked_probability_score
     >>> ranked_probability_score([[1, 1, 2]], [[0.25, 0.25, 0.5]])
     0.4375
+
+    On a scale with the levels -3, 0 and 3 neighbours are 3 apart:
+
+    >>> ranked_probability_score(
+    ...     [[1, 1, 2]], [[0.25, 0.25, 0.5]], levels=[-3, 0, 3], units="scale"
+    ... )
+    1.3125
     """
-    counts, proba, _ = check_distributions(y_true, y_proba, levels)
+    counts, proba, levels = check_distributions(y_true, y_proba, levels)
     true, predicted = cdf(counts)[:, :-1], cdf(proba)[:, :-1]
-    scores = ((predicted - true) ** 2 + true * (1 - true)).sum(axis=1)
+    gaps = np.diff(level_values(levels, units))
+    scores = (((predicted - true) ** 2 + true * (1 - true)) * gaps).sum(axis=1)
     return _summarise(scores, sample_weight, average)
 
 
-@_score()
+@_score(units=_UNITS)
 def earth_movers_distance(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -319,6 +346,7 @@ def earth_movers_distance(
     sample_weight: ArrayLike | None = None,
     average: bool = True,
     levels: ArrayLike | None = None,
+    units: Literal["levels", "scale"] = "levels",
 ) -> float | NDArray[np.float64]:
     r"""Earth mover's distance between predicted and true distribution.
 
@@ -336,11 +364,13 @@ def earth_movers_distance(
         The ordered levels, to which ratings and labelled columns are matched. By
         default the ordered categories or column labels of ``y_true``, or else of
         ``y_proba``; without labels, the columns of counts or the sorted ratings.
+    units : {"levels", "scale"}, default="levels"
+        Whether neighbouring levels are 1 apart, or as far as their numbers are.
 
     Returns
     -------
     score : float or ndarray of shape (n_trials,)
-        Distance in levels, from 0 (best) to n_levels - 1.
+        Distance in levels, from 0 (best) to n_levels - 1; or in units of the scale.
 
     Raises
     ------
@@ -367,8 +397,9 @@ def earth_movers_distance(
     >>> earth_movers_distance([[0, 0, 4]], [[0.25, 0.25, 0.5]])
     0.75
     """
-    counts, proba, _ = check_distributions(y_true, y_proba, levels)
-    scores = np.abs(cdf(proba) - cdf(counts))[:, :-1].sum(axis=1)
+    counts, proba, levels = check_distributions(y_true, y_proba, levels)
+    gaps = np.diff(level_values(levels, units))
+    scores = (np.abs(cdf(proba) - cdf(counts))[:, :-1] * gaps).sum(axis=1)
     return _summarise(scores, sample_weight, average)
 
 
@@ -510,13 +541,16 @@ def pit_histogram(
     return n_bins * np.diff(_mean(below, sample_weight))
 
 
-@validate_params(_CONSTRAINTS, prefer_skip_nested_validation=True)
+@validate_params(
+    {**_CONSTRAINTS, "units": _UNITS}, prefer_skip_nested_validation=True
+)
 def dispersion(
     y_true: ArrayLike,
     y_proba: ArrayLike,
     *,
     sample_weight: ArrayLike | None = None,
     levels: ArrayLike | None = None,
+    units: Literal["levels", "scale"] = "levels",
 ) -> float:
     r"""Predicted variance relative to the ratings' scatter about the prediction.
 
@@ -532,6 +566,8 @@ def dispersion(
         The ordered levels, to which ratings and labelled columns are matched. By
         default the ordered categories or column labels of ``y_true``, or else of
         ``y_proba``; without labels, the columns of counts or the sorted ratings.
+    units : {"levels", "scale"}, default="levels"
+        Whether neighbouring levels are 1 apart, or as far as their numbers are.
 
     Returns
     -------
@@ -565,9 +601,9 @@ def dispersion(
     >>> dispersion([[2, 0, 2]], [[0.25, 0.5, 0.25]])
     0.5
     """
-    counts, proba, _ = check_distributions(y_true, y_proba, levels)
-    steps = np.arange(proba.shape[1])
-    squares = (steps - (proba @ steps)[:, None]) ** 2
+    counts, proba, levels = check_distributions(y_true, y_proba, levels)
+    values = level_values(levels, units)
+    squares = (values - (proba @ values)[:, None]) ** 2
     spread = _mean((proba * squares).sum(axis=1), sample_weight)
     scatter = _mean((shares(counts) * squares).sum(axis=1), sample_weight)
     if scatter == 0:

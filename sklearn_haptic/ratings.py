@@ -16,6 +16,7 @@ from sklearn.utils.validation import check_array, check_consistent_length, colum
 
 from ._check_ratings import check_counts, check_two_ratings, match_levels
 from ._distributions import cdf, level_at, shares
+from ._levels import level_values
 from ._sklearn import Interval, validate_params
 from ._validation import check_numbers, check_objects, drop_missing, missing_to_none
 
@@ -27,6 +28,7 @@ __all__ = [
     "rating_cdf",
     "rating_counts",
     "rating_distribution",
+    "rating_mean",
 ]
 
 
@@ -294,6 +296,44 @@ def inverse_cdf(
         raise ValueError("p must lie within [0, 1]; give positions in the population.")
     index = level_at(counts, positions)
     return levels[index[:, 0] if np.ndim(p) == 0 else index]
+
+
+def rating_mean(
+    counts: ArrayLike, *, levels: ArrayLike | None = None
+) -> NDArray[np.float64]:
+    """Mean rating of each object, in units of the scale.
+
+    Parameters
+    ----------
+    counts : array-like of shape (n_objects, n_levels)
+        How many people chose each level; any non-negative weights or probabilities
+        will do, so also what a model predicts.
+    levels : array-like of shape (n_levels,), default=None
+        The ordered levels, which must be numbers; by default the labels of the
+        columns, else 1, 2, ….
+
+    Returns
+    -------
+    mean : ndarray of shape (n_objects,)
+
+    Raises
+    ------
+    ValueError
+        If the levels are no ascending numbers, or the counts are negative, not finite
+        or all zero for an object.
+
+    See Also
+    --------
+    inverse_cdf : The median, ``p=0.5``, and all other quantiles.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.ratings import rating_mean
+    >>> rating_mean([[0, 1, 3], [2, 0, 2]], levels=[-3, 0, 3])
+    array([2.25, 0.  ])
+    """
+    counts, levels = check_counts(counts, levels)
+    return shares(counts) @ level_values(levels)
 
 
 def interrater_agreement(counts: ArrayLike) -> NDArray[np.float64]:
