@@ -6,6 +6,7 @@ from .features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
 from .models import (
     NNPOM,
     PAPER_2020,
+    ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DummyDistribution,
     SensorFusionNNPOM,
@@ -16,6 +17,7 @@ __version__ = "0.1.0"
 __all__ = [
     "NNPOM",
     "PAPER_2020",
+    "ContinuousRatingsRegressor",
     "DistributionalOrdinalRegressor",
     "DummyDistribution",
     "KSVDTransformer",

@@ -7,7 +7,7 @@ levels: neighbours are 1 apart whatever their labels. Where the levels are numbe
 mean something, as -3 … 3 or 0 … 100 do, ``units="scale"`` counts in these numbers.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from numbers import Integral
 from typing import Any, Literal, Protocol, overload
@@ -17,14 +17,22 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import xlogy
 from sklearn.base import BaseEstimator
 from sklearn.pipeline import Pipeline
+from sklearn.utils import Bunch, check_random_state
 
-from ._check_ratings import check_distributions, check_predicted_ratings
+from ._answers import check_answers, check_cdf, crps_per_trial, half_mean_difference
+from ._check_ratings import (
+    check_distributions,
+    check_predicted_ratings,
+    check_ratings,
+)
 from ._distributions import cdf, level_at, macro_error, quantile_grid, shares
 from ._levels import level_values
-from ._sklearn import Interval, StrOptions, Trials, validate_params
+from ._shrinkage import leave_one_out_strength, mean_of_others
+from ._sklearn import Interval, RandomState, StrOptions, Trials, validate_params
 from ._validation import check_positions, check_weights
 
 __all__ = [
+    "crps",
     "dispersion",
     "earth_movers_distance",
     "log_score",
@@ -32,6 +40,7 @@ __all__ = [
     "macro_mae_at_positions",
     "neg_macro_mae_scorer",
     "neg_rps_scorer",
+    "noise_ceiling",
     "pit_histogram",
     "ranked_probability_score",
 ]
@@ -338,6 +347,87 @@ def ranked_probability_score(
     return _summarise(scores, sample_weight, average)
 
 
+@validate_params(
+    {
+        "y_true": ["array-like"],
+        "y_cdf": ["array-like"],
+        "values": ["array-like"],
+        "sample_weight": ["array-like", None],
+        "average": ["boolean"],
+    },
+    prefer_skip_nested_validation=True,
+)
+def crps(
+    y_true: ArrayLike | Sequence[ArrayLike],
+    y_cdf: ArrayLike,
+    values: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = None,
+    average: bool = True,
+) -> float | NDArray[np.float64]:
+    r"""Continuous ranked probability score, averaged over the people who rated a trial.
+
+    It is the ranked probability score of ratings that are numbers, such as those of a
+    slider, in units of the scale. It is exact for the CDF that is linear between the
+    points given.
+
+    Parameters
+    ----------
+    y_true : array-like of shape (n_trials,) or (n_trials, n_answers), or list of \
+            array-like
+        One rating per trial; or several, NaN where somebody gave none; or one list of
+        ratings, of any length, per trial.
+    y_cdf : array-like of shape (n_trials, n_points) or (n_points,)
+        Predicted CDF at the points, as ``predict_cdf(X, values)`` of a
+        `ContinuousRatingsRegressor` returns it; for predicted quantiles their
+        positions. It is 0 below the first point and 1 above the last, and jumps there
+        if it does not reach from 0 to 1.
+    values : array-like of shape (n_trials, n_points) or (n_points,)
+        The points, ascending; for predicted quantiles these. Equal points make a jump.
+    sample_weight : array-like of shape (n_trials,), default=None
+        Weight of each trial in the average.
+    average : bool, default=True
+        Whether to return the weighted mean rather than one score per trial.
+
+    Returns
+    -------
+    score : float or ndarray of shape (n_trials,)
+        Score in units of the scale; lower is better.
+
+    Raises
+    ------
+    ValueError
+        If a trial has no rating, a CDF or its points fall, or the shapes differ.
+
+    See Also
+    --------
+    ranked_probability_score : The same, with ``units="scale"``, of levels.
+
+    Notes
+    -----
+    The mean over the people r of a trial is
+    :math:`\frac1N \sum_r \int (\hat F(x) - 1\{y_r \le x\})^2 \, dx`. It is strictly
+    proper. A prediction that is sure of one value scores its absolute error.
+
+    References
+    ----------
+    J. E. Matheson and R. L. Winkler, "Scoring rules for continuous probability
+    distributions", Management Science 22, 1087–1096, 1976.
+    :doi:`10.1287/mnsc.22.10.1087`
+
+    Examples
+    --------
+    An even distribution over 0 … 100, and two people who moved the slider to 50 and 80:
+
+    >>> from sklearn_haptic.metrics import crps
+    >>> round(crps([[50, 80]], [0, 1], [0, 100]), 3)
+    12.833
+    """
+    answers = check_answers(y_true, "y_true")
+    scores = crps_per_trial(answers, *check_cdf(y_cdf, values, len(answers)))
+    return _summarise(scores, sample_weight, average)
+
+
 @_score(units=_UNITS)
 def earth_movers_distance(
     y_true: ArrayLike,
@@ -541,9 +631,7 @@ def pit_histogram(
     return n_bins * np.diff(_mean(below, sample_weight))
 
 
-@validate_params(
-    {**_CONSTRAINTS, "units": _UNITS}, prefer_skip_nested_validation=True
-)
+@validate_params({**_CONSTRAINTS, "units": _UNITS}, prefer_skip_nested_validation=True)
 def dispersion(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -609,6 +697,131 @@ def dispersion(
     if scatter == 0:
         return 1.0 if spread == 0 else np.inf
     return float(spread / scatter)
+
+
+@validate_params(
+    {
+        "y_true": ["array-like"],
+        "score": [callable],
+        "sample_weight": ["array-like", None],
+        "average": ["boolean"],
+        "n_draws": [Interval(Integral, 1, None, closed="left")],
+        "random_state": ["random_state"],
+    },
+    prefer_skip_nested_validation=True,
+)
+def noise_ceiling(
+    y_true: ArrayLike | Sequence[ArrayLike],
+    score: Callable[..., Any] = ranked_probability_score,
+    *,
+    sample_weight: ArrayLike | None = None,
+    average: bool = True,
+    n_draws: int = 100,
+    random_state: RandomState = None,
+) -> Bunch:
+    r"""How good a prediction of finitely many people's ratings can be.
+
+    Whatever predicts, the people who happened to rate an object scatter about the
+    population that they come from. No score can be expected below that of the
+    population itself, and few below that of as many other people.
+
+    Parameters
+    ----------
+    y_true : array-like of shape (n_trials, n_levels)
+        How many people chose each level, two people or more per trial. For
+        :func:`crps` their ratings, as it takes them.
+    score : callable, default=ranked_probability_score
+        A score of this module, or ``functools.partial(score, units="scale")``.
+    sample_weight : array-like of shape (n_trials,), default=None
+        Weight of each trial in the average.
+    average : bool, default=True
+        Whether to return weighted means rather than one value per trial.
+    n_draws : int, default=100
+        How often to draw people, for scores other than `ranked_probability_score` and
+        `crps`.
+    random_state : int, RandomState instance or None, default=None
+        Draws the people.
+
+    Returns
+    -------
+    ceiling : :class:`~sklearn.utils.Bunch`
+        With the attributes
+
+        truth : float or ndarray of shape (n_trials,)
+            Expected score of the distribution in the population.
+        raters : float or ndarray of shape (n_trials,)
+            Expected score of the counts of as many other people as rated the trial.
+
+    Raises
+    ------
+    ValueError
+        If a trial has fewer than two ratings, or there are no whole counts to draw.
+
+    Notes
+    -----
+    The population scores :math:`\sum_k F_k (1 - F_k)` by RPS, however many people are
+    predicted, and the counts of N other people :math:`1 + 1/N` times as much. From the
+    shares :math:`F_{N,k}` of N people, :math:`\frac{N}{N-1} \sum_k F_{N,k} (1 -
+    F_{N,k})` estimates the first without bias, as half the mean absolute difference
+    of two people's ratings does for the CRPS. For other scores populations are drawn
+    from what is likely after the ratings, if before objects differ as
+    :func:`~sklearn_haptic.raters.shrink_counts` supposes, and people from these. Give
+    one row per object then, and several objects.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.metrics import noise_ceiling
+    >>> ceiling = noise_ceiling([[3, 6, 3], [0, 6, 6]])
+    >>> round(ceiling.truth, 3), round(ceiling.raters, 3)
+    (0.341, 0.369)
+    """
+    function = getattr(score, "func", score)  # of a partial
+    if function is crps:
+        answers = check_answers(y_true, "y_true")
+        n = np.sum(~np.isnan(answers), axis=1)
+        _refuse_single_ratings(n)
+        truth = half_mean_difference(answers)
+        raters = truth * (1 + 1 / n)
+    else:
+        counts, _ = check_ratings(y_true, name="y_true")
+        n = counts.sum(axis=1)
+        _refuse_single_ratings(n)
+        if function is ranked_probability_score:
+            truth = score(counts, shares(counts), average=False) * n / (n - 1)
+            raters = truth * (1 + 1 / n)
+        else:
+            truth, raters = _drawn_scores(counts, score, n_draws, random_state)
+    return Bunch(
+        truth=_summarise(truth, sample_weight, average),
+        raters=_summarise(raters, sample_weight, average),
+    )
+
+
+def _refuse_single_ratings(n_ratings):
+    if (n_ratings < 2).any():
+        raise ValueError(
+            f"y_true has fewer than two ratings in trial {np.argmax(n_ratings < 2)}, "
+            "which tell nothing of how people differ; leave such trials out."
+        )
+
+
+def _drawn_scores(counts, score, n_draws, random_state):
+    """Mean scores of people drawn from counts, as predicted by these and by others."""
+    # The legacy generator draws one row of people at a time.
+    seed = check_random_state(random_state).randint(np.iinfo(np.int32).max)
+    rng = np.random.default_rng(seed)
+    n, strength = counts.sum(axis=1).astype(np.int64), leave_one_out_strength(counts)
+    prior = mean_of_others(counts)
+    alike, total = np.isinf(strength), np.zeros((2, len(counts)))
+    for _ in range(n_draws):
+        population = prior if alike else rng.gamma(counts + strength * prior)
+        population = shares(population)
+        drawn, others = rng.multinomial(n, population, size=(2, len(n)))
+        total += [
+            score(drawn, predicted, average=False)
+            for predicted in (population, shares(others))
+        ]
+    return total / n_draws
 
 
 def neg_rps_scorer(

@@ -9,6 +9,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 import sklearn_haptic
 from sklearn_haptic import (
     NNPOM,
+    ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DummyDistribution,
     KSVDTransformer,
@@ -42,6 +43,7 @@ PREDICTORS = [
     ),
     DummyDistribution(),
     DummyDistribution("barycentre"),
+    ContinuousRatingsRegressor(NNPOM(0, tol=1e-10), n_cells=5),
 ]
 BEYOND_THE_SUITE = [
     (estimator, name)

@@ -1,6 +1,7 @@
 """Models that predict the distribution of ratings from features."""
 
 from ._baselines import DummyDistribution
+from ._continuous import ContinuousRatingsRegressor
 from ._distributional import PAPER_2020, DistributionalOrdinalRegressor
 from ._fusion import SensorFusionNNPOM
 from ._nnpom import NNPOM
@@ -8,6 +9,7 @@ from ._nnpom import NNPOM
 __all__ = [
     "NNPOM",
     "PAPER_2020",
+    "ContinuousRatingsRegressor",
     "DistributionalOrdinalRegressor",
     "DummyDistribution",
     "SensorFusionNNPOM",
