@@ -382,4 +382,4 @@ class _Model:
             place = location + np.sqrt(uncertainty) * node
             for border, share in zip(borders, care / care.sum()):
                 below += weight * share * expit(border - place[:, None])
-        return np.diff(below, axis=1, prepend=0, append=1)
+        return np.maximum(np.diff(below, axis=1, prepend=0, append=1), 0)
