@@ -6,12 +6,12 @@ FOLDER holds ``wine_ratings/`` (9 judges, 8 wines [1]_) and ``tactile_ratings/``
 people, 16 materials, three adjectives in three conditions [2]_). A simulated crowd is
 that of the generated corpus: 24 people rate 60 objects on ten adjectives.
 
-known: of each object N people's ratings are known, drawn at random for each object. From
-these the distribution of its ratings is estimated, and scored by the ranked probability
-score (RPS) against everybody else's ratings of the object, or against the whole
-population of the simulated crowd. Printed is the score of the raw counts and what the
-others gain on it (negative is better), with standard errors over objects; the ceiling is
-the score of the whole population.
+known: of each object N people's ratings are known, drawn at random for each object.
+From these the distribution of its ratings is estimated, and scored by the ranked
+probability score (RPS) against everybody else's ratings of the object, or against the
+whole population of the simulated crowd. Printed is the score of the raw counts and what
+the others gain on it (negative is better), with standard errors over objects; the
+ceiling is the score of the whole population.
 
 unseen: a model learns from the touches of 48 generated objects, of which N people rated
 each, and predicts objects never touched; raw counts beside shrunken ones, with the
@@ -23,13 +23,14 @@ strength chosen by leaving out ratings, or by grouped cross-validation of the mo
 """
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from sklearn.model_selection import GroupKFold
 
-from sklearn_haptic import make_haptic_pipeline
+from sklearn_haptic import NNPOM, make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.datasets._crowd import population, rate
 from sklearn_haptic.metrics import noise_ceiling, ranked_probability_score
@@ -37,7 +38,8 @@ from sklearn_haptic.raters import rater_effects, shrink_counts
 from sklearn_haptic.ratings import rating_counts
 
 LEVELS = np.arange(1, 6)
-STRENGTHS = [0, 0.5, 1, 2, 4, 8]
+# Strengths of shrinkage, and penalties, among which the model's validation chooses.
+STRENGTHS, ALPHAS = [0, 0.5, 1, 2, 4, 8], [3, 10, 30]
 
 
 def wine(folder):
@@ -156,11 +158,12 @@ def unseen(adjectives=("hard", "rough", "cold"), seeds=(0, 1)):
                 for method, scores in found.items():
                     by_object = pd.Series(scores).groupby(objects).mean()
                     differences.setdefault((n, method), []).append(by_object)
-    print("\n| raters | raw RPS | leave-one-out | by the model |\n|---|---|---|---|")
+    methods = "leave-one-out", "by the model", "penalty"
+    print("\n| raters | raw RPS | " + " | ".join(methods) + " |\n" + "|---" * 5 + "|")
     for n in (1, 3, 6, 12):
         raw = pd.concat(differences[n, "raw"]).to_numpy()
         cells = [f"{raw.mean():.3f}"]
-        for method in ("leave-one-out", "by the model"):
+        for method in methods:
             each = differences.get((n, method))
             gain = "–" if each is None else describe(pd.concat(each).to_numpy() - raw)
             cells.append(gain)
@@ -172,32 +175,42 @@ def cross_validate(model, X, objects, table, truth):
     row = {each: i for i, each in enumerate(table.objects)}
     rows = np.array([row[each] for each in objects])
 
-    def predict(train, test, strength):
+    def predict(train, test, strength, alpha=3):
         inside = np.unique(rows[train])
         counts = table.counts.astype(float)
         counts[inside] = shrink_counts(counts[inside], strength)
-        return model.fit(X[train], counts[rows[train]]).predict_proba(X[test])
+        regressor = model.set_params(estimator=NNPOM(n_hidden=0, alpha=alpha))
+        return regressor.fit(X[train], counts[rows[train]]).predict_proba(X[test])
+
+    def validated(train, setting):
+        folds = GroupKFold(3).split(X[train], groups=objects[train])
+        return np.mean(
+            [
+                ranked_probability_score(
+                    table.counts[rows[train[out]]],
+                    predict(train[into], train[out], *setting),
+                )
+                for into, out in folds
+            ]
+        )
 
     found = {}
     for train, test in GroupKFold(5, shuffle=True, random_state=0).split(
         X, groups=objects
     ):
-        loss = np.zeros(len(STRENGTHS))
-        for inner, held_out in GroupKFold(3).split(X[train], groups=objects[train]):
-            inner, held_out = train[inner], train[held_out]
-            loss += [
-                ranked_probability_score(
-                    table.counts[rows[held_out]], predict(inner, held_out, strength)
-                )
-                for strength in STRENGTHS
-            ]
-        chosen = {"raw": 0, "by the model": STRENGTHS[np.argmin(loss)]}
+        by_model = [(strength,) for strength in STRENGTHS]
+        by_penalty = [(0, alpha) for alpha in ALPHAS]
+        chosen = {
+            "raw": (0,),
+            "by the model": min(by_model, key=partial(validated, train)),
+            "penalty": min(by_penalty, key=partial(validated, train)),
+        }
         if table.counts.sum(axis=1).max() > 1:
-            chosen["leave-one-out"] = None
-        for method, strength in chosen.items():
+            chosen["leave-one-out"] = (None,)
+        for method, setting in chosen.items():
             score = found.setdefault(method, np.empty(len(X)))
             score[test] = ranked_probability_score(
-                truth[test], predict(train, test, strength), average=False
+                truth[test], predict(train, test, *setting), average=False
             )
     return found
 

@@ -6,20 +6,20 @@ who happened to rate it: how each shifts and spreads the scale, and how often ea
 answers without care.
 """
 
-from dataclasses import dataclass
 from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 from scipy.special import expit, logit
+from sklearn.utils import Bunch
 
 from ._check_ratings import check_counts
 from ._shrinkage import leave_one_out_strength, mean_of_others
 from ._sklearn import Interval, validate_params
 from .ratings import RatingTable
 
-__all__ = ["RaterEffects", "rater_effects", "shrink_counts", "shrinkage_strength"]
+__all__ = ["rater_effects", "shrink_counts", "shrinkage_strength"]
 
 
 def shrinkage_strength(counts: ArrayLike) -> float:
@@ -115,43 +115,7 @@ def shrink_counts(
     return (1 - drawn) * counts + drawn * n * mean_of_others(counts)
 
 
-@dataclass(frozen=True, eq=False)
-class RaterEffects:
-    """How people use the scale, and what objects are like without it.
-
-    Made by `rater_effects`. On a latent scale, person j perceives object i at
-    ``location[i]``, give or take a logistic error of scale 1, and reports
-    ``shift[j] + spread[j] * percept``, cut at the thresholds.
-
-    Parameters
-    ----------
-    raters : ndarray of shape (n_raters,)
-        The people.
-    shift : ndarray of shape (n_raters,)
-        How much higher each rates than the average person.
-    spread : ndarray of shape (n_raters,)
-        How much of the scale each uses, 1 on average.
-    careless : ndarray of shape (n_raters,)
-        Probability that an answer of the person has nothing to do with the object.
-    location : ndarray of shape (n_objects,)
-        Where the objects of the table lie.
-    thresholds : ndarray of shape (n_levels - 1,)
-        Borders between the levels.
-    counts : ndarray of shape (n_objects, n_levels)
-        Robust counts: as many as people rated the object, in the distribution that
-        careful answers of all people together would have.
-    """
-
-    raters: np.ndarray
-    shift: NDArray[np.float64]
-    spread: NDArray[np.float64]
-    careless: NDArray[np.float64]
-    location: NDArray[np.float64]
-    thresholds: NDArray[np.float64]
-    counts: NDArray[np.float64]
-
-
-def rater_effects(table: RatingTable) -> RaterEffects:
+def rater_effects(table: RatingTable) -> Bunch:
     r"""Tell objects from the habits of the people who rated them.
 
     Where each object is rated by a few of many people, its counts depend on who they
@@ -167,7 +131,23 @@ def rater_effects(table: RatingTable) -> RaterEffects:
 
     Returns
     -------
-    effects : RaterEffects
+    effects : :class:`~sklearn.utils.Bunch`
+        With the attributes
+
+        shift : ndarray of shape (n_raters,)
+            How much higher than the average person each of ``table.raters`` rates, in
+            units of the latent scale.
+        spread : ndarray of shape (n_raters,)
+            How much of the scale each uses, 1 on average.
+        careless : ndarray of shape (n_raters,)
+            Probability that an answer of the person has nothing to do with the object.
+        location : ndarray of shape (n_objects,)
+            Where each of ``table.objects`` lies on the latent scale.
+        thresholds : ndarray of shape (n_levels - 1,)
+            Borders between the levels on the latent scale.
+        counts : ndarray of shape (n_objects, n_levels)
+            Robust counts: as many as people rated the object, in the distribution that
+            careful answers of all people together would have.
 
     Raises
     ------
@@ -228,8 +208,7 @@ def rater_effects(table: RatingTable) -> RaterEffects:
     model = _Model(table.answers, *sizes)
     parts, uncertainty = model.fit()
     location, shift, log_spread, log_odds, thresholds = parts
-    return RaterEffects(
-        raters=table.raters,
+    return Bunch(
         shift=shift,
         spread=np.exp(log_spread),
         careless=expit(log_odds),
@@ -242,6 +221,8 @@ def rater_effects(table: RatingTable) -> RaterEffects:
 
 # Pseudo-answers, careless and careful, of the prior on each person's carelessness.
 _CARELESS, _CAREFUL = 1.0, 9.0
+# Rounds of parameters and variances at most, which change by less than 5 % in the end.
+_ROUNDS = 10
 # Variances of the priors of locations, shifts and logarithms of spreads at the start.
 _START_VARIANCES = 4.0, 1.0, 0.1
 # People over whom predictions are averaged at most, and nodes of a location.
@@ -276,14 +257,14 @@ class _Model:
         x[self.borders[2] : self.borders[3]] = np.log(_CARELESS / _CAREFUL)
         x[self.borders[3] :] = np.r_[cuts[0], np.log(np.diff(cuts))]
         variances = np.array(_START_VARIANCES)
-        for _ in range(10):
+        for _ in range(_ROUNDS):
             x = minimize(
                 self.loss,
                 x,
                 variances,
                 jac=True,
                 method="L-BFGS-B",
-                options={"maxiter": 500},
+                options={"maxiter": 500, "ftol": 1e-8},
             ).x
             parts = self.split(x)
             uncertain = self.posterior_variances(parts, variances)
@@ -293,7 +274,7 @@ class _Model:
                     [np.mean(part**2 + v) for part, v in zip(parts, uncertain)]
                 ).clip(1e-3, 100),
             )
-            if np.allclose(old, variances, rtol=0.02):
+            if np.allclose(old, variances, rtol=0.05):
                 break
         return parts, uncertain[0]
 

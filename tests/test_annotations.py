@@ -22,7 +22,9 @@ MODULES = (
     "sklearn_haptic.datasets",
     "sklearn_haptic.metrics",
     "sklearn_haptic.model_selection",
+    "sklearn_haptic.pairs",
     "sklearn_haptic.plotting",
+    "sklearn_haptic.raters",
     "sklearn_haptic.ratings",
     "sklearn_haptic.study",
 )
