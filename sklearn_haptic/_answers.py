@@ -33,11 +33,16 @@ def check_answers(y, name="y"):
     ValueError
         If an answer is no finite number, or a trial has none.
     """
-    if _are_lists(y):
+    try:
+        array = np.asarray(y)
+    except ValueError:  # lists of different lengths
         y = _padded(y, name)
-    elif np.asarray(y).dtype.kind == "O":
-        y = missing_to_none(y, name)
-        y[np.equal(y, None)] = np.nan
+    else:
+        if array.dtype.kind == "O" and any(np.ndim(each) for each in array.flat):
+            y = _padded(y, name)
+        elif array.dtype.kind == "O":
+            y = missing_to_none(y, name)
+            y[np.equal(y, None)] = np.nan
     check_numbers(y, name)
     answers = check_array(
         y,
@@ -57,15 +62,6 @@ def check_answers(y, name="y"):
             "remove trials whose object nobody rated."
         )
     return answers
-
-
-def _are_lists(y):
-    """Whether trials have lists of answers, perhaps of different lengths."""
-    if isinstance(y, np.ndarray) and y.dtype != object:
-        return False
-    if hasattr(y, "columns") or not hasattr(y, "__iter__") or isinstance(y, (str, set)):
-        return False
-    return any(np.ndim(each) == 1 for each in y if not isinstance(each, str))
 
 
 def _padded(y, name):
