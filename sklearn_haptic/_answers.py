@@ -13,25 +13,10 @@ from ._validation import check_numbers, missing_to_none
 
 
 def check_answers(y, name="y"):
-    """Validate continuous answers, one or several per trial.
+    """Validate continuous answers; return them as (n_trials, n_answers) of float64.
 
-    Parameters
-    ----------
-    y : array-like of shape (n_trials,) or (n_trials, n_answers), or list of array-like
-        One answer per trial; or several, NaN where somebody gave none; or one list of
-        answers, of any length, per trial.
-    name : str, default="y"
-        What error messages call ``y``.
-
-    Returns
-    -------
-    answers : ndarray of shape (n_trials, n_answers)
-        float64, NaN where there is none; at least one per trial is given.
-
-    Raises
-    ------
-    ValueError
-        If an answer is no finite number, or a trial has none.
+    They are one number per trial; or several, NaN where somebody gave none; or one list
+    of any length per trial. Each trial has at least one.
     """
     try:
         array = np.asarray(y)
@@ -80,13 +65,7 @@ def _padded(y, name):
 
 
 def check_cdf(y_cdf, values, n_trials):
-    """Validate CDFs and their points; return both with one row per trial.
-
-    Raises
-    ------
-    ValueError
-        If they are not finite, do not ascend, or differ in shape.
-    """
+    """Validate CDFs and their points; return both with one row per trial."""
     checked = []
     for array, name in [(y_cdf, "y_cdf"), (values, "values")]:
         check_numbers(array, name)
@@ -123,16 +102,6 @@ def crps_per_trial(answers, cdf, values):
     left and that of (1 - F)² to its right. Both are added up from point to point once
     per trial, exactly, since F is linear between points; an answer between two points
     adds its part of the segment.
-
-    Parameters
-    ----------
-    answers : ndarray of shape (n_trials, n_answers)
-        NaN where there is none.
-    cdf, values : ndarray of shape (n_trials, n_points)
-
-    Returns
-    -------
-    score : ndarray of shape (n_trials,)
     """
     width = np.diff(values, axis=1)
     left = np.zeros(values.shape)  # integral of F² up to each point
@@ -182,25 +151,14 @@ def _mean_square(u, v):
 
 
 def cdf_at(values, cdf, grid):
-    """Return CDFs, given at the points of one grid, at other values.
-
-    Returns
-    -------
-    cdf : ndarray of shape (n_trials, n_values)
-    """
+    """Return CDFs, given at the points of one grid, at other values."""
     cell = np.clip(np.searchsorted(grid, values, side="right"), 1, len(grid) - 1)
     share = np.clip((values - grid[cell - 1]) / (grid[cell] - grid[cell - 1]), 0, 1)
     return cdf[:, cell - 1] + share * (cdf[:, cell] - cdf[:, cell - 1])
 
 
 def quantile_at(p, cdf, grid):
-    """Return the inverse of CDFs given at the points of one grid.
-
-    Returns
-    -------
-    values : ndarray of shape (n_trials, n_p)
-        The lowest values at which the CDF reaches each position.
-    """
+    """Return the lowest values at which CDFs, given on one grid, reach positions."""
     values = np.empty((len(cdf), len(p)))
     for column, position in zip(values.T, p):
         # At 0 the lowest value that anybody may give, else the first that reaches p.

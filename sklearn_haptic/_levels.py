@@ -157,23 +157,9 @@ def _in_order(labels, name):
 
 
 def level_values(levels, units="scale"):
-    """Return the number that each level stands for: its place, or what it says.
+    """Return the number of each level: its place, or on a scale what it says.
 
-    Parameters
-    ----------
-    levels : ndarray of shape (n_levels,)
-        The ordered levels.
-    units : {"levels", "scale"}, default="scale"
-        Whether levels are 1 apart or as far as their own numbers are.
-
-    Returns
-    -------
-    values : ndarray of shape (n_levels,)
-
-    Raises
-    ------
-    ValueError
-        If levels of a scale are not finite numbers in ascending order.
+    The levels of a scale must be finite numbers that ascend.
     """
     if units == "levels":
         return np.arange(len(levels), dtype=np.float64)

@@ -17,22 +17,7 @@ def mean_of_others(counts):
 
 
 def leave_one_out_strength(counts):
-    """Choose the strength by which each rating is best predicted from the others.
-
-    Parameters
-    ----------
-    counts : ndarray of shape (n_objects, n_levels)
-
-    Returns
-    -------
-    strength : float
-        Number of people that the mean of the other objects counts for.
-
-    Raises
-    ------
-    ValueError
-        If there is one object, a count is not whole, or no object has two ratings.
-    """
+    """Choose the strength, in people, by which the others best predict each rating."""
     if (counts % 1 != 0).any():
         raise ValueError(
             "counts must be whole numbers of people, of whom one is left out at a time."

@@ -153,23 +153,9 @@ def check_objects(objects, *, name="objects", row="row"):
 
 
 def rows_of_objects(objects, known):
-    """Find the row of the object of each trial.
+    """Find the row of each trial's object in a table of the `known` ones.
 
-    Parameters
-    ----------
-    objects : array-like of shape (n_trials,)
-        The object of each trial.
-    known : ndarray of shape (n_objects,)
-        The object of each row of a table.
-
-    Returns
-    -------
-    rows : ndarray of int of shape (n_trials,)
-
-    Raises
-    ------
-    ValueError
-        If an object is missing or not known.
+    A ValueError names objects that are missing or not known.
     """
     objects = check_objects(objects).tolist()
     row = {each: i for i, each in enumerate(known.tolist())}

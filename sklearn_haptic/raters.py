@@ -245,11 +245,7 @@ class _Model:
     def fit(self):
         """Alternate between the parameters and the variances of their priors.
 
-        Returns
-        -------
-        parts : tuple of five ndarray
-        uncertainty : ndarray of shape (n_objects,)
-            Variance of each location.
+        Return the five parts, and the variance of each location.
         """
         share = np.bincount(self.level, minlength=self.sizes[2]) + 0.5
         cuts = logit(np.cumsum(share)[:-1] / share.sum())

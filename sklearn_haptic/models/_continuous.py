@@ -30,21 +30,9 @@ from ._distributional import DistributionalOrdinalRegressor
 
 
 def make_grid(answers, weight, grid, n_cells):
-    """Choose the edges of the cells into which answers are sorted.
+    """Choose the edges of cells from the lowest answer to the highest, ascending.
 
-    Parameters
-    ----------
-    answers : ndarray of shape (n_trials, n_answers)
-        NaN where there is none.
-    weight : ndarray of shape (n_trials,)
-        A trial's weight is shared by its answers.
-    grid : {"quantile", "even"}
-    n_cells : int
-
-    Returns
-    -------
-    edges : ndarray of shape (at most n_cells + 1,)
-        Ascending, from the lowest answer to the highest.
+    A trial's weight is shared by its answers. Equal quantiles make one edge.
     """
     given = ~np.isnan(answers) & (weight > 0)[:, None]
     each = np.broadcast_to((weight / given.sum(axis=1).clip(1))[:, None], given.shape)
