@@ -11,8 +11,7 @@ and contact. tactile: log-ratios of 20 people's ratings of a material by hand, f
 mean ratings of it under the foot. generated: 24 people move a slider for each of 48
 objects touched three times, from pressure and temperature; roughness there is hardly
 felt. Penalties and sizes of leaves are chosen by grouped cross-validation within the
-training objects, those of gradient boosting are fixed. The ceiling is the expected
-score of the whole population.
+training objects. The ceiling is the expected score of the whole population.
 
 cells: the same score by kind and number of cells, on a crowd whose features tell all.
 
@@ -28,7 +27,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from scipy.special import expit, ndtr
-from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestRegressor
+from sklearn.ensemble import RandomForestRegressor
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import GroupKFold
 from sklearn.preprocessing import StandardScaler
@@ -137,25 +136,11 @@ def ridge_on_quantiles(X, y, X_test, alpha):
     return p, np.sort(model.predict(X_test), axis=1)
 
 
-def boosted_quantiles(X, y, X_test, _):
-    p, (row, _) = np.arange(1, 10) / 10, np.nonzero(~np.isnan(y))
-    quantiles = [
-        HistGradientBoostingRegressor(
-            loss="quantile", quantile=each, max_iter=60, max_leaf_nodes=8
-        )
-        .fit(X[row], y[~np.isnan(y)])
-        .predict(X_test)
-        for each in p
-    ]
-    return p, np.sort(quantiles, axis=0).T
-
-
 METHODS = {
     "ContinuousRatingsRegressor": (ours, [1, 3, 10, 30]),
     "the same, even grid": (ours_even, [1, 3, 10, 30]),
     "quantile forest": (quantile_forest, [1, 3, 9]),
     "ridge on 19 quantiles": (ridge_on_quantiles, np.logspace(-1, 4, 6)),
-    "boosting, 9 quantiles": (boosted_quantiles, [None]),
     "marginal": (marginal, [None]),
 }
 
