@@ -221,7 +221,7 @@ def rater_effects(table: RatingTable) -> Bunch:
 
 # Pseudo-answers, careless and careful, of the prior on each person's carelessness.
 _CARELESS, _CAREFUL = 1.0, 9.0
-# Rounds of parameters and variances at most, which change by less than 5 % in the end.
+# Rounds of parameters and variances at most, which change by less than 2 % in the end.
 _ROUNDS = 10
 # Variances of the priors of locations, shifts and logarithms of spreads at the start.
 _START_VARIANCES = 4.0, 1.0, 0.1
@@ -260,7 +260,7 @@ class _Model:
                 variances,
                 jac=True,
                 method="L-BFGS-B",
-                options={"maxiter": 500, "ftol": 1e-8},
+                options={"maxiter": 500},
             ).x
             parts = self.split(x)
             uncertain = self.posterior_variances(parts, variances)
@@ -270,7 +270,7 @@ class _Model:
                     [np.mean(part**2 + v) for part, v in zip(parts, uncertain)]
                 ).clip(1e-3, 100),
             )
-            if np.allclose(old, variances, rtol=0.05):
+            if np.allclose(old, variances, rtol=0.02):
                 break
         return parts, uncertain[0]
 

@@ -313,8 +313,8 @@ def rating_counts(
     if twice.any():
         which, who = answers[np.argmax(twice), :2]
         raise ValueError(
-            f"ratings has two of the object {objects[which].item()!r} by the rater "
-            f"{raters[who].item()!r}; keep one, or tell the raters apart."
+            f"ratings has two of the object {objects.tolist()[which]!r} by the rater "
+            f"{raters.tolist()[who]!r}; keep one, or tell the raters apart."
         )
     return RatingTable(counts, objects, levels, raters, answers)
 
