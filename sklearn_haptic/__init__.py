@@ -14,6 +14,7 @@ from .features import (
 from .models import (
     NNPOM,
     PAPER_2020,
+    ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DistributionBlend,
     DummyDistribution,
@@ -28,6 +29,7 @@ __all__ = [
     "NNPOM",
     "PAPER_2020",
     "AnytimeRegressor",
+    "ContinuousRatingsRegressor",
     "DistributionBlend",
     "DistributionalOrdinalRegressor",
     "DummyDistribution",
@@ -45,7 +47,9 @@ _SUBMODULES = (
     "datasets",
     "metrics",
     "model_selection",
+    "pairs",
     "plotting",
+    "raters",
     "ratings",
     "study",
 )

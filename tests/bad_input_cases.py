@@ -29,6 +29,7 @@ from sklearn.utils import Bunch
 
 from sklearn_haptic import (
     NNPOM,
+    ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DistributionBlend,
     DummyDistribution,
@@ -42,7 +43,9 @@ from sklearn_haptic import (
     make_haptic_pipeline,
     metrics,
     model_selection,
+    pairs,
     plotting,
+    raters,
     ratings,
     streaming,
 )
@@ -402,7 +405,8 @@ SCORES = direct(
     metrics.log_score, metrics.macro_mae, metrics.pit_histogram,
     metrics.dispersion, y_true=COUNTS, y_proba=PROBA)
 FUNCTIONS_OF_COUNTS = direct(
-    ratings.interrater_agreement, ratings.rating_distribution, ratings.rating_cdf
+    ratings.interrater_agreement, ratings.rating_distribution, ratings.rating_cdf,
+    ratings.rating_mean, raters.shrinkage_strength, raters.shrink_counts
 ) | direct(ratings.inverse_cdf, p=0.5)
 ask(fitting(RATED, "y") | fitting(BLEND, "y", groups=OBJECTS), *NOT_RATINGS, arg="y")
 ask(by_name("y_true", SCORES), *NOT_RATINGS, arg="y_true")
@@ -841,6 +845,108 @@ ask(direct(ratings.outlying_raters, objects=np.zeros(N), raters=np.arange(N)),
     *not_numbers(X, "NaN", "dates"), arg="ratings")
 ask(direct(ratings.adjective_correlation, ratings=X),
     *settings("alpha", 0, "5%"), *settings("threshold", -0.3))
+
+# Scales with units, continuous ratings, pairs and raters
+
+IN_UNITS = direct(
+    metrics.ranked_probability_score, metrics.earth_movers_distance, metrics.macro_mae,
+    metrics.dispersion, y_true=COUNTS, y_proba=PROBA)
+ask(IN_UNITS, *settings("units", "mm"),
+    check("units of words", units="scale", levels=["no", "a bit", "very"],
+        says=r"^The levels \['no', .*\] are not numbers, .*; give numbers as levels="),
+    check("units of levels that fall", units="scale", levels=[3, 2, 1],
+        says=r"^levels=\[3, 2, 1\] do not ascend, .*; list finite numbers, lowest"))
+ask(direct(ratings.rating_mean, counts=COUNTS),
+    check("words as levels", levels=["no", "a bit", "very"],
+        says="are not numbers, so their scale has no units; give numbers"))
+ANSWERS = np.random.default_rng(2).normal(size=(N, 4))
+NOT_ANSWERS = [
+    *not_numbers(ANSWERS, "NaN", "dates"),
+    check("a trial without ratings", replaced(ANSWERS, np.nan, 1),
+        "ARG contains NaN: trial 1 has no answer; remove trials"),
+    check("a list without ratings", [[], *ANSWERS[1:].tolist()],
+        "ARG contains NaN: trial 0 has no answer"),
+    check("lists in a list", [[[1, 2]], *ANSWERS[1:].tolist()],
+        "ARG|setting an array|inhomogeneous"),
+]
+CRPS = direct(metrics.crps, y_true=ANSWERS, y_cdf=[0, 1], values=[-3, 3])
+SLIDERS = {"ContinuousRatingsRegressor": ContinuousRatingsRegressor}
+ask(by_name("y_true", CRPS), *NOT_ANSWERS, arg="y_true")
+ask(fitting(SLIDERS, "y"), *NOT_ANSWERS,
+    check("a trial less", ANSWERS[1:], r"inconsistent numbers of samples: \[12, 11\]"),
+    check("equal ratings only", np.ones(N),
+        r"^All ratings in ARG are 1.0 .*; a grid needs at least two different"),
+    check("ratings outside the grid", ANSWERS, grid=[0, 1, 2],
+        says="^ARG has ratings from .*, but grid reaches from 0.0 to 2.0; widen it"),
+    arg="y")
+ask(fitting(SLIDERS, y=ANSWERS), *NOT_A_TABLE[:2],
+    *wrong(n_cells=1, grid="log", estimator="nnpom"),
+    *settings("grid", [0, 5, 1], [0, 1], says="must be three edges or more that asc"))
+ask(CRPS,
+    check("a CDF that falls", y_cdf=[1, 0],
+        says="^y_cdf falls in row 0; sort it, so that the CDF ascends"),
+    check("points that fall", values=[3, -3], says="^values falls in row 0; sort it"),
+    check("a CDF above 1", y_cdf=[0, 1.1], says=r"^y_cdf must lie within \[0, 1\]"),
+    check("a point less", values=[3], says="^y_cdf has 2 columns, .* 1 values; give"),
+    check("CDFs of other trials", y_cdf=np.zeros((3, 2)),
+        says=r"^y_cdf has shape \(3, 2\), but y_true has 12 trials; give one row"),
+    check("NaN in a CDF", y_cdf=[0, np.nan], says="y_cdf contains NaN"))
+ask(direct(metrics.noise_ceiling),
+    check("one rating of an object", [[1, 0], [1, 1]],
+        "^y_true has fewer than two ratings in trial 0, .*; leave such trials out"),
+    check("one continuous rating", [[1, np.nan], [1, 2]], metrics.crps,
+        "^y_true has fewer than two ratings in trial 0, .*; leave such trials out"),
+    check("weights instead of people", [[1.5, 1], [1, 2]], metrics.log_score,
+        "^counts must be whole numbers of people, of whom one is left out"),
+    check("a score by name", COUNTS, "rps", wrong_type("score")),
+    *NOT_COUNTS[:1], arg="y_true")
+ask(direct(raters.shrinkage_strength, raters.shrink_counts),
+    check("one object", COUNTS[:1], "^counts has one object; shrinkage needs others"),
+    check("weights instead of people", COUNTS / 2,
+        "^counts must be whole numbers of people"),
+    check("one rating of each object", np.eye(3),
+        "^counts has no object with two ratings, .*; have some .* or give strength"))
+ask(direct(raters.shrink_counts, counts=COUNTS), *settings("strength", -1, "cv"))
+ask(direct(raters.rater_effects),
+    check("a table without raters", ratings.rating_counts([1, 2], ["a", "b"]),
+        "^table does not know its raters; make it by rating_counts.ratings"))
+SUPERIORITY = direct(pairs.probability_of_superiority, first=COUNTS, second=PROBA)
+for name in ("first", "second"):
+    ask(by_name(name, SUPERIORITY), *NOT_COUNTS, arg=name)
+ask(SUPERIORITY, *settings("ties", "drop"),
+    check("other levels", second=PROBA[:, :2],
+        says="^first has 3 levels, but second has 2; give both the same levels"),
+    check("other pairs", second=PROBA[:5],
+        says="^first has 12 rows, but second has 5; give one row per pair in both"))
+SCALE = direct(pairs.pairwise_scale, winners=list("abca"), losers=list("bcab"))
+ask(SCALE, *settings("alpha", 0, -1), *settings("model", "elo"),
+    check("an object against itself", winners=list("abcb"),
+        says="^winners and losers have the same object in row 3; name two objects"),
+    check("a missing object", winners=["a", None, "c", "a"],
+        says="^winners has no object in row 1; name the object of every row"),
+    check("a row less", losers=list("bca"), says="inconsistent numbers of samples"),
+    check("text against numbers", losers=[1, 2, 3, 4],
+        says="^winners and losers are not of one type, .*; convert one of them"),
+    check("objects without a link", winners=list("abxa"), losers=list("bcyb"),
+        says=r"^No judgement connects the objects \['x', 'y'\] .*; add judgements"),
+    check("a negative weight", sample_weight=[1, 1, 1, -1], says="Negative values"))
+PLACES = pairs.pairwise_scale(["tile"], ["foam"])
+ask(direct(PLACES.values_for),
+    check("an unknown object", ["tile", "cork"],
+        r"^The table has no ratings of objects \['cork'\]; leave their trials out"))
+LONG = pd.DataFrame({"object": list("aab"), "rater": list("xyx"), "rating": [1, 2, 2]})
+ask(direct(RatingTable.from_long),
+    check("somebody's second rating of an object", pd.concat([LONG, LONG[:1]]),
+        "^ratings has two of the object 'a' by the rater 'x'; keep one, or tell"),
+    check("a missing rater", LONG.replace({"rater": {"y": None}}),
+        "^raters names nobody in row 1; name the rater of every row"),
+    check("no column of raters", LONG[["object", "rating"]],
+        "^The table has 0 columns 'rater' among .*; give a DataFrame that has one"))
+ask(direct(RatingTable.from_wide),
+    check("an object in two rows", pd.DataFrame({"object": ["a", "a"], "x": [1, 2]}),
+        "^ratings has two of the object 'a' by the rater 'x'; keep one, or tell"),
+    check("no raters", LONG[["object"]],
+        "^The table has no column but 'object'; give one per rater"))
 ask(direct(make_haptic_corpus),
     *wrong(n_objects=0, n_trials=1.5, procedure="tap", n_raters=-1, random_state="a"),
     *settings("sensors", ["force"], says="^Unknown sensor 'force'; the corpus has 5"),

@@ -12,6 +12,7 @@ import sklearn_haptic
 from sklearn_haptic import (
     NNPOM,
     AnytimeRegressor,
+    ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DistributionBlend,
     DummyDistribution,
@@ -59,6 +60,7 @@ PREDICTORS = [
             ("ridge", RegressedDistribution(Ridge())),
         ]
     ),
+    ContinuousRatingsRegressor(NNPOM(0, tol=1e-10), n_cells=5),
 ]
 # Their X is no table, so that scikit-learn's suite leaves them out.
 OF_TRIALS = [

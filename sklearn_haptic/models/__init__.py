@@ -2,6 +2,7 @@
 
 from ._baselines import DummyDistribution
 from ._blend import DistributionBlend
+from ._continuous import ContinuousRatingsRegressor
 from ._distributional import PAPER_2020, DistributionalOrdinalRegressor
 from ._fusion import SensorFusionNNPOM
 from ._nnpom import NNPOM
@@ -10,6 +11,7 @@ from ._regressed import RegressedDistribution
 __all__ = [
     "NNPOM",
     "PAPER_2020",
+    "ContinuousRatingsRegressor",
     "DistributionBlend",
     "DistributionalOrdinalRegressor",
     "DummyDistribution",
