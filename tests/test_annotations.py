@@ -8,7 +8,8 @@ import sys
 from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
-from typing import Literal, get_args, get_origin, get_type_hints
+from types import UnionType
+from typing import Literal, Union, get_args, get_origin, get_type_hints
 
 import pandas as pd
 import pytest
@@ -116,7 +117,7 @@ def validated_parameters():
 )
 def test_annotations_allow_what_validation_allows(function, parameter, allowed):
     hint = get_type_hints(function, localns={"pd": pd})[parameter]
-    parts = [hint] if get_origin(hint) is Literal else get_args(hint) or [hint]
+    parts = get_args(hint) if get_origin(hint) in (Union, UnionType) else [hint]
     options = {o for c in allowed if isinstance(c, StrOptions) for o in c.options}
     literals = [get_args(part) for part in parts if get_origin(part) is Literal]
     assert {option for each in literals for option in each} == options
