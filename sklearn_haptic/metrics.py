@@ -362,8 +362,7 @@ def crps(
 
     Parameters
     ----------
-    y_true : array-like of shape (n_trials,) or (n_trials, n_answers), or list of \
-            array-like
+    y_true : array-like of shape (n_trials,) or (n_trials, n_answers), or list
         One rating per trial; or several, NaN where somebody gave none; or one list of
         ratings, of any length, per trial.
     y_cdf : array-like of shape (n_trials, n_points) or (n_points,)

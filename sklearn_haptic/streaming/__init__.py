@@ -1,8 +1,8 @@
 """Touches in progress: predictions while a touch goes on, and when to stop it.
 
-:class:`AnytimeRegressor`, also in :mod:`sklearn_haptic`, predicts from touches of any
-length; its method `start` begins a touch of which the samples arrive bit by bit. A rule
-of stopping says when a touch is long enough.
+:class:`sklearn_haptic.AnytimeRegressor` predicts from touches of any length; its method
+`start` begins a touch of which the samples arrive bit by bit. A rule of stopping says
+when a touch is long enough.
 """
 
 from ._anytime import AnytimeRegressor

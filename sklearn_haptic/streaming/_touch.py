@@ -17,7 +17,9 @@ from ._touches import ONLY_SENSOR, Touches
 
 
 class TouchInProgress:
-    """A touch from which samples arrive; made by :meth:`AnytimeRegressor.start`.
+    """A touch of which samples arrive bit by bit.
+
+    It is made by :meth:`sklearn_haptic.AnytimeRegressor.start`.
 
     What it predicts is what the model predicts for the samples so far, as one recorded
     touch. An update and a prediction cost the same at any time, and memory is bounded:
