@@ -693,9 +693,9 @@ ask(direct(Sequences),
     check("a number in place of trials", 3, ["x0"], error=(TypeError, ValueError),
         says="^trials|is not iterable"))
 ask(direct(make_haptic_pipeline),
-    check("an unknown sensor", ["force"],
-        r"sensors=\['force'\] must name some of .*; for other sensors build"),
-    check("no sensor", [], r"sensors=\[\] must name some of"),
+    check("a description that is none", {"skin": (4, 4)},
+        r"sensors\['skin'\]=\(4, 4\) must be a Signal, a TaxelGrid, or None"),
+    check("no sensor", [], "sensors={} must name a sensor or more"),
     check("an unknown preset", preset="best", says="preset='best' must be one of"))
 ask({"make_haptic_pipeline.fit": partial(call, make_haptic_pipeline(["tdc"]).fit)},
     check("a sensor that the trials lack", pd.DataFrame({"pdc": TRIALS}), LABELS[:4],

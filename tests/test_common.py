@@ -12,6 +12,8 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     DummyDistribution,
     KSVDTransformer,
+    RepairTrials,
+    SensorFeatures,
     SensorFusionNNPOM,
     SignalStatistics,
     STHMPTransformer,
@@ -30,6 +32,9 @@ TRANSFORMERS = [
     TemporalMaxPool((2, 1), statistics=("mean", "share", "max")),
     SignalStatistics(),
     SignalStatistics(("bands",), n_bands=5),
+    SensorFeatures(),
+    RepairTrials(),
+    RepairTrials(limits=(-100, 100), rest=2),
 ]
 PREDICTORS = [
     # With this tolerance weights equal repeated rows to seven digits.
