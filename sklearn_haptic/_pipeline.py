@@ -48,7 +48,7 @@ def _described(sensors):
         sensors = {name: BIOTAC.get(name) for name in sensors}
     if not sensors:
         raise ValueError(
-            f"sensors={sensors!r} must name a sensor or more, such as {list(SENSORS)}."
+            f"sensors is empty; name a sensor or more, such as {list(SENSORS)}."
         )
     for name, description in sensors.items():
         if not (description is None or isinstance(description, Sensor)):

@@ -695,7 +695,7 @@ ask(direct(Sequences),
 ask(direct(make_haptic_pipeline),
     check("a description that is none", {"skin": (4, 4)},
         r"sensors\['skin'\]=\(4, 4\) must be a Signal, a TaxelGrid, or None"),
-    check("no sensor", [], "sensors={} must name a sensor or more"),
+    check("no sensor", [], "^sensors is empty; name a sensor or more"),
     check("an unknown preset", preset="best", says="preset='best' must be one of"))
 ask({"make_haptic_pipeline.fit": partial(call, make_haptic_pipeline(["tdc"]).fit)},
     check("a sensor that the trials lack", pd.DataFrame({"pdc": TRIALS}), LABELS[:4],

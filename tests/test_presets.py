@@ -173,7 +173,7 @@ def test_only_the_sensors_asked_for(corpus, tmp_path):
             {"sensors": {"pac": "electrodes"}},
             r"sensors\['pac'\]='electrodes' must be a",
         ),
-        ({"sensors": []}, "must name a sensor or more"),
+        ({"sensors": []}, "sensors is empty; name a sensor"),
         ({"preset": "best"}, "preset='best' must be one of .*'fast'"),
     ],
 )
