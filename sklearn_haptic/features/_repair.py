@@ -14,6 +14,7 @@ from .._check_trials import is_table
 from .._sklearn import (
     DocumentedEstimator,
     FloatArray,
+    Interval,
     Trials,
     _fit_context,
     _wrap_data_with_container,
@@ -527,7 +528,7 @@ class RepairTrials(
 
     _parameter_constraints = {  # noqa: RUF012
         "limits": ["array-like", Mapping, None],
-        "rest": ["array-like", int, Mapping, None],
+        "rest": [Interval(Integral, 1, None, closed="left"), Mapping, None],
     }
 
     def __init__(
