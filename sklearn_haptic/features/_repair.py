@@ -23,6 +23,7 @@ from .._validation import check_table, is_missing
 from ._resample import as_floats
 
 _ALL = "all"  # the channel of a fault of them all
+_ALONE = ""  # the name of a sensor whose trials stand in no DataFrame
 _USUAL = 0.9  # share of trials in which a channel that works varies
 _COLUMNS = ["trial", "sensor", "channel", "fault", "n_samples", "answer", "offset"]
 
@@ -173,17 +174,17 @@ def repair_channels(cell, limits, rest):
 
 
 def trial_columns(X, names=None):
-    """Return the columns of trials by name; one collection of trials is named None.
+    """Return the columns of trials by name; one collection of trials is named "".
 
     `names` are those to return; by default all columns that hold trials.
     """
     if not isinstance(X, pd.DataFrame):
-        if names not in (None, [None]):
+        if names not in (None, [_ALONE]):
             raise ValueError(
                 f"X is a {type(X).__name__}, but fit was given a DataFrame; give the "
                 f"columns {names} again."
             )
-        return {None: X}
+        return {_ALONE: X}
     if names is None:
         names = [name for name in X if any(np.ndim(cell) >= 1 for cell in X[name])]
     absent = [name for name in names if name not in X.columns]
@@ -201,13 +202,13 @@ def as_cells(column, name, shape=None):
     What is masked or infinite becomes NaN. `shape` is that of a time sample; by default
     that of the first trial.
     """
-    cells: list[Any] = []
+    cells = []
     where = "fit" if shape is not None else "the first trial"
     for i, cell in enumerate(column):
-        if (np.ndim(cell) == 0 and is_missing(cell)) or not np.size(cell):
+        if is_missing(cell) or (hasattr(cell, "__len__") and len(cell) == 0):
             cells.append(None)
             continue
-        label = f"Trial {i} of X" if name is None else f"Trial {i} of X[{name!r}]"
+        label = f"Trial {i} of X" if name == _ALONE else f"Trial {i} of X[{name!r}]"
         trial = as_floats(cell, label)
         shape = trial.shape[1:] if shape is None else shape
         if trial.shape[1:] != shape:
@@ -219,7 +220,7 @@ def as_cells(column, name, shape=None):
         trial = np.where(np.isfinite(trial), trial, np.nan)
         cells.append(None if np.isnan(trial).all() else trial)
     if shape is None:
-        sensor = "" if name is None else f"[{name!r}]"
+        sensor = "" if name == _ALONE else f"[{name!r}]"
         raise ValueError(f"X{sensor} holds no samples at all; leave the sensor out.")
     return cells, shape
 
@@ -328,7 +329,7 @@ class TrialRepair:
                 self.feature_names_in_ = np.asarray(X.columns, dtype=object)
                 self.n_features_in_ = X.shape[1]
         else:
-            cells, shapes = {None: self._rows(X, reset=True)}, {None: (1,)}
+            cells, shapes = {_ALONE: self._rows(X, reset=True)}, {_ALONE: (1,)}
         self._settings = {
             name: (_limits(self.limits, name, cells), _rest(self.rest, name, cells))
             for name in cells
@@ -338,8 +339,8 @@ class TrialRepair:
             for name, each in cells.items()
         }
         if self.takes_trials_ and not isinstance(X, pd.DataFrame):
-            self.n_features_in_ = len(self._usual[None].mean)
-        self.faults_ = self.faults(X)
+            self.n_features_in_ = len(self._usual[_ALONE].mean)
+        self._faults = self._rows_of_faults(X)
         return self
 
     def transform(self, X: Trials) -> Any:
@@ -364,7 +365,7 @@ class TrialRepair:
         """
         check_is_fitted(self)
         if not self.takes_trials_:
-            rows = [trial.ravel() for trial, _ in self._repair(X)[None]]
+            rows = [trial.ravel() for trial, _ in self._repair(X)[_ALONE]]
             return _wrap_data_with_container("transform", np.array(rows), X, self)
         repaired = {
             name: [trial.reshape(-1, *self._usual[name].shape) for trial, _ in pairs]
@@ -376,8 +377,8 @@ class TrialRepair:
                 X[name] = pd.Series(cells, index=X.index, dtype=object)
             return X
         if isinstance(X, pd.Series):
-            return pd.Series(repaired[None], X.index, dtype=object, name=X.name)
-        return repaired[None]
+            return pd.Series(repaired[_ALONE], X.index, dtype=object, name=X.name)
+        return repaired[_ALONE]
 
     def faults(self, X: Trials) -> pd.DataFrame:
         """Report what `transform` repairs.
@@ -392,18 +393,26 @@ class TrialRepair:
         -------
         faults : pandas.DataFrame
             One row per trial, channel and fault, with the columns "trial" (its
-            position), "sensor" (None for the trials of one sensor), "channel" (its
+            position), "sensor" ("" for the trials of one sensor), "channel" (its
             number, or "all"), "fault", "n_samples", "answer" and "offset" (what was
             subtracted from the channel, NaN for other faults).
         """
         check_is_fitted(self)
-        rows = [
+        return pd.DataFrame(self._rows_of_faults(X), columns=_COLUMNS)
+
+    @property
+    def faults_(self) -> pd.DataFrame:
+        """The faults of the trials of `fit`."""
+        check_is_fitted(self)
+        return pd.DataFrame(self._faults, columns=_COLUMNS)
+
+    def _rows_of_faults(self, X):
+        return [
             (i, name, *fault)
             for name, pairs in self._repair(X).items()
             for i, (_, faults) in enumerate(pairs)
             for fault in faults
         ]
-        return pd.DataFrame(rows, columns=_COLUMNS)
 
     def _repair(self, X):
         """Return the repaired trials of each sensor with their faults."""
@@ -414,7 +423,7 @@ class TrialRepair:
                 for name, column in columns.items()
             }
         else:
-            cells = {None: self._rows(X)}
+            cells = {_ALONE: self._rows(X)}
         return {
             name: [
                 repair_trial(cell, self._usual[name], *self._settings[name])
