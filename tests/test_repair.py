@@ -204,6 +204,18 @@ def test_images_and_single_precision():
     )
 
 
+def test_named_channels_are_put_in_order():
+    trials = [pd.DataFrame(trial, columns=list("abcd")) for trial in recordings()]
+    shuffled = [trial[list("dbca")] for trial in trials]
+    repair = RepairTrials().fit(trials)
+    for one, other in zip(repair.transform(shuffled), trials):
+        np.testing.assert_array_equal(one, other.to_numpy())
+    with pytest.raises(
+        ValueError, match=r"^Trial 0 of X has the columns .*, as in fit"
+    ):
+        repair.transform([trials[0].rename(columns={"a": "x"})])
+
+
 def test_rows_of_a_table_are_trials_of_one_channel():
     X = np.random.default_rng(0).normal(size=(12, 8))
     X[2, 3] = np.nan

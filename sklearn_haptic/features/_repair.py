@@ -33,8 +33,8 @@ class Usual(NamedTuple):
 
     Attributes
     ----------
-    shape : tuple of int
-        Shape of one time sample.
+    samples : tuple of (tuple of int, list or None)
+        Shape of one time sample, and names of the channels if they have any.
     varies : ndarray of bool of shape (n_channels,)
         Whether a channel varies within nine trials of ten or more.
     mean : ndarray of shape (n_channels,)
@@ -44,7 +44,7 @@ class Usual(NamedTuple):
         The most typical trial.
     """
 
-    shape: tuple[int, ...]
+    samples: tuple[tuple[int, ...], list[Any] | None]
     varies: NDArray[np.bool_]
     mean: FloatArray
     covariance: FloatArray
@@ -196,11 +196,12 @@ def trial_columns(X, names=None):
     return {name: X[name] for name in names}
 
 
-def as_cells(column, name, shape=None):
+def as_cells(column, name, shape=None, names=None):
     """Return trials as arrays of shape (n_times, n_channels), None where missing.
 
-    What is masked or infinite becomes NaN. `shape` is that of a time sample; by default
-    that of the first trial.
+    What is masked or infinite becomes NaN. `shape` is that of a time sample, by default
+    that of the first trial, and `names` are those of the channels, in whose order the
+    columns of data frames are put. Return both too.
     """
     cells = []
     where = "fit" if shape is not None else "the first trial"
@@ -209,6 +210,15 @@ def as_cells(column, name, shape=None):
             cells.append(None)
             continue
         label = f"Trial {i} of X" if name == _ALONE else f"Trial {i} of X[{name!r}]"
+        if hasattr(cell, "columns"):
+            own = list(cell.columns)
+            names = own if names is None else names
+            if sorted(own, key=str) != sorted(names, key=str):
+                raise ValueError(
+                    f"{label} has the columns {own}, but {names} are expected, as in "
+                    f"{where}."
+                )
+            cell = cell[names]
         trial = as_floats(cell, label)
         shape = trial.shape[1:] if shape is None else shape
         if trial.shape[1:] != shape:
@@ -222,7 +232,7 @@ def as_cells(column, name, shape=None):
     if shape is None:
         sensor = "" if name == _ALONE else f"[{name!r}]"
         raise ValueError(f"X{sensor} holds no samples at all; leave the sensor out.")
-    return cells, shape
+    return cells, (shape, names)
 
 
 def _option(option, name, cells):
@@ -256,7 +266,7 @@ def _rest(rest, name, cells):
     return rest
 
 
-def usual_trials(cells, shape, limits, rest):
+def usual_trials(cells, samples, limits, rest):
     """Learn what the trials of a sensor are like, from those that have it."""
     cells = [cell for cell in cells if cell is not None]
     varies = np.array([_varies(cell) for cell in cells])
@@ -276,7 +286,7 @@ def usual_trials(cells, shape, limits, rest):
     spread[spread == 0] = 1
     distances = np.abs((levels - np.median(levels, axis=0)) / spread).sum(axis=1)
     typical = repaired[whole[distances.argmin()]]
-    return Usual(shape, usually, mean, covariance, typical)
+    return Usual(samples, usually, mean, covariance, typical)
 
 
 def _varies(cell):
@@ -321,21 +331,22 @@ class TrialRepair:
         """
         self.takes_trials_ = not is_table(X)
         if self.takes_trials_:
-            cells, shapes = {}, {}
+            cells, samples = {}, {}
             for name, column in trial_columns(X).items():
-                cells[name], shapes[name] = as_cells(column, name)
+                cells[name], samples[name] = as_cells(column, name)
             vars(self).pop("feature_names_in_", None)
             if isinstance(X, pd.DataFrame):
                 self.feature_names_in_ = np.asarray(X.columns, dtype=object)
                 self.n_features_in_ = X.shape[1]
         else:
-            cells, shapes = {_ALONE: self._rows(X, reset=True)}, {_ALONE: (1,)}
+            cells = {_ALONE: self._rows(X, reset=True)}
+            samples = {_ALONE: ((1,), None)}
         self._settings = {
             name: (_limits(self.limits, name, cells), _rest(self.rest, name, cells))
             for name in cells
         }
         self._usual = {
-            name: usual_trials(each, shapes[name], *self._settings[name])
+            name: usual_trials(each, samples[name], *self._settings[name])
             for name, each in cells.items()
         }
         if self.takes_trials_ and not isinstance(X, pd.DataFrame):
@@ -368,7 +379,9 @@ class TrialRepair:
             rows = [trial.ravel() for trial, _ in self._repair(X)[_ALONE]]
             return _wrap_data_with_container("transform", np.array(rows), X, self)
         repaired = {
-            name: [trial.reshape(-1, *self._usual[name].shape) for trial, _ in pairs]
+            name: [
+                trial.reshape(-1, *self._usual[name].samples[0]) for trial, _ in pairs
+            ]
             for name, pairs in self._repair(X).items()
         }
         if isinstance(X, pd.DataFrame):
@@ -419,7 +432,7 @@ class TrialRepair:
         if self.takes_trials_:
             columns = trial_columns(X, list(self._usual))
             cells = {
-                name: as_cells(column, name, self._usual[name].shape)[0]
+                name: as_cells(column, name, *self._usual[name].samples)[0]
                 for name, column in columns.items()
             }
         else:

@@ -71,7 +71,7 @@ class SensorFeatures(DocumentedEstimator, TransformerMixin, BaseEstimator):
         "images": [HasMethods(["fit", "transform"]), None],
     }
 
-    def __init__(self, signals: Any = None, images: Any = None) -> None:
+    def __init__(self, signals: Any | None = None, images: Any | None = None) -> None:
         self.signals = signals
         self.images = images
 
