@@ -2,10 +2,10 @@
 Your own sensor
 ===============
 
-The transformers need to know two things about a sensor: where its channels lie, if they
-make an image, and how long a window should be. This example says both about a gripper
-with a skin of 4 × 4 taxels and an accelerometer of three axes, and shows how well the
-model predicts what people say. Nothing depends on a BioTac.
+Say what each sensor is, and the model follows. Here it is a gripper with a skin of
+4 × 4 taxels and an accelerometer of three axes. This example describes both, repairs
+recordings that went wrong, and shows how well the model predicts what people say.
+Nothing depends on a BioTac.
 """
 
 # %%
@@ -19,17 +19,14 @@ import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from sklearn.compose import make_column_transformer
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import (
-    NNPOM,
-    DistributionalOrdinalRegressor,
     DummyDistribution,
-    KSVDTransformer,
-    STHMPTransformer,
-    TemporalMaxPool,
+    RepairTrials,
+    Signal,
+    TaxelGrid,
+    make_haptic_pipeline,
 )
 from sklearn_haptic.metrics import earth_movers_distance, ranked_probability_score
 from sklearn_haptic.model_selection import cross_val_predict_proba
@@ -80,54 +77,39 @@ display = SignalsDisplay.from_trials(
 )
 
 # %%
-# 3. What must be changed
-# -----------------------
-# For the taxels, give the layout: a matrix of shape (height, width, n_channels) with
-# the weight of each channel in each pixel. Here each pixel is one channel; a dead taxel
-# could be given the weights of its neighbours. Patches of 3 × 3 are large for 4 × 4
-# pixels, so we take 2 × 2, of which there are 3 × 3 locations.
-layout = np.zeros((4, 4, 16))
-np.put_along_axis(layout, wiring[:, :, np.newaxis], 1, axis=2)
-skin = STHMPTransformer(
-    n_atoms=6,
-    n_nonzero_coefs=2,
-    layout=layout,
-    patch_size=(2, 2),
-    spatial_cells=(3, 1),
-    max_iter=20,
-    random_state=0,
-)
+# 3. What must be said
+# --------------------
+# For the taxels, the layout: ``np.eye(16)[wiring]`` has the weight of each channel in
+# each pixel, one here. Had the taxels been read row by row all the way, ``(4, 4)``
+# would do. For the accelerometer, the rate and, if events are shorter than 50 samples,
+# the length of a window in seconds.
+sensors = {
+    "taxels": TaxelGrid(np.eye(16)[wiring]),
+    "accelerometer": Signal(rate=500, window=0.04),
+}
+model = make_haptic_pipeline(sensors, random_state=0)
+print(model[0].fit_transform(trials).shape)
 
 # %%
-# The trials of one sensor may also be a list of arrays. The layout of another sensor is
-# refused.
-display = AtomsDisplay.from_estimator(skin.fit([taxels for taxels, _ in cells]))
-try:
-    STHMPTransformer(layout="biotac").fit(trials["taxels"])
-except ValueError as error:
-    print(error)
+# The dictionary of the skin has patches of 2 × 2 taxels. Every part of the model can
+# be reached and set, as in any Pipeline.
+codes = model[0].named_transformers_["taxels"]["codes"]
+display = AtomsDisplay.from_estimator(codes[0])
 
 # %%
-# For the accelerometer, give the length of a window: 20 samples are 40 ms. Any number
-# of channels works; each is cut into windows of its own, and all windows share one
-# dictionary.
-vibration = KSVDTransformer(
-    n_atoms=8, n_nonzero_coefs=2, window=20, max_iter=20, random_state=0
-)
+# 4. What went wrong
+# ------------------
+# Real recordings have faults. Here a taxel dies, frames are lost and one trial has no
+# acceleration. `RepairTrials` repairs them, and says what it did.
+for i in range(5):
+    trials["taxels"][i][:, 6] = 0
+trials["taxels"][20][15:18] = np.nan
+trials.at[30, "accelerometer"] = None
+model = make_pipeline(RepairTrials(), model).fit(trials, y["rough"])
+print(model[0].faults_[["trial", "sensor", "channel", "fault", "answer"]].to_string())
 
 # %%
-# Each sensor is pooled over time and goes through a transformer of its own.
-features = make_column_transformer(
-    (make_pipeline(skin, TemporalMaxPool((2, 1))), "taxels"),
-    (make_pipeline(vibration, TemporalMaxPool((2, 1))), "accelerometer"),
-)
-for _, transformer, column in features.transformers:
-    print(column, transformer.fit_transform(trials[column]).shape)
-regressor = DistributionalOrdinalRegressor(NNPOM(n_hidden=0, alpha=1.0))
-model = make_pipeline(features, StandardScaler(), regressor)
-
-# %%
-# 4. Objects never touched before
+# 5. Objects never touched before
 # -------------------------------
 # In each fold all trials of some objects are left out, or the model would be asked
 # about objects that it knows. `cross_val_predict_proba` keeps the trials of an object

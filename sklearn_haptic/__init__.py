@@ -4,12 +4,16 @@ from importlib import import_module
 from typing import Any
 
 from ._pipeline import make_haptic_pipeline
+from ._sensors import Signal, TaxelGrid
 from ._sequences import Sequences
 from .features import (
     KSVDTransformer,
+    RepairTrials,
+    SensorFeatures,
     SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
+    resample_trials,
 )
 from .models import (
     NNPOM,
@@ -35,12 +39,17 @@ __all__ = [
     "DummyDistribution",
     "KSVDTransformer",
     "RegressedDistribution",
+    "RepairTrials",
     "STHMPTransformer",
+    "SensorFeatures",
     "SensorFusionNNPOM",
     "Sequences",
+    "Signal",
     "SignalStatistics",
+    "TaxelGrid",
     "TemporalMaxPool",
     "make_haptic_pipeline",
+    "resample_trials",
 ]
 
 _SUBMODULES = (

@@ -1,19 +1,26 @@
 """A whole model in one call, with presets from fast to accurate."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 from sklearn.compose import ColumnTransformer
-from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from ._biotac import SENSORS
+from ._sensors import BIOTAC, Sensor, Signal, TaxelGrid
 from ._sklearn import Memory, RandomState
-from .features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
+from .features import (
+    KSVDTransformer,
+    SensorFeatures,
+    SignalStatistics,
+    STHMPTransformer,
+    TemporalMaxPool,
+)
 from .models import NNPOM, DistributionalOrdinalRegressor
 
-# Window in time samples and number of atoms of each sensor in the 2020 paper.
-_WINDOWED = {"pac": (22, 40), "pdc": (50, 25), "tac": (50, 25), "tdc": (50, 10)}
+# Atoms of the sensors that have not 25 in the 2020 paper.
+_N_ATOMS = {"pac": 40, "tdc": 10}
 
 
 _PRESETS: dict[str, dict[str, Any]] = {
@@ -31,26 +38,100 @@ _PRESETS: dict[str, dict[str, Any]] = {
 }
 
 
+def _described(sensors):
+    """Return sensors as a dictionary of descriptions, or the one that has no name."""
+    if sensors is None or isinstance(sensors, Sensor):
+        return sensors
+    if isinstance(sensors, str):
+        sensors = [sensors]
+    if not isinstance(sensors, Mapping):
+        sensors = {name: BIOTAC.get(name) for name in sensors}
+    if not sensors:
+        raise ValueError(
+            f"sensors is empty; name a sensor or more, such as {list(SENSORS)}."
+        )
+    for name, description in sensors.items():
+        if not (description is None or isinstance(description, Sensor)):
+            raise ValueError(
+                f"sensors[{name!r}]={description!r} must be a Signal, a TaxelGrid, or "
+                "None to find out from the trials."
+            )
+    return dict(sensors)
+
+
+class _Features:
+    """Transformers of sensors with the settings of a preset."""
+
+    def __init__(self, settings, memory, random_state):
+        self.max_train = settings["max_train"]
+        self.pooling = {"cells": settings["cells"], "memory": memory}
+        self.options = {
+            **settings["dictionary"],
+            "remove_mean": False,
+            "memory": memory,
+            "random_state": random_state,
+        }
+
+    def of(self, sensor, name=None):
+        """Return the transformer of a sensor."""
+        if sensor is None:
+            return SensorFeatures(images=self.codes(TaxelGrid()))
+        if BIOTAC.get(name) is sensor or sensor == TaxelGrid():
+            return self.codes(sensor, _N_ATOMS.get(name, 25))
+        if sensor == Signal():
+            return SignalStatistics()
+        return FeatureUnion(
+            [("codes", self.codes(sensor)), ("statistics", SignalStatistics())]
+        )
+
+    def codes(self, sensor, n_atoms=25):
+        """Return a dictionary and its pooling."""
+        if isinstance(sensor, Signal):
+            coder = KSVDTransformer(
+                n_atoms,
+                window=sensor.n_samples,
+                max_train_windows=self.max_train,
+                **self.options,
+            )
+        else:
+            coder = STHMPTransformer(
+                layout=sensor.weights,
+                patch_size=sensor.patch_size,
+                max_train_patches=self.max_train,
+                **self.options,
+            )
+        return make_pipeline(coder, TemporalMaxPool(**self.pooling))
+
+
 def make_haptic_pipeline(
-    sensors: Sequence[str] = tuple(SENSORS),
+    sensors: Sequence[str] | Mapping[str, Sensor | None] | Sensor | None = tuple(
+        SENSORS
+    ),
     *,
     preset: Literal["fast", "balanced", "accurate"] = "fast",
     memory: str | Memory | None = None,
     random_state: RandomState = None,
 ) -> Pipeline:
-    """Build a model of raw recordings of BioTac fingers.
+    """Build a model of raw recordings of BioTac fingers or of any other sensors.
 
-    Each sensor is coded over a dictionary of its own, and the codes are pooled over
-    time. The features of all sensors are standardised and given to a linear
-    `DistributionalOrdinalRegressor`. The result is an ordinary Pipeline, whose
+    Signals and electrodes are coded over a dictionary of their own, and the codes are
+    pooled over time; beside them stand the statistics of each channel, except for the
+    sensors of a BioTac. The features of all sensors are standardised and given to a
+    linear `DistributionalOrdinalRegressor`. The result is an ordinary Pipeline, whose
     parameters can be set and searched, with the steps ``"features"`` (a
     ColumnTransformer with one transformer per sensor), ``"scale"`` and ``"model"``.
 
     Parameters
     ----------
-    sensors : sequence of {"pac", "pdc", "tac", "tdc", "electrodes"}
-        The sensors to use, by default all five. They are columns of the DataFrame of
-        trials that `load_phac2` and `make_haptic_corpus` return.
+    sensors : sequence of str, mapping of str to Signal, TaxelGrid or None, Signal, \
+            TaxelGrid or None, default=("pac", "pdc", "tac", "tdc", "electrodes")
+        Names of sensors are columns of the DataFrame of trials. Those of a BioTac, all
+        of which are taken by default, are columns of what `load_phac2` and
+        `make_haptic_corpus` return. Describe other sensors by a mapping, such as
+        ``{"skin": TaxelGrid((4, 4)), "acc": Signal(rate=1000)}``. One description
+        alone, without a name, is that of a model of one sensor, whose trials are a
+        list. What has no description (None, or a name alone) is found out from the
+        trials when they are fitted, see :class:`SensorFeatures`.
     preset : {"fast", "balanced", "accurate"}, default="fast"
         How much time the features may take. "accurate" learns the dictionaries with
         the defaults of the transformers. "balanced" learns from fewer windows in fewer
@@ -72,7 +153,7 @@ def make_haptic_pipeline(
     Raises
     ------
     ValueError
-        If a sensor or the preset is unknown, or if no sensor is named.
+        If the preset is unknown, no sensor is named, or a description is none.
 
     Notes
     -----
@@ -90,46 +171,33 @@ def make_haptic_pipeline(
     Pipeline(...)
     >>> model.predict_proba(corpus.trials).shape
     (12, 5)
+
+    Other sensors are described, here an array of pressure and an accelerometer:
+
+    >>> import numpy as np
+    >>> import pandas as pd
+    >>> from sklearn_haptic import Signal, TaxelGrid
+    >>> rng = np.random.default_rng(0)
+    >>> touches = [(rng.normal(size=(n, 16)), rng.normal(size=(20 * n, 3)))
+    ...            for n in range(30, 42)]
+    >>> touches = pd.DataFrame(touches, columns=["skin", "acc"])
+    >>> sensors = {"skin": TaxelGrid((4, 4)), "acc": Signal(rate=1000)}
+    >>> model = make_haptic_pipeline(sensors, random_state=0)
+    >>> model.fit(touches, corpus.ratings["hard"]).predict_proba(touches).shape
+    (12, 5)
     """
-    if isinstance(sensors, str):
-        sensors = [sensors]
-    unknown = [sensor for sensor in sensors if sensor not in SENSORS]
-    if unknown or not len(sensors):
-        raise ValueError(
-            f"sensors={list(sensors)!r} must name some of {list(SENSORS)}; for other "
-            "sensors build a Pipeline with KSVDTransformer or STHMPTransformer."
-        )
+    described = _described(sensors)
     if preset not in _PRESETS:
         raise ValueError(f"preset={preset!r} must be one of {list(_PRESETS)}.")
-    settings = _PRESETS[preset]
-    max_train = settings["max_train"]
-    options = {
-        **settings["dictionary"],
-        "remove_mean": False,
-        "memory": memory,
-        "random_state": random_state,
-    }
-
-    def transformer(sensor):
-        if sensor == "electrodes":
-            codes = STHMPTransformer(max_train_patches=max_train, **options)
-        else:
-            window, n_atoms = _WINDOWED[sensor]
-            codes = KSVDTransformer(
-                n_atoms, window=window, max_train_windows=max_train, **options
-            )
-        return make_pipeline(codes, TemporalMaxPool(settings["cells"], memory=memory))
-
+    build = _Features(_PRESETS[preset], memory, random_state)
+    features = (
+        ColumnTransformer([(s, build.of(d, s), s) for s, d in described.items()])
+        if isinstance(described, dict)
+        else build.of(described)
+    )
     regressor = DistributionalOrdinalRegressor(
         NNPOM(n_hidden=0, alpha=3.0), random_state=random_state
     )
     return Pipeline(
-        [
-            (
-                "features",
-                ColumnTransformer([(s, transformer(s), s) for s in sensors]),
-            ),
-            ("scale", StandardScaler()),
-            ("model", regressor),
-        ]
+        [("features", features), ("scale", StandardScaler()), ("model", regressor)]
     )

@@ -35,10 +35,14 @@ from sklearn_haptic import (
     DummyDistribution,
     KSVDTransformer,
     RegressedDistribution,
+    RepairTrials,
+    SensorFeatures,
     SensorFusionNNPOM,
     Sequences,
+    Signal,
     SignalStatistics,
     STHMPTransformer,
+    TaxelGrid,
     TemporalMaxPool,
     make_haptic_pipeline,
     metrics,
@@ -47,6 +51,7 @@ from sklearn_haptic import (
     plotting,
     raters,
     ratings,
+    resample_trials,
     streaming,
 )
 from sklearn_haptic.datasets import MatlabRatings, load_phac2, make_haptic_corpus
@@ -514,6 +519,8 @@ PARAMETERS = {
         "max_train_patches": (0,)},
     TemporalMaxPool: {"split": ("half",), "memory": (3,), "statistics": (3,)},
     SignalStatistics: {"statistics": (3,), "n_bands": (0, 1.5)},
+    RepairTrials: {"rest": (0, 2.5, "two"), "limits": (3, "all")},
+    SensorFeatures: {"signals": (3,), "images": ("sthmp",)},
     NNPOM: {
         "n_hidden": (-1, 1.5, None), "alpha": (-1.0, np.nan, "auto"),
         "gaps": ("exp",), "solver": ("adam",), "max_iter": (0,), "tol": (-1.0,),
@@ -742,10 +749,51 @@ ask(direct(Sequences),
     check("a number in place of trials", 3, ["x0"], error=(TypeError, ValueError),
         says="^trials|is not iterable"))
 ask(direct(make_haptic_pipeline),
-    check("an unknown sensor", ["force"],
-        r"sensors=\['force'\] must name some of .*; for other sensors build"),
-    check("no sensor", [], r"sensors=\[\] must name some of"),
+    check("a description that is none", {"skin": (4, 4)},
+        r"sensors\['skin'\]=\(4, 4\) must be a Signal, a TaxelGrid, or None"),
+    check("no sensor", [], "^sensors is empty; name a sensor or more"),
     check("an unknown preset", preset="best", says="preset='best' must be one of"))
+ask(direct(Signal),
+    *settings("rate", 0, -1.0, np.inf, "fast",
+        says="^rate=.* must be a positive number of samples per second, or None"),
+    *settings("window", 0.01, says="^window=0.01 s must hold two samples or more at"),
+    check("a window of one sample", rate=100, window=0.01,
+        says="^window=0.01 s must hold two .* rate=100 Hz; lengthen it or give the"))
+ask(direct(TaxelGrid),
+    *settings("layout", 4, "palm", (0, 4), (2.5, 2), np.eye(4), {},
+        says=r"^layout=.* must be \(n_rows, n_columns\), an array of weights of"))
+REPAIR = {"RepairTrials": RepairTrials}
+ask(fitting(REPAIR, X=TRIALS, y=None),
+    *settings("limits", (1, 0), (1,), (np.nan, 1),
+        says="^limits=.* must be the lowest and the highest value of the sensor"))
+SKINS = pd.DataFrame({"skin": TRIALS})
+ask(fitting(REPAIR, X=SKINS, y=None),
+    *settings("rest", {"skin": 2.5}, {"skin": 0},
+        says="^rest=.* must be a number of samples, at least 1"),
+    *settings("limits", {"skn": (0, 1)},
+        says=r"^The sensor 'skn' is none of \['skin'\]; name columns of X"))
+ask(fitting(REPAIR, y=None),
+    check("a sensor without any samples", [None, None], "^X holds no|Expected 2D|NaN"),
+    check("trials of different channels", [TRIALS[0], TRIALS[1][:, :3]],
+        "^Trial 1 of X has time samples of shape .*, as in the first trial"),
+    check("text", [["a", "b"], ["c"]], "^Trial 0 of X is not an array of numbers"))
+ask({"RepairTrials.transform": partial(call, RepairTrials().fit(SKINS).transform)},
+    check("a sensor fewer", SKINS.rename(columns={"skin": "palm"}),
+        "^X has no column 'skin', which fit was given; give the same sensors"),
+    check("a list in place of a DataFrame", TRIALS,
+        r"^X is a list, but fit was given a DataFrame; give the columns \['skin'\]"))
+ask({"resample_trials": lambda **bad: call(resample_trials,
+        **({"trials": [[0.0, 1.0]], "times": [[0.0, 0.1]], "rate": 10} | bad))},
+    *settings("rate", 0, -1, np.nan, np.inf, "fast",
+        says="^rate=.* must be a positive number of samples a second"),
+    *settings("longest_gap", 0, -1.0, "long",
+        says="^longest_gap=.* must be a number of seconds above 0"),
+    check("stamps of fewer trials", times=[],
+        says="^times has 0 entries, but there are 1 trials; give the time stamps"),
+    check("fewer stamps than samples", times=[[0.0]],
+        says=r"^times\[0\] has shape \(1,\), but trial 0 has 2 time samples; give"),
+    *settings("times", [[0.1, 0.1]], [[0.1, 0.0]], [[0.0, np.nan]],
+        says=r"^times\[0\] must be finite and increase from sample to sample; sort"))
 ask({"make_haptic_pipeline.fit": partial(call, make_haptic_pipeline(["tdc"]).fit)},
     check("a sensor that the trials lack", pd.DataFrame({"pdc": TRIALS}), LABELS[:4],
         "Some column names are not columns of the dataframe: {'tdc'}"),

@@ -17,6 +17,8 @@ from sklearn_haptic import (
     DummyDistribution,
     KSVDTransformer,
     RegressedDistribution,
+    RepairTrials,
+    SensorFeatures,
     SensorFusionNNPOM,
     SignalStatistics,
     STHMPTransformer,
@@ -57,6 +59,8 @@ MODELS = {
     "sthmp": (STHMPTransformer(**_DICTIONARY, random_state=0), FRAMES, None),
     "pooling": (TemporalMaxPool((2, 1)), TRIALS, None),
     "statistics": (SignalStatistics(), TRIALS, None),
+    "sensor features": (SensorFeatures(), TRIALS, None),
+    "repair": (RepairTrials(rest=2), TRIALS, None),
     "network": (NNPOM(3, tol=1e-2, random_state=0), TABLE, COUNTS),
     "network of labels": (NNPOM(0, tol=1e-2, levels=WORDS), NAMED, LABELS),
     "network stopped early": (

@@ -18,6 +18,8 @@ from sklearn_haptic import (
     DummyDistribution,
     KSVDTransformer,
     RegressedDistribution,
+    RepairTrials,
+    SensorFeatures,
     SensorFusionNNPOM,
     SignalStatistics,
     STHMPTransformer,
@@ -36,6 +38,9 @@ TRANSFORMERS = [
     TemporalMaxPool((2, 1), statistics=("mean", "share", "max")),
     SignalStatistics(),
     SignalStatistics(("bands",), n_bands=5),
+    SensorFeatures(),
+    RepairTrials(),
+    RepairTrials(limits=(-100, 100), rest=2),
 ]
 PREDICTORS = [
     # With this tolerance weights equal repeated rows to seven digits.

@@ -19,6 +19,7 @@ from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import (
     KSVDTransformer,
+    RepairTrials,
     SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
@@ -379,6 +380,7 @@ STEPS = {
     "means and shares": TemporalMaxPool((4, 1), statistics=("mean", "share")),
     "statistics": SignalStatistics(),
     "statistics of a table": SignalStatistics(),
+    "repair": RepairTrials(rest=2),
 }
 
 

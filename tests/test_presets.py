@@ -169,8 +169,11 @@ def test_only_the_sensors_asked_for(corpus, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"sensors": ["pac", "sound"]}, r"must name some of \['pac', .*build a Pipe"),
-        ({"sensors": []}, "must name some of"),
+        (
+            {"sensors": {"pac": "electrodes"}},
+            r"sensors\['pac'\]='electrodes' must be a",
+        ),
+        ({"sensors": []}, "sensors is empty; name a sensor"),
         ({"preset": "best"}, "preset='best' must be one of .*'fast'"),
     ],
 )

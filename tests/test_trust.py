@@ -55,6 +55,7 @@ from sklearn_haptic import (
     model_selection,
     plotting,
     ratings,
+    resample_trials,
     study,
 )
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
@@ -618,6 +619,8 @@ def methods_of(model, X, y):
         "validation_share": lambda: model.validation_share(),
         "fit": lambda: clone(model).fit(X, y),
     }
+    if hasattr(model, "faults"):
+        calls["faults"] = lambda: model.faults(X)
     if hasattr(model, "transform"):
         calls["get_feature_names_out"] = lambda: model.get_feature_names_out()
     return {name: call for name, call in calls.items() if hasattr(model, name)}
@@ -705,6 +708,7 @@ def calls_of_functions(folder):
         ratings.interrater_agreement: (COUNTS,),
         ratings.adjective_correlation: ([[1, 5], [2, 4], [4, 3], [5, 1]],),
         make_haptic_pipeline: (["pdc"],),
+        resample_trials: ([[0.0, 1.0, 3.0]], [[0.0, 0.1, 0.3]], 10),
         make_haptic_corpus: (2, 1),
         model_selection.speed_accuracy_frontier: (SEARCH,),
         model_selection.cheapest_within_one_se: (SEARCH,),

@@ -1,0 +1,563 @@
+"""Repair of what is wrong with real recordings, with a record of what was done."""
+
+from collections.abc import Mapping
+from numbers import Integral
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
+from sklearn.utils.validation import check_is_fitted
+
+from .._check_trials import is_table
+from .._sklearn import (
+    DocumentedEstimator,
+    FloatArray,
+    Interval,
+    Trials,
+    _fit_context,
+    _wrap_data_with_container,
+)
+from .._validation import check_table, is_missing
+from ._resample import as_floats
+
+_ALL = "all"  # the channel of a fault of them all
+_ALONE = ""  # the name of a sensor whose trials stand in no DataFrame
+_USUAL = 0.9  # share of trials in which a channel that works varies
+_COLUMNS = ["trial", "sensor", "channel", "fault", "n_samples", "answer", "offset"]
+
+
+class Usual(NamedTuple):
+    """What the recordings of a sensor are like.
+
+    Attributes
+    ----------
+    samples : tuple of (tuple of int, list or None)
+        Shape of one time sample, and names of the channels if they have any.
+    varies : ndarray of bool of shape (n_channels,)
+        Whether a channel varies within nine trials of ten or more.
+    mean : ndarray of shape (n_channels,)
+    covariance : ndarray of shape (n_channels, n_channels)
+        Of the samples of all trials.
+    trial : ndarray of shape (n_times, n_channels)
+        The most typical trial.
+    """
+
+    samples: tuple[tuple[int, ...], list[Any] | None]
+    varies: NDArray[np.bool_]
+    mean: FloatArray
+    covariance: FloatArray
+    trial: FloatArray
+
+
+def fill_samples(trial):
+    """Fill the NaN of each channel along straight lines in time.
+
+    Before the first known sample and after the last, the nearest one is repeated. A
+    channel without any known sample is 0. Return a copy.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.features._repair import fill_samples
+    >>> fill_samples(np.array([[np.nan, 1, np.nan, 3, np.nan]]).T).ravel()
+    array([1., 1., 2., 3., 3.])
+    """
+    filled = trial.copy()
+    times = np.arange(len(trial))
+    for column in filled.T:
+        known = ~np.isnan(column)
+        if not known.all():
+            column[~known] = (
+                np.interp(times[~known], times[known], column[known])
+                if known.any()
+                else 0
+            )
+    return filled
+
+
+def estimate_channels(trial, dead, mean, covariance):
+    """Estimate dead channels from the others, by linear regression.
+
+    Parameters
+    ----------
+    trial : ndarray of shape (n_times, n_channels)
+        A trial.
+    dead : ndarray of bool of shape (n_channels,)
+        The channels to estimate.
+    mean, covariance : ndarray of shape (n_channels,) and (n_channels, n_channels)
+        Of the samples of trials in which all channels work.
+
+    Returns
+    -------
+    estimated : ndarray of shape (n_times, n_dead)
+        The regression of each dead channel on all others; their means if all are dead.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.features._repair import estimate_channels
+    >>> covariance = np.array([[4.0, 2.0], [2.0, 1.0]])
+    >>> trial = np.array([[0.0, 3.0], [0.0, 5.0]])
+    >>> estimate_channels(trial, np.array([True, False]), np.ones(2), covariance)
+    array([[5.],
+           [9.]])
+    """
+    live = ~dead
+    weights = np.linalg.pinv(covariance[np.ix_(live, live)], hermitian=True)
+    weights = weights @ covariance[np.ix_(live, dead)]
+    return (trial[:, live] - mean[live]) @ weights + mean[dead]
+
+
+def repair_trial(cell, usual, limits, rest):
+    """Repair a trial; return it and its faults.
+
+    Parameters
+    ----------
+    cell : ndarray of shape (n_times, n_channels) or None
+        A trial; None if the sensor is missing.
+    usual : Usual
+        What other trials are like.
+    limits, rest
+        See :class:`RepairTrials`.
+
+    Returns
+    -------
+    repaired : ndarray of shape (n_times, n_channels)
+        The trial without faults.
+    faults : list of tuple (channel, fault, n_samples, answer, offset)
+        What was wrong, and what was done about it.
+    """
+    if cell is None:
+        repaired = usual.trial.copy()
+        fault = (_ALL, "missing sensor", len(repaired), "typical trial", np.nan)
+        return repaired, [fault]
+    repaired, faults = repair_channels(cell, limits, rest)
+    dead = usual.varies & ~_varies(cell) & (len(cell) > 1)
+    dead |= np.isnan(cell).all(axis=0)
+    if dead.any():
+        repaired[:, dead] = estimate_channels(
+            repaired, dead, usual.mean, usual.covariance
+        )
+        faults += [
+            (int(i), "dead", len(cell), "estimated from the other channels", np.nan)
+            for i in np.flatnonzero(dead)
+        ]
+    return repaired, faults
+
+
+def repair_channels(cell, limits, rest):
+    """Do of :func:`repair_trial` what needs no other trials."""
+    faults = []
+    missing = np.isnan(cell)
+    dropped = missing.all(axis=1)
+    if cell.shape[1] > 1 and dropped.any():
+        faults.append((_ALL, "dropped frames", int(dropped.sum()), "interpolated"))
+        missing = missing & ~dropped[:, np.newaxis]
+    faults += _each(missing.sum(axis=0), "missing samples", "interpolated")
+    repaired = fill_samples(cell)
+    if limits is not None:
+        beyond = (cell <= limits[0]) | (cell >= limits[1])
+        faults += _each(beyond.sum(axis=0), "saturated", "kept at the limit")
+        repaired = repaired.clip(*limits)
+    faults = [(*fault, np.nan) for fault in faults]
+    if rest is not None:
+        offsets = np.median(repaired[:rest], axis=0)
+        repaired -= offsets
+        n_samples = min(rest, len(cell))
+        faults += [
+            (i, "rest level", n_samples, "subtracted", float(offset))
+            for i, offset in enumerate(offsets)
+        ]
+    return repaired, faults
+
+
+def trial_columns(X, names=None):
+    """Return the columns of trials by name; one collection of trials is named "".
+
+    `names` are those to return; by default all columns that hold trials.
+    """
+    if not isinstance(X, pd.DataFrame):
+        if names not in (None, [_ALONE]):
+            raise ValueError(
+                f"X is a {type(X).__name__}, but fit was given a DataFrame; give the "
+                f"columns {names} again."
+            )
+        return {_ALONE: X}
+    if names is None:
+        names = [name for name in X if any(np.ndim(cell) >= 1 for cell in X[name])]
+    absent = [name for name in names if name not in X.columns]
+    if absent:
+        raise ValueError(
+            f"X has no column {absent[0]!r}, which fit was given; give the same "
+            "sensors, with None where a trial has none."
+        )
+    return {name: X[name] for name in names}
+
+
+def as_cells(column, name, shape=None, names=None):
+    """Return trials as arrays of shape (n_times, n_channels), None where missing.
+
+    What is masked or infinite becomes NaN. `shape` is that of a time sample, by default
+    that of the first trial, and `names` are those of the channels, in whose order the
+    columns of data frames are put. Return both too.
+    """
+    cells = []
+    where = "fit" if shape is not None else "the first trial"
+    for i, cell in enumerate(column):
+        if is_missing(cell) or (hasattr(cell, "__len__") and len(cell) == 0):
+            cells.append(None)
+            continue
+        label = f"Trial {i} of X" if name == _ALONE else f"Trial {i} of X[{name!r}]"
+        if hasattr(cell, "columns"):
+            own = list(cell.columns)
+            names = own if names is None else names
+            if sorted(own, key=str) != sorted(names, key=str):
+                raise ValueError(
+                    f"{label} has the columns {own}, but {names} are expected, as in "
+                    f"{where}."
+                )
+            cell = cell[names]
+        trial = as_floats(cell, label)
+        shape = trial.shape[1:] if shape is None else shape
+        if trial.shape[1:] != shape:
+            raise ValueError(
+                f"{label} has time samples of shape {trial.shape[1:]}, but {shape} is "
+                f"expected, as in {where}."
+            )
+        trial = trial.reshape(len(trial), -1)
+        trial = np.where(np.isfinite(trial), trial, np.nan)
+        cells.append(None if np.isnan(trial).all() else trial)
+    if shape is None:
+        sensor = "" if name == _ALONE else f"[{name!r}]"
+        raise ValueError(f"X{sensor} holds no samples at all; leave the sensor out.")
+    return cells, (shape, names)
+
+
+def _option(option, name, cells):
+    """Return the value of an option for a sensor."""
+    if not isinstance(option, Mapping):
+        return option
+    unknown = [key for key in option if key not in cells]
+    if unknown:
+        raise ValueError(
+            f"The sensor {unknown[0]!r} is none of {list(cells)}; name columns of X."
+        )
+    return option.get(name)
+
+
+def _limits(limits, name, cells):
+    limits = _option(limits, name, cells)
+    if limits is None:
+        return None
+    pair = np.asarray(limits)
+    if pair.shape != (2,) or pair.dtype.kind not in "iuf" or not pair[0] < pair[1]:
+        raise ValueError(
+            f"limits={limits!r} must be the lowest and the highest value of the sensor."
+        )
+    return tuple(pair.tolist())
+
+
+def _rest(rest, name, cells):
+    rest = _option(rest, name, cells)
+    if rest is not None and (not isinstance(rest, Integral) or rest < 1):
+        raise ValueError(f"rest={rest!r} must be a number of samples, at least 1.")
+    return rest
+
+
+def usual_trials(cells, samples, limits, rest):
+    """Learn what the trials of a sensor are like, from those that have it."""
+    cells = [cell for cell in cells if cell is not None]
+    varies = np.array([_varies(cell) for cell in cells])
+    repaired = [repair_channels(cell, limits, rest)[0] for cell in cells]
+    usually = varies.mean(axis=0) >= _USUAL
+    # A trial with a dead channel says nothing about how channels go together.
+    whole = [i for i, each in enumerate(varies) if each[usually].all()]
+    whole = whole or list(range(len(cells)))
+    n_samples = sum(len(repaired[i]) for i in whole)
+    mean = sum(repaired[i].sum(axis=0, dtype=float) for i in whole) / n_samples
+    centred = ((repaired[i] - mean) for i in whole)
+    covariance = sum(trial.T @ trial for trial in centred) / n_samples
+    levels = np.array(
+        [np.r_[repaired[i].mean(axis=0), repaired[i].std(axis=0)] for i in whole]
+    )
+    spread = levels.std(axis=0)
+    spread[spread == 0] = 1
+    distances = np.abs((levels - np.median(levels, axis=0)) / spread).sum(axis=1)
+    typical = repaired[whole[distances.argmin()]]
+    return Usual(samples, usually, mean, covariance, typical)
+
+
+def _varies(cell):
+    """Whether each channel has two different known samples."""
+    high = np.where(np.isnan(cell), -np.inf, cell).max(axis=0)
+    low = np.where(np.isnan(cell), np.inf, cell).min(axis=0)
+    return high > low
+
+
+def _each(counts, fault, answer):
+    return [(int(i), fault, int(counts[i]), answer) for i in np.flatnonzero(counts)]
+
+
+class TrialRepair:
+    """What :class:`RepairTrials` does; it adds the parameters and `set_output`."""
+
+    limits: Any
+    rest: Any
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X: Trials, y: None = None) -> Self:
+        """Learn what the trials are like, and report their faults.
+
+        Parameters
+        ----------
+        X : DataFrame with columns of trials, collection of trials, or array-like of \
+                shape (n_trials, n_times)
+            Trials.
+        y : None
+            Ignored.
+
+        Returns
+        -------
+        self : RepairTrials
+            The fitted transformer.
+
+        Raises
+        ------
+        ValueError
+            If `limits` or `rest` cannot be, name a sensor that `X` has not, or no
+            trial has a sensor.
+        """
+        self.takes_trials_ = not is_table(X)
+        if self.takes_trials_:
+            cells, samples = {}, {}
+            for name, column in trial_columns(X).items():
+                cells[name], samples[name] = as_cells(column, name)
+            vars(self).pop("feature_names_in_", None)
+            if isinstance(X, pd.DataFrame):
+                self.feature_names_in_ = np.asarray(X.columns, dtype=object)
+                self.n_features_in_ = X.shape[1]
+        else:
+            cells = {_ALONE: self._rows(X, reset=True)}
+            samples = {_ALONE: ((1,), None)}
+        self._settings = {
+            name: (_limits(self.limits, name, cells), _rest(self.rest, name, cells))
+            for name in cells
+        }
+        self._usual = {
+            name: usual_trials(each, samples[name], *self._settings[name])
+            for name, each in cells.items()
+        }
+        if self.takes_trials_ and not isinstance(X, pd.DataFrame):
+            self.n_features_in_ = len(self._usual[_ALONE].mean)
+        self._faults = self._rows_of_faults(X)
+        return self
+
+    def transform(self, X: Trials) -> Any:
+        """Repair trials.
+
+        Parameters
+        ----------
+        X : DataFrame with columns of trials, collection of trials, or array-like of \
+                shape (n_trials, n_times)
+            Trials of the sensors seen in `fit`.
+
+        Returns
+        -------
+        repaired : DataFrame, Series, list of ndarray, or ndarray
+            A DataFrame or a Series if `X` is one, with the same index, an array for a
+            table, and a list for other collections of trials.
+
+        Raises
+        ------
+        ValueError
+            If a sensor or a channel seen in `fit` is absent.
+        """
+        check_is_fitted(self)
+        if not self.takes_trials_:
+            rows = [trial.ravel() for trial, _ in self._repair(X)[_ALONE]]
+            return _wrap_data_with_container("transform", np.array(rows), X, self)
+        repaired = {
+            name: [
+                trial.reshape(-1, *self._usual[name].samples[0]) for trial, _ in pairs
+            ]
+            for name, pairs in self._repair(X).items()
+        }
+        if isinstance(X, pd.DataFrame):
+            X = X.copy()
+            for name, cells in repaired.items():
+                X[name] = pd.Series(cells, index=X.index, dtype=object)
+            return X
+        if isinstance(X, pd.Series):
+            return pd.Series(repaired[_ALONE], X.index, dtype=object, name=X.name)
+        return repaired[_ALONE]
+
+    def faults(self, X: Trials) -> pd.DataFrame:
+        """Report what `transform` repairs.
+
+        Parameters
+        ----------
+        X : DataFrame with columns of trials, collection of trials, or array-like of \
+                shape (n_trials, n_times)
+            Trials of the sensors seen in `fit`.
+
+        Returns
+        -------
+        faults : pandas.DataFrame
+            One row per trial, channel and fault, with the columns "trial" (its
+            position), "sensor" ("" for the trials of one sensor), "channel" (its
+            number, or "all"), "fault", "n_samples", "answer" and "offset" (what was
+            subtracted from the channel, NaN for other faults).
+        """
+        check_is_fitted(self)
+        return pd.DataFrame(self._rows_of_faults(X), columns=_COLUMNS)
+
+    @property
+    def faults_(self) -> pd.DataFrame:
+        """The faults of the trials of `fit`."""
+        check_is_fitted(self)
+        return pd.DataFrame(self._faults, columns=_COLUMNS)
+
+    def _rows_of_faults(self, X):
+        return [
+            (i, name, *fault)
+            for name, pairs in self._repair(X).items()
+            for i, (_, faults) in enumerate(pairs)
+            for fault in faults
+        ]
+
+    def _repair(self, X):
+        """Return the repaired trials of each sensor with their faults."""
+        if self.takes_trials_:
+            columns = trial_columns(X, list(self._usual))
+            cells = {
+                name: as_cells(column, name, *self._usual[name].samples)[0]
+                for name, column in columns.items()
+            }
+        else:
+            cells = {_ALONE: self._rows(X)}
+        return {
+            name: [
+                repair_trial(cell, self._usual[name], *self._settings[name])
+                for cell in each
+            ]
+            for name, each in cells.items()
+        }
+
+    def _rows(self, X, *, reset=False):
+        """Validate a table, whose rows are trials with one channel."""
+        X = check_table(
+            self,
+            X,
+            dtype=[np.float64, np.float32],
+            reset=reset,
+            ensure_all_finite="allow-nan",
+        )
+        return [None if np.isnan(row).all() else row[:, np.newaxis] for row in X]
+
+    def __sklearn_is_fitted__(self):
+        return hasattr(self, "_usual")
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.transformer_tags.preserves_dtype = ["float64", "float32"]
+        tags.input_tags.allow_nan = True
+        return tags
+
+
+class RepairTrials(
+    TrialRepair,
+    DocumentedEstimator,
+    OneToOneFeatureMixin,
+    TransformerMixin,
+    BaseEstimator,
+):
+    """Repair what is wrong with real recordings, and report every repair.
+
+    The transformers of features refuse recordings with missing values. As the first
+    step of a Pipeline, this one repairs them before:
+
+    ===============  ===============================  ================================
+    fault            found                            answer
+    ===============  ===============================  ================================
+    missing samples  NaN, infinite or masked          interpolated in time, channel by
+                                                      channel
+    dropped frames   NaN in all channels at a time    interpolated in time
+    saturated        at or beyond `limits`            kept at the limit, the nearest
+                                                      value that is known
+    dead             constant in the trial, in a      estimated from the other channels
+                     channel that varies in nine      by linear regression; the mean if
+                     trials of ten                    there are none
+    missing sensor   None, NaN or no samples in       the most typical trial of `fit`
+                     place of the trial
+    rest level       `rest` is given                  the median of the first `rest`
+                                                      samples is subtracted
+    ===============  ===============================  ================================
+
+    Parameters
+    ----------
+    limits : tuple of float (low, high) or mapping of str to tuple, default=None
+        Lowest and highest value that the sensor can give, or those of each sensor by
+        name. By default no sample counts as saturated.
+    rest : int or mapping of str to int, default=None
+        Number of samples at the begin of every trial in which nothing is touched, or
+        those of each sensor by name. By default the level is left as it is.
+
+    Attributes
+    ----------
+    faults_ : pandas.DataFrame
+        The faults of the trials of `fit`, see `faults`.
+    takes_trials_ : bool
+        Whether trials were fitted; else a table.
+    n_features_in_ : int
+        Number of columns of a DataFrame or table, of channels of other trials.
+    feature_names_in_ : ndarray of shape (`n_features_in_`,)
+        Names of the columns of a DataFrame.
+
+    See Also
+    --------
+    resample_trials : Resample by time stamps, which shows the frames that were dropped.
+
+    Notes
+    -----
+    `X` may be a DataFrame of trials with one column per sensor, of which columns
+    without trials stay as they are, the trials of one sensor, or a table, each row of
+    which is a trial with one channel. Trials keep their container. To leave faulty
+    trials out instead, take those whose position is not in ``faults_["trial"]``.
+
+    What is estimated is learned from the trials of `fit` alone. No more than repairs
+    the faults is changed: a trial without faults comes out as it went in.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic import RepairTrials
+    >>> force = np.arange(5.0)
+    >>> trials = [np.column_stack([force, 2 * force + i]) for i in range(9)]
+    >>> trials.append(np.array([[0, 9], [1, 9], [np.nan, 9], [3, 9]]))
+    >>> repair = RepairTrials().fit(trials)
+    >>> repair.faults_[["trial", "channel", "fault", "answer"]]
+       trial  channel            fault                             answer
+    0      9        0  missing samples                       interpolated
+    1      9        1             dead  estimated from the other channels
+    >>> repair.transform(trials)[9]
+    array([[ 0.,  4.],
+           [ 1.,  6.],
+           [ 2.,  8.],
+           [ 3., 10.]])
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "limits": ["array-like", Mapping, None],
+        "rest": [Interval(Integral, 1, None, closed="left"), Mapping, None],
+    }
+
+    def __init__(
+        self,
+        *,
+        limits: tuple[float, float] | Mapping[str, tuple[float, float]] | None = None,
+        rest: int | Mapping[str, int] | None = None,
+    ) -> None:
+        self.limits = limits
+        self.rest = rest

@@ -1,0 +1,362 @@
+"""Every fault of real recordings: what is found, what is done, what is said."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import signal
+from scipy.interpolate import interp1d
+from sklearn.base import clone
+from sklearn.linear_model import LinearRegression
+from sklearn.pipeline import make_pipeline
+
+from sklearn_haptic import (
+    RepairTrials,
+    TaxelGrid,
+    make_haptic_pipeline,
+    resample_trials,
+)
+
+MIXING = np.random.default_rng(0).normal(size=(2, 4))
+
+
+def recordings(n_trials=20, seed=1):
+    """Four channels that are mixtures of two, with noise; 30 samples or more."""
+    rng = np.random.default_rng(seed)
+    return [
+        5 + rng.normal(size=(rng.integers(30, 40), 2)) @ MIXING for _ in range(n_trials)
+    ]
+
+
+def faults_of(repair, trials):
+    table = repair.faults(trials)
+    return list(table[["trial", "channel", "fault", "n_samples"]].itertuples(False))
+
+
+def test_trials_without_faults_are_untouched():
+    trials = recordings()
+    repair = RepairTrials().fit(trials)
+    assert repair.faults_.empty
+    for before, after in zip(trials, repair.transform(trials), strict=True):
+        np.testing.assert_array_equal(before, after)
+        assert not np.shares_memory(before, after)
+
+
+@pytest.mark.parametrize("kind", ["NaN", "infinite", "masked"])
+def test_missing_samples_are_interpolated(kind):
+    trials = recordings()
+    gone = np.zeros(trials[3].shape, dtype=bool)
+    gone[[0, 1, 7, 8, 20], 2] = True
+    gone[-1, 0] = True
+    expected = trials[3].copy()
+    for channel in (0, 2):  # one channel after the other, by a loop
+        known = np.flatnonzero(~gone[:, channel])
+        line = interp1d(
+            known,
+            trials[3][known, channel],
+            bounds_error=False,
+            fill_value=(trials[3][known[0], channel], trials[3][known[-1], channel]),
+        )
+        for time in np.flatnonzero(gone[:, channel]):
+            expected[time, channel] = line(time)
+    if kind == "masked":
+        trials[3] = np.ma.array(trials[3], mask=gone)
+    else:
+        trials[3][gone] = np.nan if kind == "NaN" else -np.inf
+    repair = RepairTrials()
+    np.testing.assert_allclose(repair.fit_transform(trials)[3], expected, rtol=1e-12)
+    assert faults_of(repair, trials) == [
+        (3, 0, "missing samples", 1),
+        (3, 2, "missing samples", 5),
+    ]
+
+
+def test_dropped_frames_are_interpolated():
+    trials = recordings()
+    trials[5][10:12] = np.nan
+    trials[5][20, 1] = np.nan
+    repair = RepairTrials().fit(trials)
+    assert faults_of(repair, trials) == [
+        (5, "all", "dropped frames", 2),
+        (5, 1, "missing samples", 1),
+    ]
+    repaired = repair.transform(trials)[5]
+    step = (trials[5][12] - trials[5][9]) / 3
+    np.testing.assert_allclose(repaired[10:12], trials[5][9] + np.outer([1, 2], step))
+
+
+def test_saturated_samples_stay_at_the_limit():
+    trials = recordings()
+    n_high, n_low = int((trials[0][:, 1] >= 6).sum()), int((trials[0][:, 1] <= 4).sum())
+    repair = RepairTrials(limits=(4.0, 6.0)).fit(trials)
+    assert (0, 1, "saturated", n_high + n_low) in faults_of(repair, trials)
+    for before, after in zip(trials, repair.transform(trials)):
+        np.testing.assert_array_equal(np.minimum(np.maximum(before, 4.0), 6.0), after)
+    assert set(repair.faults_["answer"]) == {"kept at the limit"}
+
+
+def test_dead_channels_are_those_of_linear_regression():
+    trials = [trial[:30] for trial in recordings()]
+    rng = np.random.default_rng(0)
+    trials = [trial + rng.normal(scale=0.3, size=trial.shape) for trial in trials]
+    repair = RepairTrials().fit(trials)
+    samples = np.concatenate(trials)
+    touch = trials[4].copy()
+    touch[:, [1, 3]] = 0.0, np.nan  # one stuck, one without any sample
+    regression = LinearRegression().fit(samples[:, [0, 2]], samples[:, [1, 3]])
+    expected = regression.predict(touch[:, [0, 2]])
+    repaired = repair.transform([touch])[0]
+    np.testing.assert_allclose(repaired[:, [1, 3]], expected, rtol=1e-9)
+    np.testing.assert_array_equal(repaired[:, [0, 2]], touch[:, [0, 2]])
+    assert faults_of(repair, [touch]) == [
+        (0, 3, "missing samples", 30),
+        (0, 1, "dead", 30),
+        (0, 3, "dead", 30),
+    ]
+
+
+def test_a_channel_that_often_rests_is_not_dead():
+    trials = recordings()
+    for trial in trials[:3]:
+        trial[:, 0] = 2.0
+    repair = RepairTrials()
+    for before, after in zip(trials, repair.fit_transform(trials)):
+        np.testing.assert_array_equal(before, after)
+    assert repair.faults_.empty
+
+
+def test_without_other_channels_a_dead_one_has_the_mean():
+    trials = [trial[:, :1] for trial in recordings()]
+    mean = np.concatenate(trials).mean()
+    dead = RepairTrials().fit(trials).transform([np.zeros((7, 1))])[0]
+    np.testing.assert_allclose(dead, np.full((7, 1), mean), rtol=1e-12)
+
+
+@pytest.mark.parametrize("nothing", [None, np.nan, pd.NA, [], np.full((3, 4), np.nan)])
+def test_a_missing_sensor_has_the_most_typical_trial(nothing):
+    trials = recordings()
+    levels = np.array([[*t.mean(axis=0), *t.std(axis=0)] for t in trials])
+    distances = [  # by a loop over trials and levels
+        sum(
+            abs(row[j] - np.median(levels[:, j])) / np.std(levels[:, j])
+            for j in range(levels.shape[1])
+        )
+        for row in levels
+    ]
+    typical = trials[int(np.argmin(distances))]
+    repair = RepairTrials().fit([*trials, nothing])
+    np.testing.assert_array_equal(repair.transform([nothing])[0], typical)
+    assert repair.faults_["fault"].tolist() == ["missing sensor"]
+    assert repair.faults_["trial"].tolist() == [len(trials)]
+
+
+def test_rest_level_is_subtracted():
+    trials = recordings()
+    drifted = [trial + i for i, trial in enumerate(trials)]
+    repair = RepairTrials(rest=5).fit(drifted)
+    for i, (trial, after) in enumerate(zip(trials, repair.transform(drifted))):
+        offset = np.median(trial[:5], axis=0)
+        np.testing.assert_allclose(after, trial - offset, atol=1e-12)
+        of_trial = repair.faults_[repair.faults_["trial"] == i]
+        np.testing.assert_allclose(of_trial["offset"], offset + i)
+        assert set(of_trial["fault"]) == {"rest level"}
+
+
+def test_several_sensors_in_a_data_frame():
+    skin, force = recordings(seed=1), [t[:, :1] for t in recordings(seed=2)]
+    trials = pd.DataFrame({"skin": skin, "force": force, "speed": np.arange(20.0)})
+    trials.index = [f"touch{i}" for i in range(20)]
+    trials.at["touch2", "force"] = None
+    trials.at["touch3", "skin"] = np.where(
+        np.arange(len(skin[3]))[:, None] == 4, np.nan, skin[3]
+    )
+    before = trials.copy()
+    repair = RepairTrials(rest={"force": 3}, limits={"skin": (-99, 99)})
+    repaired = repair.fit_transform(trials)
+    pd.testing.assert_index_equal(repaired.index, trials.index)
+    assert repaired["speed"].equals(trials["speed"])
+    table = repair.faults_
+    assert table[table["fault"] == "rest level"]["sensor"].unique() == ["force"]
+    rest = table[table["fault"] != "rest level"]
+    assert rest[["trial", "sensor", "fault"]].to_numpy().tolist() == [
+        [3, "skin", "dropped frames"],
+        [2, "force", "missing sensor"],
+    ]
+    alone = RepairTrials(rest=3).fit(list(trials["force"]))
+    for one, other in zip(alone.transform(trials["force"]), repaired["force"]):
+        np.testing.assert_array_equal(one, other)
+    assert trials["force"]["touch2"] is None and trials["skin"] is not None
+    assert trials["skin"]["touch3"] is before["skin"]["touch3"]
+    # A sensor that is missing in all of the trials to predict.
+    none = trials.iloc[:2].assign(force=None)
+    assert [len(t) for t in repair.transform(none)["force"]] == [
+        len(repair.transform(trials.iloc[[2]])["force"].iloc[0])
+    ] * 2
+
+
+def test_images_and_single_precision():
+    rng = np.random.default_rng(0)
+    images = [rng.normal(size=(9, 2, 3)).astype(np.float32) for _ in range(12)]
+    images[4][3, 1, 2] = np.nan
+    repaired = RepairTrials().fit_transform(images)
+    assert repaired[4].shape == (9, 2, 3) and repaired[4].dtype == np.float32
+    np.testing.assert_allclose(
+        repaired[4][3, 1, 2], (images[4][2, 1, 2] + images[4][4, 1, 2]) / 2, rtol=1e-6
+    )
+
+
+def test_named_channels_are_put_in_order():
+    trials = [pd.DataFrame(trial, columns=list("abcd")) for trial in recordings()]
+    shuffled = [trial[list("dbca")] for trial in trials]
+    repair = RepairTrials().fit(trials)
+    for one, other in zip(repair.transform(shuffled), trials):
+        np.testing.assert_array_equal(one, other.to_numpy())
+    with pytest.raises(
+        ValueError, match=r"^Trial 0 of X has the columns .*, as in fit"
+    ):
+        repair.transform([trials[0].rename(columns={"a": "x"})])
+
+
+def test_rows_of_a_table_are_trials_of_one_channel():
+    X = np.random.default_rng(0).normal(size=(12, 8))
+    X[2, 3] = np.nan
+    repaired = RepairTrials().set_output(transform="pandas").fit_transform(X)
+    assert repaired.shape == (12, 8)
+    assert repaired.iloc[2, 3] == pytest.approx((X[2, 2] + X[2, 4]) / 2)
+
+
+def test_faulty_touches_are_predicted_as_whole_ones():
+    """In a model, with every fault at once in the touches to predict."""
+    rng = np.random.default_rng(0)
+    kinds = np.arange(40) % 2
+    touches = [
+        (1 + kind) * rng.uniform(0.8, 1.2, size=(60, 1)) + rng.normal(size=(60, 16))
+        for kind in kinds
+    ]
+    model = make_pipeline(
+        RepairTrials(limits=(-50, 50)),
+        make_haptic_pipeline(TaxelGrid((4, 4)), random_state=0),
+    ).fit(touches[:30], kinds[:30])
+    faulty = [touch.copy() for touch in touches[30:]]
+    for touch in faulty:
+        touch[:, 3] = 50.0
+        touch[10:13] = np.nan
+        touch[20, 7] = np.nan
+    expected = model.predict_proba(touches[30:])
+    assert (expected.argmax(axis=1) == kinds[30:]).all()
+    np.testing.assert_allclose(model.predict_proba(faulty), expected, atol=0.3)
+    with pytest.raises(ValueError, match="contains NaN or infinity"):
+        model[1:].predict(faulty)
+
+
+@pytest.mark.parametrize(
+    "n_trials", [1, 5000, pytest.param(100_000, marks=pytest.mark.slow)]
+)
+def test_any_number_of_trials(n_trials):
+    rng = np.random.default_rng(0)
+    trials = list(rng.normal(size=(n_trials, 6, 2)))
+    trials[-1][2, 1] = np.nan
+    repair = RepairTrials()
+    repaired = repair.fit_transform(trials)
+    assert len(repaired) == n_trials and np.isfinite(repaired[-1]).all()
+    assert repair.faults_["trial"].tolist() == [n_trials - 1]
+
+
+def test_refit_forgets():
+    trials = recordings()
+    repair = RepairTrials().fit(pd.DataFrame({"skin": trials})).fit(trials)
+    assert not hasattr(repair, "feature_names_in_") and repair.n_features_in_ == 4
+    assert clone(repair).get_params() == {"limits": None, "rest": None}
+
+
+# Resampling
+
+
+def waves(times):
+    return np.column_stack([np.sin(2 * np.pi * 3 * times), times])
+
+
+def test_resampling_is_a_straight_line_between_stamps():
+    rng = np.random.default_rng(0)
+    times = np.cumsum(rng.uniform(0.008, 0.012, 400)) + 7
+    trial = waves(times)
+    resampled = resample_trials([trial], [times], 100, longest_gap=np.inf)[0]
+    new = times[0] + np.arange(len(resampled)) / 100
+    assert new[-1] <= times[-1] < new[-1] + 0.01
+    expected = interp1d(times, trial, axis=0)(new)
+    np.testing.assert_allclose(resampled, expected, atol=1e-12)
+
+
+def test_an_even_rate_stays_as_it_is():
+    times = np.arange(300) / 35
+    trial = waves(times)
+    np.testing.assert_allclose(
+        resample_trials([trial], [times], 35)[0], trial, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("factor", [2, 5, 10])
+def test_decimation_is_that_of_scipy(factor):
+    times = np.arange(1001) / 1000
+    trial = waves(times) + np.random.default_rng(0).normal(size=(1001, 2))
+    resampled = resample_trials([trial], [times], 1000 / factor)[0]
+    expected = signal.resample_poly(trial, 1, factor, padtype="line")
+    np.testing.assert_allclose(resampled, expected, atol=1e-9)
+
+
+def test_no_vibration_comes_out_as_a_slower_one():
+    times = np.arange(4000) / 1000
+    trial = np.sin(2 * np.pi * 95 * times)  # an alias of 5 Hz at 100 Hz
+    resampled = resample_trials([trial], [times], 100)[0]
+    assert np.abs(resampled[10:-10]).max() < 0.01
+    assert np.abs(trial[::10][10:-10]).max() > 0.9
+
+
+def test_dropped_frames_are_not_invented():
+    times = np.delete(np.arange(50) / 35, [10, 20, 21, 22])
+    trial = waves(times)
+    resampled = resample_trials([trial], [times], 35)[0]
+    gone = np.flatnonzero(np.isnan(resampled).all(axis=1))
+    assert gone.tolist() == [10, 20, 21, 22]
+    repair = RepairTrials().fit([resampled, waves(np.arange(50) / 35)])
+    assert faults_of(repair, [resampled]) == [(0, "all", "dropped frames", 4)]
+    trusted = resample_trials([trial], [times], 35, longest_gap=0.06)[0]
+    assert np.flatnonzero(np.isnan(trusted[:, 0])).tolist() == [20, 21, 22]
+
+
+def test_masked_samples_of_one_channel():
+    times = np.arange(20) / 10
+    trial = np.ma.array(waves(times), mask=False)
+    trial[5, 1] = trial[0, 0] = np.ma.masked
+    resampled = resample_trials([trial], [times], 10)[0]
+    assert np.argwhere(np.isnan(resampled)).tolist() == [[0, 0], [5, 1]]
+
+
+def test_real_slides_are_resampled(shared_data):
+    """Stamps in whole milliseconds, 28 or 29 apart."""
+    arrays = np.load(shared_data / "fabric_slides" / "fabric_slides.npz")
+    ends = np.cumsum(arrays["length"])[:20]
+    trials = np.split(arrays["taxels"][: ends[-1]], ends[:-1])
+    times = np.split(arrays["time_ms"][: ends[-1]] / 1000, ends[:-1])
+    for trial, stamps, new in zip(trials, times, resample_trials(trials, times, 35)):
+        assert np.isfinite(new).all()
+        assert len(new) == np.floor((stamps[-1] - stamps[0]) * 35 + 1e-9) + 1
+        at = stamps[0] + np.arange(len(new)) / 35
+        np.testing.assert_allclose(
+            new[:, 5], np.interp(at, stamps, trial[:, 5]), rtol=1e-12
+        )
+
+
+def test_one_sample_and_single_precision():
+    one = resample_trials([np.ones((1, 2), np.float32)], [[3.0]], 10)[0]
+    assert one.tolist() == [[1.0, 1.0]] and one.dtype == np.float32
+
+
+@pytest.mark.parametrize(
+    "n_trials", [1, 5000, pytest.param(100_000, marks=pytest.mark.slow)]
+)
+def test_resampling_any_number_of_trials(n_trials):
+    trials = list(np.random.default_rng(0).normal(size=(n_trials, 10)))
+    times = np.tile(np.arange(10) / 10, (n_trials, 1))
+    resampled = resample_trials(trials, times, 20)
+    assert len(resampled) == n_trials
+    np.testing.assert_allclose(resampled[-1][::2, 0], trials[-1], atol=1e-12)

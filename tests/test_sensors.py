@@ -1,0 +1,183 @@
+"""Sensors that are described, named, or found out from their trials."""
+
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from sklearn.linear_model import RidgeClassifier
+from sklearn.model_selection import GroupKFold, cross_val_score
+
+from sklearn_haptic import (
+    KSVDTransformer,
+    SensorFeatures,
+    Signal,
+    SignalStatistics,
+    STHMPTransformer,
+    TaxelGrid,
+    TemporalMaxPool,
+    make_haptic_pipeline,
+)
+
+
+def touches(n_trials=12, seed=0):
+    """A skin of 4 × 4 taxels at 50 Hz and an accelerometer at 1 kHz."""
+    rng = np.random.default_rng(seed)
+    lengths = rng.integers(20, 40, n_trials)
+    cells = [(rng.normal(size=(n, 16)), rng.normal(size=(20 * n, 3))) for n in lengths]
+    return pd.DataFrame(cells, columns=["skin", "acc"]), np.arange(n_trials) % 3
+
+
+@pytest.mark.parametrize(
+    ("signal", "n_samples"),
+    [
+        (Signal(), None),
+        (Signal(rate=1000), 50),
+        (Signal(rate=100), 50),
+        (Signal(rate=35), 18),
+        (Signal(rate=1), 2),
+        (Signal(rate=2200, window=0.01), 22),
+    ],
+)
+def test_windows_in_seconds(signal, n_samples):
+    assert signal.n_samples == n_samples
+
+
+def test_layouts():
+    row_by_row = TaxelGrid((2, 3)).weights
+    for i in range(2):
+        for j in range(3):
+            assert row_by_row[i, j].tolist() == np.eye(6)[3 * i + j].tolist()
+    wiring = np.array([[1, 0], [3, 2], [4, 5]])
+    assert (TaxelGrid(np.eye(6)[wiring]).weights.argmax(axis=2) == wiring).all()
+    assert TaxelGrid(np.eye(6)[wiring]) == TaxelGrid(np.eye(6)[wiring].tolist())
+    assert len({TaxelGrid((4, 4)), TaxelGrid([4, 4]), TaxelGrid(None)}) == 2
+    sizes = {(8, 8): (3, 3), (4, 8): (2, 2), (1, 6): (1, 2)}
+    for shape, patch_size in sizes.items():
+        assert TaxelGrid(shape).patch_size == patch_size
+
+
+def test_described_features_are_those_of_the_transformers():
+    """The pipeline does what is written out here by hand."""
+    trials, y = touches()
+    sensors = {"skin": TaxelGrid((4, 4)), "acc": Signal(rate=1000, window=0.02)}
+    model = make_haptic_pipeline(sensors, random_state=0).fit(trials, y)
+    common = {"n_nonzero_coefs": 2, "max_iter": 5, "remove_mean": False}
+    pool = TemporalMaxPool((4, 2, 1))
+    skin = STHMPTransformer(
+        layout=np.eye(16).reshape(4, 4, 16),
+        patch_size=(2, 2),
+        max_train_patches=5000,
+        random_state=0,
+        **common,
+    )
+    acc = KSVDTransformer(window=20, max_train_windows=5000, random_state=0, **common)
+    blocks = []
+    for name, coder in {"skin": skin, "acc": acc}.items():
+        blocks.append(clone(pool).fit_transform(coder.fit_transform(trials[name])))
+        blocks.append(SignalStatistics().fit_transform(trials[name]))
+    np.testing.assert_array_equal(model[0].transform(trials), np.hstack(blocks))
+    names = model[:-1].get_feature_names_out()
+    assert len(set(names)) == len(names) == model[-1].n_features_in_
+    assert names[0] == "skin__codes__t1of4_s1of9_atom0+"
+    assert names[-1] == "acc__statistics__t1of1_ch2_band16of16"
+    loaded = pickle.loads(pickle.dumps(model))
+    np.testing.assert_array_equal(
+        loaded.predict_proba(trials), model.predict_proba(trials)
+    )
+
+
+def test_names_of_a_biotac_are_not_described_twice():
+    named = make_haptic_pipeline(["pac", "acc"])[0].transformers
+    assert isinstance(named[0][1][0], KSVDTransformer)
+    assert named[0][1][0].window == 22 and named[0][1][0].n_atoms == 40
+    assert isinstance(named[1][1], SensorFeatures)
+
+
+def test_one_sensor_alone_takes_a_list():
+    trials, y = touches()
+    skins = list(trials["skin"])
+    alone = make_haptic_pipeline(TaxelGrid((4, 4)), random_state=0).fit(skins, y)
+    of_frame = make_haptic_pipeline({"skin": TaxelGrid((4, 4))}, random_state=0)
+    np.testing.assert_array_equal(
+        alone.predict_proba(skins), of_frame.fit(trials, y).predict_proba(trials)
+    )
+
+
+def test_what_is_not_described_is_found_out():
+    trials, y = touches()
+    trials["camera"] = [trial.reshape(-1, 4, 4) for trial in trials["skin"]]
+    model = make_haptic_pipeline(["skin", "camera"], random_state=0).fit(trials, y)
+    found = model[0].named_transformers_
+    assert found["skin"].kind_ == "signals" and found["camera"].kind_ == "images"
+    assert isinstance(found["skin"].transformer_, SignalStatistics)
+    assert isinstance(found["camera"].transformer_[0], STHMPTransformer)
+    np.testing.assert_array_equal(
+        found["skin"].transform(trials["skin"]),
+        SignalStatistics().fit_transform(trials["skin"]),
+    )
+    described = {"skin": Signal(), "camera": TaxelGrid()}
+    described = make_haptic_pipeline(described, random_state=0).fit(trials, y)
+    np.testing.assert_array_equal(
+        described.predict_proba(trials), model.predict_proba(trials)
+    )
+    again = SensorFeatures().fit(trials["camera"]).fit(trials["skin"])
+    assert again.kind_ == "signals" and again.n_features_in_ == 16
+    alone = make_haptic_pipeline(None, random_state=0)
+    assert alone.fit(list(trials["skin"]), y)[0].kind_ == "signals"
+
+
+def test_given_transformers_are_cloned():
+    signals = SignalStatistics(("mean",))
+    trials, _ = touches()
+    features = SensorFeatures(signals).fit(trials["skin"])
+    assert features.transform(trials["skin"]).shape == (12, 16)
+    assert not hasattr(signals, "statistics_")
+    assert features.get_feature_names_out()[15] == "t1of1_ch15_mean"
+
+
+@pytest.mark.parametrize(
+    "n_trials", [1, 5000, pytest.param(100_000, marks=pytest.mark.slow)]
+)
+def test_any_number_of_trials(n_trials):
+    rng = np.random.default_rng(0)
+    trials = list(rng.normal(size=(n_trials, 8, 4)).astype(np.float32))
+    features = make_haptic_pipeline(None)[0]
+    rows = features.fit_transform(trials)
+    assert rows.shape == (n_trials, 4 * 22) and rows.dtype == np.float32
+    np.testing.assert_allclose(rows[-1, 0], trials[-1][:, 0].mean(), rtol=1e-5)
+
+
+@pytest.mark.slow
+def test_fabrics_in_ten_lines(shared_data):
+    """Seven fabrics under a taxel finger, at forces and speeds never combined."""
+    arrays = np.load(shared_data / "fabric_slides" / "fabric_slides.npz")
+    trials = np.split(arrays["taxels"], np.cumsum(arrays["length"])[:-1])
+    forces, speeds = arrays["force"].astype(int), arrays["speed"]
+    model = make_haptic_pipeline(TaxelGrid((4, 4)), random_state=0)
+    model.set_params(model=RidgeClassifier(100))
+    scores = cross_val_score(
+        model,
+        trials,
+        arrays["fabric"],
+        groups=1000 * forces + speeds,
+        cv=GroupKFold(3),
+    )
+    assert scores.mean() > 0.97
+
+
+@pytest.mark.slow
+def test_one_finger_in_ten_lines(shared_data):
+    """Twenty materials under one BioTac, in runs that were recorded later."""
+    arrays = np.load(shared_data / "biotac_slides" / "biotac_slides.npz")
+    frames = np.split(arrays["frames"], np.cumsum(arrays["length"])[:-1])
+    trials = pd.DataFrame({"pac": [f[:, 3:25].reshape(-1, 1) for f in frames]})
+    trials["slow"] = [f[:, :3] for f in frames]
+    trials["skin"] = [f[:, 25:] for f in frames]
+    sensors = {"pac": Signal(2200), "slow": Signal(100), "skin": TaxelGrid("biotac")}
+    model = make_haptic_pipeline(sensors, random_state=0)
+    model.set_params(model=RidgeClassifier(100))
+    late, materials = arrays["run"] > 10, arrays["material"]
+    model.fit(trials[~late], materials[~late])
+    assert model.score(trials[late], materials[late]) > 0.95
