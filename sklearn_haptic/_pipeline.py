@@ -98,8 +98,9 @@ def make_haptic_pipeline(
     -----
     The settings were chosen by measurements on generated and on recorded touches. The
     atoms are training windows, drawn at random: improving them by K-SVD takes twice the
-    time and gained nothing. The means of windows and patches are kept, because the level of pressure and temperature
-    carries information and the level of other signals did no harm.
+    time and gained nothing. The means of windows and patches are kept, because the
+    level of pressure and temperature carries information and the level of other signals
+    did no harm.
 
     Examples
     --------
