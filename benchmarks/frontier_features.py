@@ -116,7 +116,7 @@ FAMILIES = {
     "maxima": [fast],
     "maxima, no iteration": [lambda s: fast(s, max_iter=0)],
     "maxima, 500 windows as atoms": [lambda s: fast(s, max_iter=0, max_train=500)],
-    "of the presets": [lambda s: fast(s, ROOT, max_iter=0, **MEANS)],
+    "of accurate": [lambda s: fast(s, ROOT, max_iter=0, **MEANS)],
     "four coefficients, 50 iterations, finer cells": [accurate],
     "roots of maxima": [lambda s: fast(s, ROOT)],
     "roots of means, shares, maxima": [lambda s: fast(s, ROOT, **MEANS)],

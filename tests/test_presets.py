@@ -67,9 +67,9 @@ def test_predicts_objects_never_touched(corpus, preset):
     assert [s for s in SENSORS if names[0].startswith(s)] == ["pac"]
 
 
-def test_features_are_roots_of_statistics_of_codes(corpus):
-    model = make_haptic_pipeline(["pdc"], random_state=0).fit(
-        corpus.trials, corpus.ratings["hard"]
+def test_accurate_has_roots_of_statistics_of_codes(corpus):
+    model = make_haptic_pipeline(["pdc"], preset="accurate", random_state=0).fit(
+        corpus.trials, corpus.ratings["hard"], model__groups=corpus.objects
     )
     coder = clone(part(model, "pdc"))
     assert isinstance(coder, KSVDTransformer) and coder.max_iter == 0
