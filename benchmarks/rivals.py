@@ -26,7 +26,6 @@ from frontier_features import (
     FAMILIES,
     SENSORS,
     Rocket,
-    fast,
     known,
     roughness,
     slides,

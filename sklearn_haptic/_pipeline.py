@@ -65,10 +65,10 @@ def make_haptic_pipeline(
     """Build a model of raw recordings of BioTac fingers.
 
     Each sensor is coded over a dictionary of its own, and the codes are pooled over
-    time. The features of all sensors are standardised, and a model of distributions of ratings
-    is fitted to them. The result is an ordinary Pipeline, whose
-    parameters can be set and searched, with the steps ``"features"`` (a
-    ColumnTransformer with one transformer per sensor), ``"scale"`` and ``"model"``.
+    time. The features of all sensors are standardised and given to a model of
+    distributions of ratings. The result is an ordinary Pipeline, whose parameters can
+    be set and searched, with the steps ``"features"`` (a ColumnTransformer with one
+    transformer per sensor), ``"scale"`` and ``"model"``.
 
     Parameters
     ----------
