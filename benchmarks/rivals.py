@@ -255,9 +255,9 @@ def draw(results, path):
                 arrowprops={"arrowstyle": "-", "lw": 0.4, "color": "0.6"},
             )  # fmt: skip
         ax.axhline(0, color="0.8", lw=0.8, zorder=0)
-        ax.set(xscale="log", xlabel="processor ms per touch", title=name)
+        ax.set(xlim=(0, None), xlabel="processor ms per touch", title=name)
     axes[0, 0].set_ylabel("RPS less that of fast (lower is better)")
-    axes[0, 0].legend(loc="upper left", fontsize=8)
+    axes[0, 0].legend(loc="lower left", fontsize=8)
     figure.savefig(path, dpi=110)
 
 
