@@ -28,6 +28,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from sklearn.base import BaseEstimator
 from sklearn.linear_model import LogisticRegression, RidgeClassifierCV
 from sklearn.model_selection import GroupKFold, LeaveOneGroupOut
 from sklearn.pipeline import make_pipeline
@@ -94,10 +95,10 @@ def of_equal_length(trials, n_times):
     return np.stack(padded).swapaxes(1, 2)
 
 
-class Rocket:
+class Rocket(BaseEstimator):
     """MiniRocket of a sensor, fitted to the first trials it sees."""
 
-    def fit(self, trials):
+    def fit(self, trials, y=None):
         from aeon.transformations.collection.convolution_based import MiniRocket
 
         self.n_times = min(map(len, trials))
@@ -112,19 +113,20 @@ class Rocket:
 MEANS = {"statistics": ("mean", "share", "max")}
 FINE = {"cells": (4, 2, 1)}
 FAMILIES = {
-    "fast": [fast],
-    "fast, no iteration": [lambda s: fast(s, max_iter=0)],
-    "fast, 500 windows as atoms": [lambda s: fast(s, max_iter=0, max_train=500)],
-    "accurate": [accurate],
-    "fast, roots": [lambda s: fast(s, ROOT)],
-    "fast, roots of means, shares, maxima": [lambda s: fast(s, ROOT, **MEANS)],
+    "maxima": [fast],
+    "maxima, no iteration": [lambda s: fast(s, max_iter=0)],
+    "maxima, 500 windows as atoms": [lambda s: fast(s, max_iter=0, max_train=500)],
+    "of accurate": [lambda s: fast(s, ROOT, max_iter=0, **MEANS)],
+    "four coefficients, 50 iterations, finer cells": [accurate],
+    "roots of maxima": [lambda s: fast(s, ROOT)],
+    "roots of means, shares, maxima": [lambda s: fast(s, ROOT, **MEANS)],
     "hand-made (levels)": [
         lambda s: statistics(s, "mean", "std", "max", "min", "slope", "change")
     ],
     "bands": [lambda s: statistics(s, "bands")],
     "bands in cells 4, 2, 1": [lambda s: statistics(s, "bands", **FINE)],
     "levels and bands in cells 4, 2, 1": [lambda s: statistics(s, **FINE)],
-    "fast; bands in cells": [fast, lambda s: statistics(s, "bands", **FINE)],
+    "maxima; bands in cells": [fast, lambda s: statistics(s, "bands", **FINE)],
     "roots of means, shares, maxima; bands in cells": [
         lambda s: fast(s, ROOT, **MEANS),
         lambda s: statistics(s, "bands", **FINE),

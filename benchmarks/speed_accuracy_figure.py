@@ -9,8 +9,8 @@ from speed_accuracy_tables import SECONDS, standard_error
 PRESET_COLOURS = {
     "base": "0.2",
     "fast": "#E69F00",
-    "balanced": "#009E73",
-    "accurate": "#0072B2",
+    "medium": "#009E73",
+    "slow": "#0072B2",
 }
 SCORES = {"rps": "RPS", "mae_m": "MAE^M"}
 

@@ -11,7 +11,6 @@ from sklearn_haptic import (
     PAPER_2020,
     DistributionalOrdinalRegressor,
     DummyDistribution,
-    make_haptic_pipeline,
 )
 
 # Window in time samples and number of atoms, as in the 2020 paper.
@@ -58,15 +57,13 @@ def vary(make, name, values):
     return {str(value): make(**{name: value}) for value in values}
 
 
-def preset(name):
-    """The features and the head of a preset of the package."""
-    model = make_haptic_pipeline(["pdc"], preset=name)
-    _, (coder, pool), _ = model["features"].transformers[0]
+def coded(n_nonzero_coefs, max_iter, max_train, cells):
+    """The head of the preset "fast"; dictionaries learned with more or less care."""
     changes = {
-        "cells": pool.cells,
-        "n_nonzero_coefs": coder.n_nonzero_coefs,
-        "max_iter": coder.max_iter,
-        "max_train": coder.max_train_windows,
+        "cells": cells,
+        "n_nonzero_coefs": n_nonzero_coefs,
+        "max_iter": max_iter,
+        "max_train": max_train,
     }
     return head(estimator__alpha=3.0)._replace(features=changes)
 
@@ -114,7 +111,9 @@ FEATURE_KNOBS = {
 }
 FEATURE_KNOBS["presets"] = {
     "base": BASE,
-    **{name: preset(name) for name in ("accurate", "balanced", "fast")},
+    "slow": coded(4, 50, 20_000, (8, 4, 2, 1)),
+    "medium": coded(4, 20, 5000, (4, 2, 1)),
+    "fast": coded(2, 5, 5000, (4, 2, 1)),
 }
 HEAD_KNOBS = {
     "n_duplicates": {str(n): duplicates(n) for n in (15, 3, 5, 50)},

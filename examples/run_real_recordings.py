@@ -245,16 +245,22 @@ def which_of_twenty(path):
         for name, n in durations.items()
     }
     drop = {f"features__{s}__temporalmaxpool__drop_fine_levels": True for s in SENSORS}
-    rows = {
-        "fast": ("fast", {}),
-        "accurate": ("accurate", {}),
-        "accurate, fine levels dropped": ("accurate", drop),
-    }
+    finer = {f"features__{s}__temporalmaxpool__cells": (8, 4, 2, 1) for s in SENSORS}
+    for s in SENSORS:
+        of_images = s == "electrodes"
+        coder = "sthmptransformer" if of_images else "ksvdtransformer"
+        unit = "patches" if of_images else "windows"
+        finer |= {
+            f"features__{s}__{coder}__n_nonzero_coefs": 4,
+            f"features__{s}__{coder}__max_iter": 50,
+            f"features__{s}__{coder}__max_train_{unit}": 20_000,
+        }
+    rows = {"fast": {}, "finer": finer, "finer, fine levels dropped": finer | drop}
     print("\n(c) accuracy of twenty materials, mean of three blocks of five runs")
-    print("| preset | " + " | ".join(durations) + " |")
+    print("| features | " + " | ".join(durations) + " |")
     print("|---" * (1 + len(durations)) + "|")
-    for name, (preset, changes) in rows.items():
-        model = make_haptic_pipeline(SENSORS, preset=preset, random_state=0)
+    for name, changes in rows.items():
+        model = make_haptic_pipeline(SENSORS, random_state=0)
         model.set_params(model=LogisticRegression(max_iter=1000), **changes)
         cells = []
         for duration, n_frames in durations.items():

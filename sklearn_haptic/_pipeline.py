@@ -3,9 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
+import numpy as np
 from sklearn.compose import ColumnTransformer
+from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from ._biotac import SENSORS
 from ._sensors import BIOTAC, Sensor, Signal, TaxelGrid
@@ -17,25 +19,24 @@ from .features import (
     STHMPTransformer,
     TemporalMaxPool,
 )
-from .models import NNPOM, DistributionalOrdinalRegressor
+from .models import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    DistributionBlend,
+    RegressedDistribution,
+)
 
 # Atoms of the sensors that have not 25 in the 2020 paper.
 _N_ATOMS = {"pac": 40, "tdc": 10}
 
 
 _PRESETS: dict[str, dict[str, Any]] = {
-    "fast": {
-        "dictionary": {"n_nonzero_coefs": 2, "max_iter": 5},
-        "max_train": 5000,
-        "cells": (4, 2, 1),
-    },
-    "balanced": {
-        "dictionary": {"max_iter": 20},
-        "max_train": 5000,
-        "cells": (4, 2, 1),
-    },
-    "accurate": {"dictionary": {}, "max_train": 20_000, "cells": (8, 4, 2, 1)},
+    "fast": {"max_iter": 5, "statistics": ("max",)},
+    # Training windows as atoms, which cost half as much to learn.
+    "accurate": {"max_iter": 0, "statistics": ("mean", "share", "max")},
 }
+_MAX_TRAIN = 5000
+_CELLS = (4, 2, 1)
 
 
 def _described(sensors):
@@ -63,10 +64,10 @@ class _Features:
     """Transformers of sensors with the settings of a preset."""
 
     def __init__(self, settings, memory, random_state):
-        self.max_train = settings["max_train"]
-        self.pooling = {"cells": settings["cells"], "memory": memory}
+        self.statistics = settings["statistics"]
         self.options = {
-            **settings["dictionary"],
+            "n_nonzero_coefs": 2,
+            "max_iter": settings["max_iter"],
             "remove_mean": False,
             "memory": memory,
             "random_state": random_state,
@@ -85,22 +86,42 @@ class _Features:
         )
 
     def codes(self, sensor, n_atoms=25):
-        """Return a dictionary and its pooling."""
+        """Return a dictionary, and the maxima of its codes or roots of statistics."""
         if isinstance(sensor, Signal):
             coder = KSVDTransformer(
                 n_atoms,
                 window=sensor.n_samples,
-                max_train_windows=self.max_train,
+                max_train_windows=_MAX_TRAIN,
                 **self.options,
             )
         else:
             coder = STHMPTransformer(
                 layout=sensor.weights,
                 patch_size=sensor.patch_size,
-                max_train_patches=self.max_train,
+                max_train_patches=_MAX_TRAIN,
                 **self.options,
             )
-        return make_pipeline(coder, TemporalMaxPool(**self.pooling))
+        pool = TemporalMaxPool(
+            _CELLS, statistics=self.statistics, memory=self.options["memory"]
+        )
+        if len(self.statistics) == 1:
+            return make_pipeline(coder, pool)
+        root = FunctionTransformer(np.sqrt, feature_names_out="one-to-one")
+        return make_pipeline(coder, pool, root)
+
+
+def _head(preset, random_state):
+    """Return a linear model, or its blend with trees, which errs differently."""
+    linear = DistributionalOrdinalRegressor(
+        NNPOM(n_hidden=0, alpha=3.0), random_state=random_state
+    )
+    if preset == "fast":
+        return linear
+    trees = RegressedDistribution(
+        ExtraTreesRegressor(100, min_samples_leaf=3, max_features="sqrt"),
+        random_state=random_state,
+    )
+    return DistributionBlend([("linear", linear), ("trees", trees)])
 
 
 def make_haptic_pipeline(
@@ -108,7 +129,7 @@ def make_haptic_pipeline(
         SENSORS
     ),
     *,
-    preset: Literal["fast", "balanced", "accurate"] = "fast",
+    preset: Literal["fast", "accurate"] = "fast",
     memory: str | Memory | None = None,
     random_state: RandomState = None,
 ) -> Pipeline:
@@ -117,7 +138,7 @@ def make_haptic_pipeline(
     Signals and electrodes are coded over a dictionary of their own, and the codes are
     pooled over time; beside them stand the statistics of each channel, except for the
     sensors of a BioTac. The features of all sensors are standardised and given to a
-    linear `DistributionalOrdinalRegressor`. The result is an ordinary Pipeline, whose
+    model of distributions of ratings. The result is an ordinary Pipeline, whose
     parameters can be set and searched, with the steps ``"features"`` (a
     ColumnTransformer with one transformer per sensor), ``"scale"`` and ``"model"``.
 
@@ -132,18 +153,19 @@ def make_haptic_pipeline(
         alone, without a name, is that of a model of one sensor, whose trials are a
         list. What has no description (None, or a name alone) is found out from the
         trials when they are fitted, see :class:`SensorFeatures`.
-    preset : {"fast", "balanced", "accurate"}, default="fast"
-        How much time the features may take. "accurate" learns the dictionaries with
-        the defaults of the transformers. "balanced" learns from fewer windows in fewer
-        iterations and takes about half the time. "fast" also uses only two
-        coefficients per code and takes about a third. On generated touches and on
-        recorded grips the three were equally accurate; try the slower ones if you have
-        more objects.
+    preset : {"fast", "accurate"}, default="fast"
+        "fast" pools the maxima of codes over learned dictionaries, for a linear
+        `DistributionalOrdinalRegressor`. "accurate" takes training windows as atoms,
+        which learns faster, and pools the roots of mean, share and maximum, for a
+        `DistributionBlend` of the linear model, of trees and of the marginal, whose
+        weights are learned; that takes ten times as long to fit. The blend has to know
+        which touches are of one object: ``fit(X, y, model__groups=objects)``.
     memory : str or object with the joblib.Memory interface, default=None
         Where the transformers cache dictionaries and pooled features, so that a search
         over the model computes the features once per fold.
     random_state : int, RandomState instance or None, default=None
-        Seeds the dictionaries and, if the model is given any, the hidden units.
+        Seeds the dictionaries, the trees and, if the model is given any, the hidden
+        units.
 
     Returns
     -------
@@ -172,6 +194,18 @@ def make_haptic_pipeline(
     >>> model.predict_proba(corpus.trials).shape
     (12, 5)
 
+    In a search or cross-validation, metadata routing brings the objects to the blend:
+
+    >>> from sklearn import config_context
+    >>> from sklearn.model_selection import GroupKFold, cross_val_score
+    >>> from sklearn_haptic.metrics import neg_rps_scorer
+    >>> model = make_haptic_pipeline(["tdc"], preset="accurate", random_state=0)
+    >>> with config_context(enable_metadata_routing=True):
+    ...     scores = cross_val_score(
+    ...         model, corpus.trials, corpus.ratings["hard"], cv=GroupKFold(3),
+    ...         scoring=neg_rps_scorer, params={"groups": corpus.objects},
+    ...     )
+
     Other sensors are described, here an array of pressure and an accelerometer:
 
     >>> import numpy as np
@@ -195,9 +229,7 @@ def make_haptic_pipeline(
         if isinstance(described, dict)
         else build.of(described)
     )
-    regressor = DistributionalOrdinalRegressor(
-        NNPOM(n_hidden=0, alpha=3.0), random_state=random_state
-    )
+    head = _head(preset, random_state)
     return Pipeline(
-        [("features", features), ("scale", StandardScaler()), ("model", regressor)]
+        [("features", features), ("scale", StandardScaler()), ("model", head)]
     )

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn import config_context
 from sklearn.base import clone
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
@@ -10,7 +11,6 @@ from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
 from sklearn_haptic import (
     DummyDistribution,
     KSVDTransformer,
-    STHMPTransformer,
     make_haptic_pipeline,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
@@ -46,12 +46,17 @@ def biotac_slides(shared_data):
     return pd.DataFrame(trials), materials, runs
 
 
-@pytest.mark.parametrize("preset", ["fast", "balanced", "accurate"])
+@pytest.mark.parametrize("preset", ["fast", "accurate"])
 def test_predicts_objects_never_touched(corpus, preset):
     unseen = np.isin(corpus.objects, np.unique(corpus.objects)[::4])
     model = make_haptic_pipeline(SENSORS, preset=preset, random_state=0)
     counts = corpus.ratings["hard"]
-    model.fit(corpus.trials[~unseen], counts[~unseen])
+    groups = {"model__groups": corpus.objects[~unseen]}
+    model.fit(
+        corpus.trials[~unseen],
+        counts[~unseen],
+        **groups if preset == "accurate" else {},
+    )
     proba = model.predict_proba(corpus.trials[unseen])
     marginal = DummyDistribution().fit(corpus.trials[~unseen], counts[~unseen])
     assert ranked_probability_score(counts[unseen], proba) < ranked_probability_score(
@@ -62,12 +67,38 @@ def test_predicts_objects_never_touched(corpus, preset):
     assert [s for s in SENSORS if names[0].startswith(s)] == ["pac"]
 
 
-def test_accurate_has_the_defaults_of_the_transformers():
-    model = make_haptic_pipeline(preset="accurate")
-    expected = KSVDTransformer(40, window=22, remove_mean=False).get_params()
-    assert part(model, "pac").get_params() == expected
-    expected = STHMPTransformer(remove_mean=False).get_params()
-    assert part(model, "electrodes").get_params() == expected
+def test_accurate_has_roots_of_statistics_of_codes(corpus):
+    model = make_haptic_pipeline(["pdc"], preset="accurate", random_state=0).fit(
+        corpus.trials, corpus.ratings["hard"], model__groups=corpus.objects
+    )
+    coder = clone(part(model, "pdc"))
+    assert isinstance(coder, KSVDTransformer) and coder.max_iter == 0
+    codes = coder.fit(corpus.trials["pdc"]).transform(corpus.trials["pdc"])
+    features = model["features"].transform(corpus.trials)
+    assert features.shape[1] == 3 * 7 * codes[0].shape[1]
+    whole = np.sqrt([code.mean(axis=0) for code in codes])
+    names = model["features"].get_feature_names_out()
+    columns = [name.startswith("pdc__t1of1_mean_") for name in names]
+    np.testing.assert_allclose(features[:, columns], whole, rtol=1e-6)
+
+
+def test_the_blend_learns_on_whole_objects(corpus):
+    """Given by keyword or by routing, objects reach the blend."""
+    trials, counts = corpus.trials[["tdc"]], corpus.ratings["cold"]
+    model = make_haptic_pipeline("tdc", preset="accurate", random_state=0)
+    with pytest.warns(UserWarning, match="no groups"):
+        clone(model).fit(trials, counts)
+    named = clone(model).fit(trials, counts, model__groups=corpus.objects)
+    with config_context(enable_metadata_routing=True):
+        routed = clone(model).fit(trials, counts, groups=corpus.objects)
+        search = GridSearchCV(
+            model,
+            {"model__linear__estimator__alpha": [1.0, 100.0]},
+            cv=GroupKFold(3),
+            scoring=neg_rps_scorer,
+        ).fit(trials, counts, groups=corpus.objects)
+    assert np.isfinite(search.best_score_)
+    assert named["model"].weights_ == routed["model"].weights_
 
 
 def test_memory_is_for_dictionaries_and_pooled_rows(tmp_path):
@@ -75,22 +106,6 @@ def test_memory_is_for_dictionaries_and_pooled_rows(tmp_path):
     for sensor in SENSORS:
         assert part(model, sensor).memory == part(model, sensor, 1).memory
         assert part(model, sensor).memory == str(tmp_path)
-
-
-def test_presets_grow():
-    fast, balanced, accurate = (
-        make_haptic_pipeline(preset=preset)
-        for preset in ("fast", "balanced", "accurate")
-    )
-    for sensor in SENSORS:
-        unit = "patches" if sensor == "electrodes" else "windows"
-        for name in ("n_nonzero_coefs", "max_iter", f"max_train_{unit}"):
-            values = [
-                getattr(part(m, sensor), name) for m in (fast, balanced, accurate)
-            ]
-            assert values == sorted(values)
-        cells = [sum(part(m, sensor, 1).cells) for m in (fast, balanced, accurate)]
-        assert cells == sorted(cells) and cells[0] < cells[2]
 
 
 def test_real_slides_of_one_finger(biotac_slides):
@@ -129,7 +144,7 @@ def test_folds_whose_touches_differ_in_length():
     corpus = make_haptic_corpus(
         15, 4, procedure="fast_slide", sensors=["pdc"], random_state=11
     )
-    model = make_haptic_pipeline("pdc", preset="accurate", random_state=0)
+    model = make_haptic_pipeline("pdc", random_state=0)
     folds = GroupKFold(5)
     lengths = np.array([len(trial) for trial in corpus.trials["pdc"]])
     assert any(

@@ -71,10 +71,12 @@ def default_coder(sensor, update, trials):
     >>> default_coder("mic", "exact", [np.zeros((60, 1))]).window
     50
     """
-    if sensor in SENSORS:
-        model = make_haptic_pipeline([sensor], preset="accurate")
-        return model["features"].transformers[0][1][0].set_params(update=update)
     options = {"update": update, "remove_mean": False}
+    if sensor in SENSORS:
+        coder = make_haptic_pipeline([sensor])["features"].transformers[0][1][0]
+        if isinstance(coder, STHMPTransformer):
+            return STHMPTransformer(**options)
+        return KSVDTransformer(coder.n_atoms, window=coder.window, **options)
     if np.ndim(trials[0]) == 3:
         return STHMPTransformer(layout=None, **options)
     return KSVDTransformer(25, window=50, **options)
