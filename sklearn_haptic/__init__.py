@@ -19,6 +19,7 @@ from .models import (
     DummyDistribution,
     RegressedDistribution,
     SensorFusionNNPOM,
+    TouchPool,
 )
 
 __version__ = "0.1.0"
@@ -36,6 +37,7 @@ __all__ = [
     "Sequences",
     "SignalStatistics",
     "TemporalMaxPool",
+    "TouchPool",
     "make_haptic_pipeline",
 ]
 

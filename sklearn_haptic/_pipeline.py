@@ -7,7 +7,7 @@ from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from ._biotac import SENSORS
+from ._biotac import PROCEDURES, SENSORS, columns_of
 from ._sklearn import Memory, RandomState
 from .features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
 from .models import NNPOM, DistributionalOrdinalRegressor
@@ -48,9 +48,11 @@ def make_haptic_pipeline(
 
     Parameters
     ----------
-    sensors : sequence of {"pac", "pdc", "tac", "tdc", "electrodes"}
-        The sensors to use, by default all five. They are columns of the DataFrame of
-        trials that `load_phac2` and `make_haptic_corpus` return.
+    sensors : sequence of str
+        The columns to use of the DataFrame of trials that `load_phac2` and
+        `make_haptic_corpus` return: some of ``"pac"``, ``"pdc"``, ``"tac"``, ``"tdc"``
+        and ``"electrodes"``, by default all five; or of a corpus of several
+        procedures, such as ``"hold_pac"``.
     preset : {"fast", "balanced", "accurate"}, default="fast"
         How much time the features may take. "accurate" learns the dictionaries with
         the defaults of the transformers. "balanced" learns from fewer windows in fewer
@@ -93,7 +95,8 @@ def make_haptic_pipeline(
     """
     if isinstance(sensors, str):
         sensors = [sensors]
-    unknown = [sensor for sensor in sensors if sensor not in SENSORS]
+    known = [*SENSORS, *columns_of(PROCEDURES, SENSORS)]
+    unknown = [sensor for sensor in sensors if sensor not in known]
     if unknown or not len(sensors):
         raise ValueError(
             f"sensors={list(sensors)!r} must name some of {list(SENSORS)}; for other "
@@ -110,7 +113,8 @@ def make_haptic_pipeline(
         "random_state": random_state,
     }
 
-    def transformer(sensor):
+    def transformer(column):
+        sensor = column.rsplit("_", 1)[-1]
         if sensor == "electrodes":
             codes = STHMPTransformer(max_train_patches=max_train, **options)
         else:

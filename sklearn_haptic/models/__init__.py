@@ -6,6 +6,7 @@ from ._distributional import PAPER_2020, DistributionalOrdinalRegressor
 from ._fusion import SensorFusionNNPOM
 from ._nnpom import NNPOM
 from ._regressed import RegressedDistribution
+from ._touch_pool import TouchPool
 
 __all__ = [
     "NNPOM",
@@ -15,4 +16,5 @@ __all__ = [
     "DummyDistribution",
     "RegressedDistribution",
     "SensorFusionNNPOM",
+    "TouchPool",
 ]

@@ -1,0 +1,440 @@
+"""One prediction from whichever touches of an object there are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from numbers import Integral
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, ClassifierMixin, MetaEstimatorMixin, clone
+from sklearn.pipeline import Pipeline
+from sklearn.utils.parallel import Parallel, delayed
+from sklearn.utils.validation import check_consistent_length, check_is_fitted
+
+from .._check_ratings import check_adjectives
+from .._distributions import cdf, shares
+from .._folds import make_splitter
+from .._sklearn import (
+    CrossValidator,
+    DocumentedEstimator,
+    Trials,
+    _BaseComposition,
+    _fit_context,
+    _num_samples,
+    _safe_indexing,
+)
+from .._validation import check_groups, check_names, column_of, is_missing
+from ..metrics import neg_rps_scorer
+from ._pool_moments import error_moments, pairs_of, pool_weights
+from ._shared_features import refuse_adjectives
+
+MARGINAL = "marginal"
+
+
+class TouchPool(
+    DocumentedEstimator, MetaEstimatorMixin, ClassifierMixin, _BaseComposition
+):
+    """Pool the predictions of several models over the touches of an object.
+
+    Each member predicts from columns of its own: of a sensor, of a procedure, or of all
+    of them. A row that lacks a column is predicted by the members that do not need it;
+    nothing stands in for what is missing. A row that lacks everything gets the mean
+    distribution of the training rows.
+
+    The prediction is a weighted mean. The weights are learned from predictions out of
+    fold: they are those with the best ranked probability score for exactly the members
+    and the number of touches that there are. The mean distribution is always a
+    member, so that a pool that would be too sure is flattened. As touches of an object
+    share much of their error, further ones of the same kind change little.
+
+    Parameters
+    ----------
+    estimators : list of (str, estimator, columns) tuples
+        The members. Columns are those of ``X`` that the estimator is given: names of a
+        DataFrame or indices of an array, one or a list of them. A member of all columns
+        learns from their joined features, and serves where all are there.
+    cv : int, splitter or iterable of (train, test), default=5
+        The folds for the predictions out of fold. A number keeps objects whole.
+    n_jobs : int, default=None
+        Number of jobs, each of which fits one model.
+
+    Attributes
+    ----------
+    classes_ : ndarray of shape (n_levels,)
+        The levels, or the classes.
+    estimators_ : dict of str to estimator object
+        The members, fitted to the rows that have their columns.
+    shares_ : ndarray of shape (n_levels,)
+        Mean distribution of the training rows.
+    oof_proba_ : ndarray of shape (n_trials, n_members, n_levels)
+        Prediction of each training row by members fitted without its object. NaN where
+        a column is missing.
+
+    See Also
+    --------
+    DistributionBlend : A mean of models that all see the same columns.
+
+    Notes
+    -----
+    Of the error of a mean of predictions, only the mean products of the members'
+    errors have to be known, in one touch and in two touches of one object. `fit`
+    estimates both over objects; the weights follow by quadratic programming. So any
+    set of members and any number of touches has weights of its own, and each is
+    learned from all training rows.
+
+    If the members know no order of the levels, as those of scikit-learn, the Brier
+    score takes the place of the ranked probability score.
+
+    Examples
+    --------
+    >>> from sklearn_haptic import TouchPool, make_haptic_pipeline
+    >>> from sklearn_haptic.datasets import make_haptic_corpus
+    >>> corpus = make_haptic_corpus(
+    ...     10, 2, ["hold", "squeeze"], sensors=["pdc", "tdc"], random_state=0
+    ... )
+    >>> hold, squeeze = ["hold_pdc", "hold_tdc"], ["squeeze_pdc", "squeeze_tdc"]
+    >>> pool = TouchPool(
+    ...     [
+    ...         ("hold", make_haptic_pipeline(hold, random_state=0), hold),
+    ...         ("squeeze", make_haptic_pipeline(squeeze, random_state=0), squeeze),
+    ...     ],
+    ...     cv=2,
+    ... )
+    >>> pool.fit(corpus.trials, corpus.ratings["hard"], groups=corpus.objects)
+    TouchPool(...)
+    >>> trials = corpus.trials.copy()
+    >>> trials.loc[trials.index[0], "squeeze_pdc"] = None
+    >>> pool.predict_proba(trials).shape
+    (20, 5)
+
+    All touches of an object, pooled:
+
+    >>> together = pool.predict_proba(trials, groups=corpus.objects)
+    >>> bool((together[0] == together[1]).all())
+    True
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "estimators": [list],
+        "cv": ["cv_object"],
+        "n_jobs": [Integral, None],
+    }
+
+    def __init__(
+        self,
+        estimators: Sequence[tuple[str, BaseEstimator, Any]],
+        *,
+        cv: CrossValidator = 5,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.estimators = estimators
+        self.cv = cv
+        self.n_jobs = n_jobs
+
+    @property
+    def _members(self):
+        return [(name, estimator) for name, estimator, _ in self.estimators]
+
+    @_members.setter
+    def _members(self, members):
+        self.estimators = [
+            (name, estimator, columns)
+            for (name, estimator), (*_, columns) in zip(members, self.estimators)
+        ]
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Return the parameters, by default with those of the members."""
+        try:
+            return self._get_params("_members", deep=deep)
+        except (TypeError, ValueError):  # not a list of such tuples, as `fit` will say
+            return super(_BaseComposition, self).get_params(deep=False)
+
+    def set_params(self, **params: Any) -> Self:
+        """Set parameters; a member by its name, its own as ``name__parameter``."""
+        return self._set_params("_members", **params)
+
+    @_fit_context(prefer_skip_nested_validation=False)
+    def fit(self, X: Trials, y: ArrayLike, *, groups: ArrayLike | None = None) -> Self:
+        """Fit the members, and learn how their errors go together.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_trials, n_columns)
+            A row per touch. NaN or None stands for what was not felt.
+        y : array-like of shape (n_trials, n_levels) or (n_trials,)
+            Counts of ratings or labels, whatever the members take.
+        groups : array-like of shape (n_trials,), default=None
+            The object of each row. Rows of one object are touches of it. By default
+            each row is of another object.
+
+        Returns
+        -------
+        self : TouchPool
+            The fitted pool.
+
+        Raises
+        ------
+        ValueError
+            If the estimators are no such tuples, their names are not distinct, or a
+            column of a member is missing in all rows of a fold.
+        """
+        self._check_estimators()
+        check_consistent_length(X, y)
+        groups = check_groups(groups, X)
+        counts, classes = check_adjectives(y)
+        if counts.ndim == 3:
+            refuse_adjectives(type(self).__name__)
+        true, there = shares(counts), self._there(X)
+        groups = np.arange(len(there)) if groups is None else groups
+        names, objects = np.unique(groups, return_inverse=True)
+        folds = self._folds(X, y, names, objects)
+        fitted, oof = self._fit_members(X, y, there, folds, classes)
+        marginal = np.full((len(there), 1, len(classes)), np.nan)
+        for train, test in folds:
+            marginal[test, 0] = true[train].mean(axis=0)
+        self._ordered = np.ndim(y) == 2 or all(map(_knows_order, fitted.values()))
+        departure = self._compared(np.concatenate((oof, marginal), axis=1))
+        departure = departure - self._compared(true)[:, np.newaxis]
+        self._moments = error_moments(departure, objects)
+        self.classes_ = classes
+        self.shares_ = true.mean(axis=0)
+        self.oof_proba_ = oof
+        self.estimators_ = fitted
+        return self
+
+    def _check_estimators(self):
+        try:
+            names, _, _ = zip(*self.estimators)
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"estimators={self.estimators!r} must be a list of one or more "
+                "(name, estimator, columns) tuples."
+            ) from None
+        self._validate_names([*names, MARGINAL])
+
+    def _folds(self, X, y, names, objects):
+        """Return the folds as indices; the members are fitted to the last one's too."""
+        if len(names) < 2:
+            raise ValueError(
+                "The weights are learned on held-out objects, but there is 1 sample or "
+                "object; give more."
+            )
+        cv = min(self.cv, len(names)) if isinstance(self.cv, Integral) else self.cv
+        splitter = make_splitter(self, y, objects, cv)
+        trials = np.arange(len(objects))
+        return [(trials[i], trials[j]) for i, j in splitter.split(X, y, objects)]
+
+    def _there(self, X):
+        """Whether each row has all columns of each member."""
+        return np.column_stack(
+            [_has_values(_columns(X, columns)) for *_, columns in self.estimators]
+        )
+
+    def _fit_members(self, X, y, there, folds, classes):
+        """Return the members fitted to all rows, and predictions out of fold."""
+        every = np.arange(len(there)), np.arange(0)
+        parts = [_columns(X, columns) for *_, columns in self.estimators]
+        fits = Parallel(n_jobs=self.n_jobs)(
+            delayed(_fit_fold)(member, part, y, here, fold, classes)
+            for member, part, here in zip(self._members, parts, there.T)
+            for fold in [*folds, every]
+        )
+        oof = np.full((*there.shape, len(classes)), np.nan)
+        fitted = {}
+        for i, (name, _) in enumerate(self._members):
+            of_member = fits[i * (len(folds) + 1) :][: len(folds) + 1]
+            fitted[name] = of_member[-1][0]
+            for _, test, proba in of_member[:-1]:
+                oof[test, i] = proba
+        return fitted, oof
+
+    def _compared(self, proba):
+        """Return what the score compares: CDFs, or probabilities without an order."""
+        return cdf(proba)[..., :-1] if self._ordered else proba
+
+    def predict_proba(
+        self, X: Trials, groups: ArrayLike | None = None
+    ) -> NDArray[np.float64]:
+        """Predict from the columns that each row, or each object, has.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_trials, n_columns)
+            A row per touch, with all columns of `fit`. NaN or None stands for what was
+            not felt.
+        groups : array-like of shape (n_trials,), default=None
+            The object of each row. All rows of one object get the same prediction, from
+            all of them. By default each row is predicted from itself alone.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_levels)
+            Share of each level, or probability of each class; rows sum to 1.
+        """
+        check_is_fitted(self)
+        groups = check_groups(groups, X)
+        there = self._there(X)
+        proba = np.zeros((*there.shape, len(self.classes_)))
+        for i, (name, _, columns) in enumerate(self.estimators):
+            rows = np.flatnonzero(there[:, i])
+            if len(rows):
+                part = _safe_indexing(_columns(X, columns), rows)
+                proba[rows, i] = _at_classes(
+                    self.estimators_[name], part, self.classes_
+                )
+        return self._pool(proba, there, groups)
+
+    def _pool(self, proba, there, groups):
+        """Return the weighted means of the members' predictions, of shape (n, k)."""
+        groups = np.arange(len(there)) if groups is None else groups
+        _, objects = np.unique(groups, return_inverse=True)
+        n_touches = np.zeros((objects.max() + 1, there.shape[1]))
+        total = np.zeros((*n_touches.shape, proba.shape[2]))
+        np.add.at(n_touches, objects, there)
+        np.add.at(total, objects, proba)
+        order = np.argsort(objects, kind="stable")
+        share, known = np.empty((len(total), there.shape[1] + 1)), {}
+        for i, rows in enumerate(np.split(order, np.cumsum(np.bincount(objects))[:-1])):
+            pairs = pairs_of(there[rows])
+            key = pairs.tobytes()
+            if key not in known:
+                known[key] = pool_weights(self._moments, pairs)[0]
+            share[i] = known[key]
+        mean = total / np.maximum(n_touches, 1)[..., np.newaxis]
+        pooled = np.einsum("oi,oik->ok", share[:, :-1], mean)
+        return (pooled + share[:, -1:] * self.shares_)[objects]
+
+    def weights(self, touches: Sequence[Sequence[str]]) -> dict[str, float]:
+        """Return the weight of each member in the pool of some touches.
+
+        Parameters
+        ----------
+        touches : list of lists of str
+            Of each touch of an object the members that predict from it:
+            ``[["hold"], ["hold", "squeeze"]]``.
+
+        Returns
+        -------
+        weights : dict of str to float
+            The weight of each member, all its touches together, and of
+            ``"marginal"``; they sum to 1.
+        """
+        share, _ = pool_weights(self._moments, self._pairs(touches))
+        return dict(zip([*self.estimators_, MARGINAL], share.tolist()))
+
+    def expected_excess(self, touches: Sequence[Sequence[str]]) -> float:
+        """Return how far a prediction from some touches is expected to be off.
+
+        Parameters
+        ----------
+        touches : list of lists of str
+            As for `weights`.
+
+        Returns
+        -------
+        excess : float
+            Mean squared distance of the pool's CDF from that of the ratings: its ranked
+            probability score without the share that is due to people's differing.
+            Without an order of levels, its Brier score.
+        """
+        return pool_weights(self._moments, self._pairs(touches))[1]
+
+    def _pairs(self, touches):
+        check_is_fitted(self)
+        names = list(self.estimators_)
+        there = np.zeros((max(len(touches), 1), len(names)), dtype=bool)
+        for row, members in zip(there, touches):
+            for name in check_names(members, names, "member", "the pool"):
+                row[names.index(name)] = True
+        return pairs_of(there)
+
+    def predict(self, X: Trials, groups: ArrayLike | None = None) -> np.ndarray:
+        """Predict the most probable level or class.
+
+        Parameters
+        ----------
+        X, groups
+            As for `predict_proba`.
+
+        Returns
+        -------
+        predicted : ndarray of shape (n_trials,)
+        """
+        return self.classes_[self.predict_proba(X, groups).argmax(axis=1)]
+
+    def score(self, X: Trials, y: ArrayLike) -> float:
+        """Score predictions of single rows; higher is better.
+
+        Parameters
+        ----------
+        X, y
+            As for `fit`.
+
+        Returns
+        -------
+        score : float
+            The negative ranked probability score if the members know an order of
+            levels, else the accuracy.
+        """
+        if self._ordered:
+            return neg_rps_scorer(self, X, y)
+        return float(np.mean(self.predict(X) == np.asarray(y)))
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        tags.no_validation = True
+        return tags
+
+
+def _knows_order(estimator):
+    last = estimator[-1] if isinstance(estimator, Pipeline) else estimator
+    return hasattr(last, "levels_")
+
+
+def _columns(X, columns):
+    """Return some columns of a table."""
+    if not hasattr(X, "shape") and not hasattr(X, "columns"):
+        X = np.asarray(X)
+    return _safe_indexing(X, columns, axis=1)
+
+
+def _has_values(table):
+    """Whether no cell of a row is missing, be it a number or a recording."""
+    n_columns = table.shape[1] if len(table.shape) == 2 else 1
+    there = np.ones(table.shape[0], dtype=bool)
+    for i in range(n_columns):
+        column = np.asarray(column_of(table, i))
+        if column.dtype.kind == "O":
+            there &= [not is_missing(value) for value in column]
+        elif column.dtype.kind == "f":
+            there &= ~np.isnan(column)
+    return there
+
+
+def _fit_fold(member, X, y, there, fold, classes):
+    """Fit to the training rows that have the columns, and predict such test rows."""
+    (name, estimator), (train, test) = member, fold
+    train, test = train[there[train]], test[there[test]]
+    if len(train) == 0:
+        raise ValueError(
+            f"No training row has all columns of the member {name!r}; give rows that "
+            "have them, in every fold, or leave the member out."
+        )
+    fitted = clone(estimator).fit(_safe_indexing(X, train), _safe_indexing(y, train))
+    if not np.isin(fitted.classes_, classes).all():
+        raise ValueError(
+            f"The member {name!r} predicts {fitted.classes_}, which are not all among "
+            f"{classes}; give a classifier that keeps the levels."
+        )
+    proba = _at_classes(fitted, _safe_indexing(X, test), classes) if len(test) else 0
+    return fitted, test, proba
+
+
+def _at_classes(fitted, X, classes):
+    """Predict shares of all classes; one that a member has never seen gets none."""
+    proba = np.zeros((_num_samples(X), len(classes)))
+    proba[:, np.isin(classes, fitted.classes_)] = fitted.predict_proba(X)
+    return proba
