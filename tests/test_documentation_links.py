@@ -17,8 +17,11 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     DistributionBlend,
     KSVDTransformer,
+    NoveltyGuard,
     STHMPTransformer,
     TemporalMaxPool,
+    TouchPool,
+    make_haptic_pipeline,
 )
 from sklearn_haptic._sklearn import DOCUMENTATION_URL
 
@@ -46,8 +49,12 @@ def test_one_address():
 
 @pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda each: each.__name__)
 def test_alone(estimator):
-    required = [[("linear", NNPOM())]] if estimator is DistributionBlend else []
-    assert page(estimator) in links(estimator(*required))
+    required = {
+        DistributionBlend: [[("linear", NNPOM())]],
+        TouchPool: [[("linear", NNPOM(), [0])]],
+        NoveltyGuard: [make_haptic_pipeline()],
+    }
+    assert page(estimator) in links(estimator(*required.get(estimator, [])))
     assert f"sklearn_haptic.{estimator.__name__}" in pages_of_the_reference()
 
 

@@ -5,6 +5,7 @@ from ._blend import DistributionBlend
 from ._distributional import PAPER_2020, DistributionalOrdinalRegressor
 from ._fusion import SensorFusionNNPOM
 from ._nnpom import NNPOM
+from ._novelty_guard import NoveltyGuard
 from ._regressed import RegressedDistribution
 from ._touch_pool import TouchPool
 
@@ -14,6 +15,7 @@ __all__ = [
     "DistributionBlend",
     "DistributionalOrdinalRegressor",
     "DummyDistribution",
+    "NoveltyGuard",
     "RegressedDistribution",
     "SensorFusionNNPOM",
     "TouchPool",

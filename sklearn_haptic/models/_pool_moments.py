@@ -11,8 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-
-from ._pool_weights import best_weights
+from scipy.optimize import nnls
 
 
 class Moments(NamedTuple):
@@ -87,9 +86,13 @@ def pairs_of(there):
 def pool_weights(moments, pairs):
     """Return the best weights of the members for some touches of one object.
 
+    The members' weights are not negative; that of the marginal is what is left to 1,
+    and negative where a mean of the members would be too flat.
+
     Parameters
     ----------
     moments : Moments
+        The marginal is the last member.
     pairs : ndarray of shape (n_members, n_members)
         How many touches have both.
 
@@ -97,7 +100,7 @@ def pool_weights(moments, pairs):
     -------
     share : ndarray of shape (n_members,)
         Weights of the members, each shared equally by the touches that have it; 0 for
-        a member that has none. They sum to 1.
+        a member that has none.
     score : float
         Expected squared distance from the truth.
     """
@@ -107,9 +110,11 @@ def pool_weights(moments, pairs):
     mean = _ratio(pairs * moments.same + (every - pairs) * moments.other, every)
     mean = mean[np.ix_(used, used)]
     values, vectors = np.linalg.eigh(mean)
-    root = vectors * np.sqrt(np.maximum(values, 0))  # root @ root.T is the mean
+    root = (vectors * np.sqrt(np.maximum(values, 0))).T  # root.T @ root is the mean
     share = np.zeros(len(count))
-    share[used] = best_weights(root.T[:, :, np.newaxis], np.ones(len(used)))
+    if len(used) > 1:  # beside the marginal
+        share[used[:-1]], _ = nnls(root[:, :-1] - root[:, -1:], -root[:, -1])
+    share[-1] = 1 - share.sum()
     return share, float(share[used] @ mean @ share[used])
 
 

@@ -8,13 +8,11 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, ClassifierMixin, MetaEstimatorMixin, clone
-from sklearn.pipeline import Pipeline
+from sklearn.base import BaseEstimator, ClassifierMixin, MetaEstimatorMixin
 from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
-from .._check_ratings import check_adjectives
-from .._distributions import cdf, shares
+from .._distributions import shares
 from .._folds import make_splitter
 from .._sklearn import (
     CrossValidator,
@@ -22,13 +20,21 @@ from .._sklearn import (
     Trials,
     _BaseComposition,
     _fit_context,
-    _num_samples,
     _safe_indexing,
 )
 from .._validation import check_groups, check_names, column_of, is_missing
 from ..metrics import neg_rps_scorer
+from ._held_out import (
+    at_classes,
+    compared,
+    fit_fold,
+    knows_order,
+    make_folds,
+    mean_without,
+    true_shares,
+)
 from ._pool_moments import error_moments, pairs_of, pool_weights
-from ._shared_features import refuse_adjectives
+from ._regressed import proper_shares
 
 MARGINAL = "marginal"
 
@@ -45,9 +51,11 @@ class TouchPool(
 
     The prediction is a weighted mean. The weights are learned from predictions out of
     fold: they are those with the best ranked probability score for exactly the members
-    and the number of touches that there are. The mean distribution is always a
-    member, so that a pool that would be too sure is flattened. As touches of an object
-    share much of their error, further ones of the same kind change little.
+    and the number of touches that there are. The mean distribution of the training rows
+    is always a member. Its weight flattens a pool that would be too sure and, where it
+    is negative, sharpens one that would be too flat, as means of many members are. As
+    touches of an object share much of their error, further ones of the same kind change
+    little.
 
     Parameters
     ----------
@@ -86,6 +94,9 @@ class TouchPool(
 
     If the members know no order of the levels, as those of scikit-learn, the Brier
     score takes the place of the ranked probability score.
+
+    Where a negative weight of the mean distribution makes a probability negative, the
+    nearest distribution is predicted. It may give a level no probability at all.
 
     Examples
     --------
@@ -183,21 +194,17 @@ class TouchPool(
         self._check_estimators()
         check_consistent_length(X, y)
         groups = check_groups(groups, X)
-        counts, classes = check_adjectives(y)
-        if counts.ndim == 3:
-            refuse_adjectives(type(self).__name__)
-        true, there = shares(counts), self._there(X)
+        true, classes = true_shares(y, type(self).__name__)
+        there = self._there(X)
         groups = np.arange(len(there)) if groups is None else groups
         names, objects = np.unique(groups, return_inverse=True)
         folds = self._folds(X, y, names, objects)
         fitted, oof = self._fit_members(X, y, there, folds, classes)
-        marginal = np.full((len(there), 1, len(classes)), np.nan)
-        for train, test in folds:
-            marginal[test, 0] = true[train].mean(axis=0)
-        self._ordered = np.ndim(y) == 2 or all(map(_knows_order, fitted.values()))
-        departure = self._compared(np.concatenate((oof, marginal), axis=1))
-        departure = departure - self._compared(true)[:, np.newaxis]
-        self._moments = error_moments(departure, objects)
+        marginal = mean_without(true, folds)[:, np.newaxis]
+        ordered = np.ndim(y) == 2 or all(map(knows_order, fitted.values()))
+        departure = compared(np.concatenate((oof, marginal), axis=1), ordered)
+        departure = departure - compared(true, ordered)[:, np.newaxis]
+        self._moments, self._ordered = error_moments(departure, objects), ordered
         self.classes_ = classes
         self.shares_ = true.mean(axis=0)
         self.oof_proba_ = oof
@@ -223,8 +230,7 @@ class TouchPool(
             )
         cv = min(self.cv, len(names)) if isinstance(self.cv, Integral) else self.cv
         splitter = make_splitter(self, y, objects, cv)
-        trials = np.arange(len(objects))
-        return [(trials[i], trials[j]) for i, j in splitter.split(X, y, objects)]
+        return make_folds(splitter, X, y, objects)
 
     def _there(self, X):
         """Whether each row has all columns of each member."""
@@ -237,7 +243,7 @@ class TouchPool(
         every = np.arange(len(there)), np.arange(0)
         parts = [_columns(X, columns) for *_, columns in self.estimators]
         fits = Parallel(n_jobs=self.n_jobs)(
-            delayed(_fit_fold)(member, part, y, here, fold, classes)
+            delayed(fit_fold)(member, part, y, here, fold, classes)
             for member, part, here in zip(self._members, parts, there.T)
             for fold in [*folds, every]
         )
@@ -249,10 +255,6 @@ class TouchPool(
             for _, test, proba in of_member[:-1]:
                 oof[test, i] = proba
         return fitted, oof
-
-    def _compared(self, proba):
-        """Return what the score compares: CDFs, or probabilities without an order."""
-        return cdf(proba)[..., :-1] if self._ordered else proba
 
     def predict_proba(
         self, X: Trials, groups: ArrayLike | None = None
@@ -281,9 +283,7 @@ class TouchPool(
             rows = np.flatnonzero(there[:, i])
             if len(rows):
                 part = _safe_indexing(_columns(X, columns), rows)
-                proba[rows, i] = _at_classes(
-                    self.estimators_[name], part, self.classes_
-                )
+                proba[rows, i] = at_classes(self.estimators_[name], part, self.classes_)
         return self._pool(proba, there, groups)
 
     def _pool(self, proba, there, groups):
@@ -304,7 +304,10 @@ class TouchPool(
             share[i] = known[key]
         mean = total / np.maximum(n_touches, 1)[..., np.newaxis]
         pooled = np.einsum("oi,oik->ok", share[:, :-1], mean)
-        return (pooled + share[:, -1:] * self.shares_)[objects]
+        pooled += share[:, -1:] * self.shares_
+        if self._ordered:
+            return proper_shares(np.cumsum(pooled, axis=1)[:, :-1])[objects]
+        return shares(np.maximum(pooled, 0))[objects]
 
     def weights(self, touches: Sequence[Sequence[str]]) -> dict[str, float]:
         """Return the weight of each member in the pool of some touches.
@@ -319,7 +322,7 @@ class TouchPool(
         -------
         weights : dict of str to float
             The weight of each member, all its touches together, and of
-            ``"marginal"``; they sum to 1.
+            ``"marginal"``, which may be negative; they sum to 1.
         """
         share, _ = pool_weights(self._moments, self._pairs(touches))
         return dict(zip([*self.estimators_, MARGINAL], share.tolist()))
@@ -346,8 +349,8 @@ class TouchPool(
         names = list(self.estimators_)
         there = np.zeros((max(len(touches), 1), len(names)), dtype=bool)
         for row, members in zip(there, touches):
-            for name in check_names(members, names, "member", "the pool"):
-                row[names.index(name)] = True
+            asked = check_names(members, names, "member", "the pool") if members else []
+            row[[names.index(name) for name in asked]] = True
         return pairs_of(there)
 
     def predict(self, X: Trials, groups: ArrayLike | None = None) -> np.ndarray:
@@ -389,11 +392,6 @@ class TouchPool(
         return tags
 
 
-def _knows_order(estimator):
-    last = estimator[-1] if isinstance(estimator, Pipeline) else estimator
-    return hasattr(last, "levels_")
-
-
 def _columns(X, columns):
     """Return some columns of a table."""
     if not hasattr(X, "shape") and not hasattr(X, "columns"):
@@ -412,29 +410,3 @@ def _has_values(table):
         elif column.dtype.kind == "f":
             there &= ~np.isnan(column)
     return there
-
-
-def _fit_fold(member, X, y, there, fold, classes):
-    """Fit to the training rows that have the columns, and predict such test rows."""
-    (name, estimator), (train, test) = member, fold
-    train, test = train[there[train]], test[there[test]]
-    if len(train) == 0:
-        raise ValueError(
-            f"No training row has all columns of the member {name!r}; give rows that "
-            "have them, in every fold, or leave the member out."
-        )
-    fitted = clone(estimator).fit(_safe_indexing(X, train), _safe_indexing(y, train))
-    if not np.isin(fitted.classes_, classes).all():
-        raise ValueError(
-            f"The member {name!r} predicts {fitted.classes_}, which are not all among "
-            f"{classes}; give a classifier that keeps the levels."
-        )
-    proba = _at_classes(fitted, _safe_indexing(X, test), classes) if len(test) else 0
-    return fitted, test, proba
-
-
-def _at_classes(fitted, X, classes):
-    """Predict shares of all classes; one that a member has never seen gets none."""
-    proba = np.zeros((_num_samples(X), len(classes)))
-    proba[:, np.isin(classes, fitted.classes_)] = fitted.predict_proba(X)
-    return proba
