@@ -18,9 +18,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from sklearn_haptic import NNPOM, PAPER_2020, DistributionalOrdinalRegressor
+from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.metrics import neg_macro_mae_scorer
 from sklearn_haptic.study import run_study
 
 ADJECTIVES = ["hard", "rough"]
@@ -32,7 +31,7 @@ def stopping(patience, max_iter):
     return DistributionalOrdinalRegressor(network)
 
 
-def timed_study(n_objects, regressor, scoring=None, seed=0):
+def timed_study(n_objects, seed=0, **settings):
     """Return the results of a study, and the seconds of each unit by its name."""
     with TemporaryDirectory() as folder:
         study = run_study(
@@ -41,10 +40,9 @@ def timed_study(n_objects, regressor, scoring=None, seed=0):
             adjectives=ADJECTIVES,
             procedures=["hold"],
             split="paper",
-            regressor=regressor,
-            scoring=scoring,
             random_state=seed,
             verbose=False,
+            **settings,
         )
         seconds = {}
         for path in Path(folder).glob("*/*.json"):
@@ -66,7 +64,7 @@ def print_patience(sizes, seeds):
     print("|---|---|---|---|---|---|---|---|")
     for n_objects, seed in product(sizes, seeds):
         studies = [
-            timed_study(n_objects, stopping(*limits), seed=seed)
+            timed_study(n_objects, seed, regressor=stopping(*limits))
             for limits in ((30, 200), (150, 500))
         ]
         for adjective in ADJECTIVES:
@@ -88,17 +86,17 @@ def print_seconds(sizes):
     """Time the units of several numbers of objects, means of two adjectives."""
     print(
         "| objects | a dictionary and its features | all models of a fold "
-        "| the same, paper's settings |"
+        "| the paper's dictionary and features | its models |"
     )
-    print("|---|---|---|---|")
-    paper = DistributionalOrdinalRegressor(**PAPER_2020)
+    print("|---|---|---|---|---|")
     for n_objects in sizes:
-        _, ours = timed_study(n_objects, stopping(30, 200))
-        _, papers = timed_study(n_objects, paper, neg_macro_mae_scorer)
+        studies = [
+            timed_study(n_objects, preset=preset)[1] for preset in ("default", "paper")
+        ]
         seconds = [
-            mean_seconds(ours, "features"),
-            mean_seconds(ours, "models"),
-            mean_seconds(papers, "models"),
+            mean_seconds(of_study, kind)
+            for of_study in studies
+            for kind in ("features", "models")
         ]
         row = " | ".join(f"{each:.1f}" for each in seconds)
         print(f"| {n_objects} | {row} |", flush=True)

@@ -14,6 +14,7 @@ from .features import (
 from .models import (
     NNPOM,
     PAPER_2020,
+    ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DistributionBlend,
     DummyDistribution,
@@ -22,12 +23,15 @@ from .models import (
     SensorFusionNNPOM,
     TouchPool,
 )
+from .streaming import AnytimeRegressor
 
 __version__ = "0.1.0"
 
 __all__ = [
     "NNPOM",
     "PAPER_2020",
+    "AnytimeRegressor",
+    "ContinuousRatingsRegressor",
     "DistributionBlend",
     "DistributionalOrdinalRegressor",
     "DummyDistribution",
@@ -47,7 +51,9 @@ _SUBMODULES = (
     "datasets",
     "metrics",
     "model_selection",
+    "pairs",
     "plotting",
+    "raters",
     "ratings",
     "study",
 )

@@ -144,9 +144,9 @@ def check_predicted_ratings(y_true, y_pred, levels, n_positions):
     """Validate ratings and those predicted at quantile positions.
 
     ``y_pred``, numbers or words, has the shape (n_trials, n_positions). Return the
-    counts, of shape (n_trials, n_levels), and the predicted ratings as indices of
-    levels, by default those of ``y_true``. Errors are those of `check_ratings`, and a
-    ValueError if a predicted rating is not among the levels or the shapes differ.
+    counts, of shape (n_trials, n_levels), the predicted ratings as indices of levels,
+    and the levels, by default those of ``y_true``. Errors are those of `check_ratings`,
+    and a ValueError if a predicted rating is not among the levels or the shapes differ.
     """
     counts, levels = check_ratings(y_true, levels, name="y_true")
     ratings = check_regular(y_pred, "y_pred")
@@ -158,7 +158,7 @@ def check_predicted_ratings(y_true, y_pred, levels, n_positions):
         )
     rows = np.repeat(np.arange(len(counts)), n_positions)
     matches, _ = match_levels(ratings.ravel(), None, levels, "y_pred", rows=rows)
-    return counts, matches.argmax(axis=1).reshape(ratings.shape)
+    return counts, matches.argmax(axis=1).reshape(ratings.shape), levels
 
 
 def weighted(counts, sample_weight):

@@ -48,13 +48,17 @@ def level_at(counts, p):
     return index
 
 
-def macro_error(predicted, true, counted=True):
-    """Return the absolute error per trial, in levels, averaged over those true in it.
+def macro_error(predicted, true, counted=True, *, values=None):
+    """Return the absolute error per trial, averaged over the levels true in it.
 
     `predicted` and `true` are indices of levels, of shape (n_trials, n_observations),
-    and `counted` says which observations count, at least one per trial.
+    and `counted` says which observations count, at least one per trial. Errors are in
+    levels, or in units of `values`, the number of each level.
     """
-    error = np.abs(predicted - true)
+    if values is None:
+        error = np.abs(predicted - true)
+    else:
+        error = np.abs(values[predicted] - values[true])
     total = np.zeros(len(error))
     n_levels = np.zeros(len(error))
     for level in np.unique(true):

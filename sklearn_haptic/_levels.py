@@ -135,6 +135,27 @@ def _in_order(labels, name):
     return lossless_array(labels)
 
 
+def level_values(levels, units="scale"):
+    """Return the number of each level: its place, or on a scale what it says.
+
+    The levels of a scale must be finite numbers that ascend.
+    """
+    if units == "levels":
+        return np.arange(len(levels), dtype=np.float64)
+    if not all(isinstance(level, Real) for level in levels.tolist()):
+        raise ValueError(
+            f"The levels {levels.tolist()} are not numbers, so their scale has no "
+            "units; give numbers as levels=[...], lowest first."
+        )
+    values = levels.astype(np.float64)
+    if not (np.isfinite(values).all() and (np.diff(values) > 0).all()):
+        raise ValueError(
+            f"levels={levels.tolist()} do not ascend, but a scale with units does; "
+            "list finite numbers, lowest first, with the columns in this order."
+        )
+    return values
+
+
 def is_text(values):
     """Whether values are words, in an array of text or of objects."""
     return values.dtype.kind in "SUT" or (

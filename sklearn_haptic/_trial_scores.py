@@ -6,8 +6,49 @@ from .metrics import (
     earth_movers_distance,
     log_score,
     macro_mae,
+    macro_mae_at_positions,
     ranked_probability_score,
+    ratings_decided_on,
 )
+
+
+def predict_and_score(model, X, counts):
+    """Predict the distribution of each trial's ratings, and score it.
+
+    Parameters
+    ----------
+    model : DistributionalOrdinalRegressor
+        Fitted.
+    X : array-like of shape (n_trials, n_features)
+    counts : ndarray of shape (n_trials, n_levels) or (n_trials, n_adjectives, n_levels)
+        How many people gave each trial's object each rating.
+
+    Returns
+    -------
+    proba : ndarray of the same shape
+    scores : list of dict of str to ndarray of shape (n_trials,)
+        Those of `score_trials` for each adjective. Of a model that decides on one
+        rating per position, as in the paper, "macro_mae" is the error of these ratings
+        as they are, while the distribution has them sorted.
+    """
+    proba = model.predict_proba(X)
+    decided = ratings_decided_on(model, X)
+    several = counts.ndim == 3
+    scores = []
+    for i in range(counts.shape[1]) if several else [...]:
+        of_adjective = (slice(None), i)
+        true = counts[of_adjective]
+        scores.append(score_trials(true, proba[of_adjective]))
+        if decided is not None:
+            ratings, positions = decided
+            scores[-1]["macro_mae"] = macro_mae_at_positions(
+                true,
+                ratings[of_adjective],
+                positions,
+                levels=model.classes_,
+                average=False,
+            )
+    return proba, scores
 
 
 def score_trials(counts, proba):

@@ -134,6 +134,29 @@ def check_objects(objects, *, name="objects", row="row"):
     return objects
 
 
+def rows_of_objects(objects, known):
+    """Find the row of each trial's object in a table of the `known` ones.
+
+    A ValueError names objects that are missing or not known.
+    """
+    objects = check_objects(objects).tolist()
+    row = {each: i for i, each in enumerate(known.tolist())}
+    unknown = [each for each in dict.fromkeys(objects) if each not in row]
+    if unknown:
+        first = next(iter(row))
+        hint = "leave their trials out, or count their ratings too"
+        if isinstance(first, str) != isinstance(unknown[0], str):
+            hint = (
+                f"its objects are of another type, such as {first!r}: convert with "
+                f"numpy.asarray(objects).astype({type(first).__name__})"
+            )
+        raise ValueError(
+            f"The table has no ratings of objects {unknown[:5]}"
+            f"{' and more' * (len(unknown) > 5)}; {hint}."
+        )
+    return np.array([row[each] for each in objects], dtype=np.intp)
+
+
 def check_groups(groups, X):
     """Validate the object of each trial; None stays None."""
     if groups is None:

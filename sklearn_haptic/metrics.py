@@ -3,10 +3,11 @@ r"""Scores of predicted distributions of ratings, and scorers for searches.
 Throughout, trial t has the *true* distribution :math:`F_k`, the proportion of
 people who rated its object at level k or below, and the *predicted* one
 :math:`\hat F_k`. Levels are ordinal, so distances between ratings are counted in
-levels: neighbours are 1 apart whatever their labels.
+levels: neighbours are 1 apart whatever their labels. Where the levels are numbers that
+mean something, as -3 … 3 or 0 … 100 do, ``units="scale"`` counts in these numbers.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from numbers import Integral
 from typing import Any, Literal, Protocol, overload
@@ -16,13 +17,22 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import xlogy
 from sklearn.base import BaseEstimator
 from sklearn.pipeline import Pipeline
+from sklearn.utils import Bunch, check_random_state
 
-from ._check_ratings import check_distributions, check_predicted_ratings
+from ._answers import check_answers, check_cdf, crps_per_trial, half_mean_difference
+from ._check_ratings import (
+    check_distributions,
+    check_predicted_ratings,
+    check_ratings,
+)
 from ._distributions import cdf, level_at, macro_error, quantile_grid, shares
-from ._sklearn import Interval, Trials, validate_params
+from ._levels import level_values
+from ._shrinkage import leave_one_out_strength, mean_of_others
+from ._sklearn import Interval, RandomState, StrOptions, Trials, validate_params
 from ._validation import check_positions, check_weights
 
 __all__ = [
+    "crps",
     "dispersion",
     "earth_movers_distance",
     "log_score",
@@ -30,6 +40,7 @@ __all__ = [
     "macro_mae_at_positions",
     "neg_macro_mae_scorer",
     "neg_rps_scorer",
+    "noise_ceiling",
     "pit_histogram",
     "ranked_probability_score",
 ]
@@ -41,6 +52,7 @@ _CONSTRAINTS = {
     "sample_weight": ["array-like", None],
     "levels": ["array-like", None],
 }
+_UNITS = [StrOptions({"levels", "scale"})]
 
 
 class _Score(Protocol):
@@ -55,7 +67,7 @@ class _Score(Protocol):
         sample_weight: ArrayLike | None = ...,
         average: Literal[True] = ...,
         levels: ArrayLike | None = ...,
-        **options: int,
+        **options: Any,
     ) -> float: ...
 
     @overload
@@ -67,7 +79,7 @@ class _Score(Protocol):
         sample_weight: ArrayLike | None = ...,
         average: Literal[False],
         levels: ArrayLike | None = ...,
-        **options: int,
+        **options: Any,
     ) -> NDArray[np.float64]: ...
 
 
@@ -80,7 +92,7 @@ def _score(**constraints: list[Any]) -> Callable[[Callable[..., Any]], _Score]:
     return decorate
 
 
-@_score(n_quantiles=[Interval(Integral, 1, None, closed="left")])
+@_score(units=_UNITS, n_quantiles=[Interval(Integral, 1, None, closed="left")])
 def macro_mae(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -88,6 +100,7 @@ def macro_mae(
     sample_weight: ArrayLike | None = None,
     average: bool = True,
     levels: ArrayLike | None = None,
+    units: Literal["levels", "scale"] = "levels",
     n_quantiles: int = 99,
 ) -> float | NDArray[np.float64]:
     r"""Macro-averaged mean absolute error of the predicted ratings, per trial.
@@ -106,13 +119,15 @@ def macro_mae(
         The ordered levels, to which ratings and labelled columns are matched. By
         default the ordered categories or column labels of ``y_true``, or else of
         ``y_proba``; without labels, the columns of counts or the sorted ratings.
+    units : {"levels", "scale"}, default="levels"
+        Whether neighbouring levels are 1 apart, or as far as their numbers are.
     n_quantiles : int, default=99
         Number of quantile positions p at which ratings are compared.
 
     Returns
     -------
     score : float or ndarray of shape (n_trials,)
-        Error in levels, from 0 (best) to n_levels - 1.
+        Error in levels, from 0 (best) to n_levels - 1; or in units of the scale.
 
     Raises
     ------
@@ -151,9 +166,9 @@ def macro_mae(
     >>> macro_mae([[3, 0, 1]], [[0.75, 0.25, 0]])
     0.5
     """
-    counts, proba, _ = check_distributions(y_true, y_proba, levels)
-    p = quantile_grid(n_quantiles)
-    errors = macro_error(level_at(proba, p), level_at(counts, p))
+    counts, proba, levels = check_distributions(y_true, y_proba, levels)
+    p, values = quantile_grid(n_quantiles), level_values(levels, units)
+    errors = macro_error(level_at(proba, p), level_at(counts, p), values=values)
     return _summarise(errors, sample_weight, average)
 
 
@@ -165,6 +180,7 @@ def macro_mae(
         "sample_weight": ["array-like", None],
         "average": ["boolean"],
         "levels": ["array-like", None],
+        "units": _UNITS,
     },
     prefer_skip_nested_validation=True,
 )
@@ -176,6 +192,7 @@ def macro_mae_at_positions(
     sample_weight: ArrayLike | None = None,
     average: bool = True,
     levels: ArrayLike | None = None,
+    units: Literal["levels", "scale"] = "levels",
 ) -> float | NDArray[np.float64]:
     r"""Macro-averaged mean absolute error of ratings predicted one by one, per trial.
 
@@ -203,11 +220,13 @@ def macro_mae_at_positions(
         The ordered levels, to which ratings and labelled columns are matched. By
         default the ordered categories or column labels of ``y_true``; without labels,
         1, 2, … for the columns of counts, or the sorted ratings.
+    units : {"levels", "scale"}, default="levels"
+        Whether neighbouring levels are 1 apart, or as far as their numbers are.
 
     Returns
     -------
     score : float or ndarray of shape (n_trials,)
-        Error in levels, from 0 (best) to n_levels - 1.
+        Error in levels, from 0 (best) to n_levels - 1; or in units of the scale.
 
     Raises
     ------
@@ -234,12 +253,15 @@ def macro_mae_at_positions(
     array([0., 1.])
     """
     positions = np.atleast_1d(check_positions(p))
-    counts, predicted = check_predicted_ratings(y_true, y_pred, levels, len(positions))
-    errors = macro_error(predicted, level_at(counts, positions))
+    counts, predicted, levels = check_predicted_ratings(
+        y_true, y_pred, levels, len(positions)
+    )
+    values = level_values(levels, units)
+    errors = macro_error(predicted, level_at(counts, positions), values=values)
     return _summarise(errors, sample_weight, average)
 
 
-@_score()
+@_score(units=_UNITS)
 def ranked_probability_score(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -247,6 +269,7 @@ def ranked_probability_score(
     sample_weight: ArrayLike | None = None,
     average: bool = True,
     levels: ArrayLike | None = None,
+    units: Literal["levels", "scale"] = "levels",
 ) -> float | NDArray[np.float64]:
     r"""Ranked probability score, averaged over the people who rated a trial.
 
@@ -257,12 +280,14 @@ def ranked_probability_score(
     sample_weight : array-like of shape (n_trials,), default=None
     average : bool, default=True
     levels : array-like of shape (n_levels,), default=None
-        All five are those of :func:`macro_mae`.
+    units : {"levels", "scale"}, default="levels"
+        All six are those of :func:`macro_mae`.
 
     Returns
     -------
     score : float or ndarray of shape (n_trials,)
-        Score in levels, at most n_levels - 1 and not divided by it; lower is better.
+        Score in levels, at most n_levels - 1 and not divided by it, or in units of
+        the scale; lower is better.
 
     Raises
     ------
@@ -278,7 +303,9 @@ def ranked_probability_score(
         = \sum_{k=1}^{K-1} \left[(\hat F_k - F_k)^2 + F_k (1 - F_k)\right].
 
     The score is strictly proper: the true distribution scores best, and its score
-    is the second term, which is 0 only where people agree.
+    is the second term, which is 0 only where people agree. With ``units="scale"`` each
+    term is multiplied by the distance of its two levels, and the score is the
+    continuous ranked probability score of the levels' numbers.
 
     References
     ----------
@@ -294,14 +321,103 @@ def ranked_probability_score(
     >>> from sklearn_haptic.metrics import ranked_probability_score
     >>> ranked_probability_score([[1, 1, 2]], [[0.25, 0.25, 0.5]])
     0.4375
+
+    On a scale with the levels -3, 0 and 3 neighbours are 3 apart:
+
+    >>> ranked_probability_score(
+    ...     [[1, 1, 2]], [[0.25, 0.25, 0.5]], levels=[-3, 0, 3], units="scale"
+    ... )
+    1.3125
     """
-    counts, proba, _ = check_distributions(y_true, y_proba, levels)
+    counts, proba, levels = check_distributions(y_true, y_proba, levels)
     true, predicted = cdf(counts)[:, :-1], cdf(proba)[:, :-1]
-    scores = ((predicted - true) ** 2 + true * (1 - true)).sum(axis=1)
+    gaps = np.diff(level_values(levels, units))
+    scores = (((predicted - true) ** 2 + true * (1 - true)) * gaps).sum(axis=1)
     return _summarise(scores, sample_weight, average)
 
 
-@_score()
+@validate_params(
+    {
+        "y_true": ["array-like"],
+        "y_cdf": ["array-like"],
+        "values": ["array-like"],
+        "sample_weight": ["array-like", None],
+        "average": ["boolean"],
+    },
+    prefer_skip_nested_validation=True,
+)
+def crps(
+    y_true: ArrayLike | Sequence[ArrayLike],
+    y_cdf: ArrayLike,
+    values: ArrayLike,
+    *,
+    sample_weight: ArrayLike | None = None,
+    average: bool = True,
+) -> float | NDArray[np.float64]:
+    r"""Continuous ranked probability score, averaged over the people who rated a trial.
+
+    It is the ranked probability score of ratings that are numbers, such as those of a
+    slider, in units of the scale. It is exact for the CDF that is linear between the
+    points given.
+
+    Parameters
+    ----------
+    y_true : array-like of shape (n_trials,) or (n_trials, n_answers), or list of \
+            array-like
+        One rating per trial; or several, NaN where somebody gave none; or one list of
+        ratings, of any length, per trial.
+    y_cdf : array-like of shape (n_trials, n_points) or (n_points,)
+        Predicted CDF at the points, as ``predict_cdf(X, values)`` of a
+        `ContinuousRatingsRegressor` returns it; for predicted quantiles their
+        positions. It is 0 below the first point and 1 above the last, and jumps there
+        if it does not reach from 0 to 1.
+    values : array-like of shape (n_trials, n_points) or (n_points,)
+        The points, ascending; for predicted quantiles these. Equal points make a jump.
+    sample_weight : array-like of shape (n_trials,), default=None
+        Weight of each trial in the average.
+    average : bool, default=True
+        Whether to return the weighted mean rather than one score per trial.
+
+    Returns
+    -------
+    score : float or ndarray of shape (n_trials,)
+        Score in units of the scale; lower is better.
+
+    Raises
+    ------
+    ValueError
+        If a trial has no rating, a CDF or its points fall, or the shapes differ.
+
+    See Also
+    --------
+    ranked_probability_score : The same, with ``units="scale"``, of levels.
+
+    Notes
+    -----
+    The mean over the people r of a trial is
+    :math:`\frac1N \sum_r \int (\hat F(x) - 1\{y_r \le x\})^2 \, dx`. It is strictly
+    proper. A prediction that is sure of one value scores its absolute error.
+
+    References
+    ----------
+    J. E. Matheson and R. L. Winkler, "Scoring rules for continuous probability
+    distributions", Management Science 22, 1087–1096, 1976.
+    :doi:`10.1287/mnsc.22.10.1087`
+
+    Examples
+    --------
+    An even distribution over 0 … 100, and two people who moved the slider to 50 and 80:
+
+    >>> from sklearn_haptic.metrics import crps
+    >>> round(crps([[50, 80]], [0, 1], [0, 100]), 3)
+    12.833
+    """
+    answers = check_answers(y_true, "y_true")
+    scores = crps_per_trial(answers, *check_cdf(y_cdf, values, len(answers)))
+    return _summarise(scores, sample_weight, average)
+
+
+@_score(units=_UNITS)
 def earth_movers_distance(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -309,6 +425,7 @@ def earth_movers_distance(
     sample_weight: ArrayLike | None = None,
     average: bool = True,
     levels: ArrayLike | None = None,
+    units: Literal["levels", "scale"] = "levels",
 ) -> float | NDArray[np.float64]:
     r"""Earth mover's distance between predicted and true distribution.
 
@@ -319,12 +436,13 @@ def earth_movers_distance(
     sample_weight : array-like of shape (n_trials,), default=None
     average : bool, default=True
     levels : array-like of shape (n_levels,), default=None
-        All five are those of :func:`macro_mae`.
+    units : {"levels", "scale"}, default="levels"
+        All six are those of :func:`macro_mae`.
 
     Returns
     -------
     score : float or ndarray of shape (n_trials,)
-        Distance in levels, from 0 (best) to n_levels - 1.
+        Distance in levels, from 0 (best) to n_levels - 1; or in units of the scale.
 
     Raises
     ------
@@ -351,8 +469,9 @@ def earth_movers_distance(
     >>> earth_movers_distance([[0, 0, 4]], [[0.25, 0.25, 0.5]])
     0.75
     """
-    counts, proba, _ = check_distributions(y_true, y_proba, levels)
-    scores = np.abs(cdf(proba) - cdf(counts))[:, :-1].sum(axis=1)
+    counts, proba, levels = check_distributions(y_true, y_proba, levels)
+    gaps = np.diff(level_values(levels, units))
+    scores = (np.abs(cdf(proba) - cdf(counts))[:, :-1] * gaps).sum(axis=1)
     return _summarise(scores, sample_weight, average)
 
 
@@ -486,13 +605,14 @@ def pit_histogram(
     return n_bins * np.diff(_mean(below, sample_weight))
 
 
-@validate_params(_CONSTRAINTS, prefer_skip_nested_validation=True)
+@validate_params({**_CONSTRAINTS, "units": _UNITS}, prefer_skip_nested_validation=True)
 def dispersion(
     y_true: ArrayLike,
     y_proba: ArrayLike,
     *,
     sample_weight: ArrayLike | None = None,
     levels: ArrayLike | None = None,
+    units: Literal["levels", "scale"] = "levels",
 ) -> float:
     r"""Predicted variance relative to the ratings' scatter about the prediction.
 
@@ -505,6 +625,8 @@ def dispersion(
     sample_weight : array-like of shape (n_trials,), default=None
         Weight of each trial.
     levels : array-like of shape (n_levels,), default=None
+        As in :func:`macro_mae`.
+    units : {"levels", "scale"}, default="levels"
         As in :func:`macro_mae`.
 
     Returns
@@ -539,14 +661,139 @@ def dispersion(
     >>> dispersion([[2, 0, 2]], [[0.25, 0.5, 0.25]])
     0.5
     """
-    counts, proba, _ = check_distributions(y_true, y_proba, levels)
-    steps = np.arange(proba.shape[1])
-    squares = (steps - (proba @ steps)[:, None]) ** 2
+    counts, proba, levels = check_distributions(y_true, y_proba, levels)
+    values = level_values(levels, units)
+    squares = (values - (proba @ values)[:, None]) ** 2
     spread = _mean((proba * squares).sum(axis=1), sample_weight)
     scatter = _mean((shares(counts) * squares).sum(axis=1), sample_weight)
     if scatter == 0:
         return 1.0 if spread == 0 else np.inf
     return float(spread / scatter)
+
+
+@validate_params(
+    {
+        "y_true": ["array-like"],
+        "score": [callable],
+        "sample_weight": ["array-like", None],
+        "average": ["boolean"],
+        "n_draws": [Interval(Integral, 1, None, closed="left")],
+        "random_state": ["random_state"],
+    },
+    prefer_skip_nested_validation=True,
+)
+def noise_ceiling(
+    y_true: ArrayLike | Sequence[ArrayLike],
+    score: Callable[..., Any] = ranked_probability_score,
+    *,
+    sample_weight: ArrayLike | None = None,
+    average: bool = True,
+    n_draws: int = 100,
+    random_state: RandomState = None,
+) -> Bunch:
+    r"""How good a prediction of finitely many people's ratings can be.
+
+    Whatever predicts, the people who happened to rate an object scatter about the
+    population that they come from. No score can be expected below that of the
+    population itself, and few below that of as many other people.
+
+    Parameters
+    ----------
+    y_true : array-like of shape (n_trials, n_levels)
+        How many people chose each level, two people or more per trial. For
+        :func:`crps` their ratings, as it takes them.
+    score : callable, default=ranked_probability_score
+        A score of this module, or ``functools.partial(score, units="scale")``.
+    sample_weight : array-like of shape (n_trials,), default=None
+        Weight of each trial in the average.
+    average : bool, default=True
+        Whether to return weighted means rather than one value per trial.
+    n_draws : int, default=100
+        How often to draw people, for scores other than `ranked_probability_score` and
+        `crps`.
+    random_state : int, RandomState instance or None, default=None
+        Draws the people.
+
+    Returns
+    -------
+    ceiling : :class:`~sklearn.utils.Bunch`
+        With the attributes
+
+        truth : float or ndarray of shape (n_trials,)
+            Expected score of the distribution in the population.
+        raters : float or ndarray of shape (n_trials,)
+            Expected score of the counts of as many other people as rated the trial.
+
+    Raises
+    ------
+    ValueError
+        If a trial has fewer than two ratings, or there are no whole counts to draw.
+
+    Notes
+    -----
+    The population scores :math:`\sum_k F_k (1 - F_k)` by RPS, however many people are
+    predicted, and the counts of N other people :math:`1 + 1/N` times as much. From the
+    shares :math:`F_{N,k}` of N people, :math:`\frac{N}{N-1} \sum_k F_{N,k} (1 -
+    F_{N,k})` estimates the first without bias, as half the mean absolute difference
+    of two people's ratings does for the CRPS. For other scores populations are drawn
+    from what is likely after the ratings, if before objects differ as
+    :func:`~sklearn_haptic.raters.shrink_counts` supposes, and people from these. Give
+    one row per object then, and several objects.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.metrics import noise_ceiling
+    >>> ceiling = noise_ceiling([[3, 6, 3], [0, 6, 6]])
+    >>> round(ceiling.truth, 3), round(ceiling.raters, 3)
+    (0.341, 0.369)
+    """
+    function = getattr(score, "func", score)  # of a partial
+    if function is crps:
+        answers = check_answers(y_true, "y_true")
+        n = np.sum(~np.isnan(answers), axis=1)
+        _refuse_single_ratings(n)
+        truth = half_mean_difference(answers)
+        raters = truth * (1 + 1 / n)
+    else:
+        counts, _ = check_ratings(y_true, name="y_true")
+        n = counts.sum(axis=1)
+        _refuse_single_ratings(n)
+        if function is ranked_probability_score:
+            truth = score(counts, shares(counts), average=False) * n / (n - 1)
+            raters = truth * (1 + 1 / n)
+        else:
+            truth, raters = _drawn_scores(counts, score, n_draws, random_state)
+    return Bunch(
+        truth=_summarise(truth, sample_weight, average),
+        raters=_summarise(raters, sample_weight, average),
+    )
+
+
+def _refuse_single_ratings(n_ratings):
+    if (n_ratings < 2).any():
+        raise ValueError(
+            f"y_true has fewer than two ratings in trial {np.argmax(n_ratings < 2)}, "
+            "which tell nothing of how people differ; leave such trials out."
+        )
+
+
+def _drawn_scores(counts, score, n_draws, random_state):
+    """Mean scores of people drawn from counts, as predicted by these and by others."""
+    # The legacy generator draws one row of people at a time.
+    seed = check_random_state(random_state).randint(np.iinfo(np.int32).max)
+    rng = np.random.default_rng(seed)
+    n, strength = counts.sum(axis=1).astype(np.int64), leave_one_out_strength(counts)
+    prior = mean_of_others(counts)
+    alike, total = np.isinf(strength), np.zeros((2, len(counts)))
+    for _ in range(n_draws):
+        population = prior if alike else rng.gamma(counts + strength * prior)
+        population = shares(population)
+        drawn, others = rng.multinomial(n, population, size=(2, len(n)))
+        total += [
+            score(drawn, predicted, average=False)
+            for predicted in (population, shares(others))
+        ]
+    return total / n_draws
 
 
 def neg_rps_scorer(
@@ -635,13 +882,24 @@ def neg_macro_mae_scorer(
     -0.3333
     """
     model, X = _last_step(estimator, X)
-    if getattr(model, "decode", None) == "quantile" and model.rule == "argmax":
-        p = quantile_grid(model.n_quantiles)
-        score = partial(macro_mae_at_positions, p=p)
-        predicted = model.predict_rating(X, p)
-    else:
+    decided = ratings_decided_on(model, X)
+    if decided is None:
         score, predicted = macro_mae, model.predict_proba(X)
+    else:
+        predicted, p = decided
+        score = partial(macro_mae_at_positions, p=p)
     return -_score_predicted(score, predicted, model.classes_, y, sample_weight)
+
+
+def ratings_decided_on(model, X):
+    """Return the ratings that a model predicts one by one, and their positions.
+
+    None for all but a `DistributionalOrdinalRegressor` that decodes as the paper does.
+    """
+    if getattr(model, "decode", None) != "quantile" or model.rule != "argmax":
+        return None
+    p = quantile_grid(model.n_quantiles)
+    return model.predict_rating(X, p), p
 
 
 def _last_step(estimator, X):

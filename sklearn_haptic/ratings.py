@@ -7,6 +7,7 @@ columns of a labelled table are put in the order of the levels.
 
 from dataclasses import dataclass
 from numbers import Real
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +17,7 @@ from sklearn.utils.validation import check_array, check_consistent_length
 
 from ._check_ratings import check_counts, check_two_ratings, match_levels
 from ._distributions import cdf, level_at, shares
+from ._levels import level_values, levels_of_ratings, names_levels
 from ._sklearn import Interval, validate_params
 from ._validation import (
     check_numbers,
@@ -23,6 +25,7 @@ from ._validation import (
     check_positions,
     drop_missing,
     missing_to_none,
+    rows_of_objects,
 )
 
 __all__ = [
@@ -34,6 +37,7 @@ __all__ = [
     "rating_cdf",
     "rating_counts",
     "rating_distribution",
+    "rating_mean",
 ]
 
 
@@ -58,6 +62,11 @@ class RatingTable:
     levels : ndarray of shape (n_levels,)
         The level of each column. Give them to a model as its ``levels``, unless they
         are 1, 2, …, n_levels.
+    raters : ndarray of shape (n_raters,), default=None
+        The people, sorted, if they are known.
+    answers : ndarray of int of shape (n_ratings, 3), default=None
+        One row per rating, as indices into ``objects``, ``raters`` and ``levels``;
+        sorted.
 
     Examples
     --------
@@ -72,6 +81,117 @@ class RatingTable:
     counts: NDArray[np.int64]
     objects: np.ndarray
     levels: np.ndarray
+    raters: np.ndarray | None = None
+    answers: NDArray[np.intp] | None = None
+
+    @classmethod
+    def from_long(
+        cls,
+        frame: Any,
+        *,
+        object: str = "object",
+        rater: str = "rater",
+        rating: str = "rating",
+        levels: ArrayLike | None = None,
+    ) -> Self:
+        """Count the ratings of a table with one row per rating.
+
+        Parameters
+        ----------
+        frame : DataFrame of pandas or polars
+            For instance ``pandas.read_csv("ratings.csv")`` or
+            ``polars.read_parquet("ratings.parquet")``.
+        object, rater, rating : str
+            Names of the columns that say what was rated (objects, or single trials),
+            by whom, and how.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels, by default as in :func:`rating_counts`.
+
+        Returns
+        -------
+        table : RatingTable
+
+        Raises
+        ------
+        ValueError
+            If a column, an object or a rater is missing, somebody rated an object
+            twice, or a rating is not among the levels.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> from sklearn_haptic.ratings import RatingTable
+        >>> frame = pd.DataFrame(
+        ...     {"object": ["foam", "foam", "tile"], "rater": ["Ann", "Bo", "Ann"],
+        ...      "rating": [1, 3, 2]}
+        ... )
+        >>> RatingTable.from_long(frame).counts
+        array([[1, 0, 1],
+               [0, 1, 0]])
+        """
+        objects, raters, ratings = (
+            _column(frame, name) for name in (object, rater, rating)
+        )
+        return cls(**vars(rating_counts(ratings, objects, raters, levels=levels)))
+
+    @classmethod
+    def from_wide(
+        cls,
+        frame: Any,
+        *,
+        object: str = "object",
+        levels: ArrayLike | None = None,
+    ) -> Self:
+        """Count the ratings of a table with one row per object, one column per rater.
+
+        Parameters
+        ----------
+        frame : DataFrame of pandas or polars
+            All columns but one hold the ratings of the person that they are named by,
+            missing where this person did not rate the object.
+        object : str, default="object"
+            Name of the column that says what was rated: objects, or single trials.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels; by default the categories of the first rater's column
+            if they are ordered, else the sorted ratings that occur.
+
+        Returns
+        -------
+        table : RatingTable
+
+        Raises
+        ------
+        ValueError
+            If the column of objects is missing, an object has two rows or no rating, or
+            a rating is not among the levels.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> from sklearn_haptic.ratings import RatingTable
+        >>> frame = pd.DataFrame(
+        ...     {"object": ["foam", "tile"], "Ann": [1, 2], "Bo": [3, None]}
+        ... )
+        >>> RatingTable.from_wide(frame).counts
+        array([[1, 0, 1],
+               [0, 1, 0]])
+        """
+        objects = check_objects(_column(frame, object))
+        raters = [name for name in frame.columns if name != object]
+        if not raters:
+            raise ValueError(
+                f"The table has no column but {object!r}; give one per rater."
+            )
+        columns = [_column(frame, name) for name in raters]
+        if levels is None and names_levels(columns[0]):
+            levels = levels_of_ratings(np.array([]), columns[0], None, "ratings")
+        table = rating_counts(
+            np.concatenate([missing_to_none(column, "ratings") for column in columns]),
+            np.tile(objects, len(raters)),
+            np.repeat(raters, len(objects)),
+            levels=levels,
+        )
+        return cls(**vars(table))
 
     def counts_for(self, objects: ArrayLike) -> NDArray[np.int64]:
         """Return the counts of the object of each trial.
@@ -91,26 +211,26 @@ class RatingTable:
         ValueError
             If an object is missing or has no ratings in this table.
         """
-        objects = check_objects(objects)
-        row = {each: i for i, each in enumerate(self.objects.tolist())}
-        unknown = [each for each in np.unique(objects).tolist() if each not in row]
-        if unknown:
-            known = next(iter(row))
-            hint = "leave their trials out, or count their ratings too"
-            if isinstance(known, str) != isinstance(unknown[0], str):
-                hint = (
-                    f"its objects are of another type, such as {known!r}: convert with "
-                    f"numpy.asarray(objects).astype({type(known).__name__})"
-                )
-            raise ValueError(
-                f"The table has no ratings of objects {unknown[:5]}"
-                f"{' and more' * (len(unknown) > 5)}; {hint}."
-            )
-        return self.counts[[row[each] for each in objects.tolist()]]
+        return self.counts[rows_of_objects(objects, self.objects)]
+
+
+def _column(frame, name):
+    """Return a column of a table of pandas or polars, of which there must be one."""
+    columns = [*getattr(frame, "columns", ())]
+    if columns.count(name) != 1:
+        raise ValueError(
+            f"The table has {columns.count(name)} columns {name!r} among "
+            f"{columns[:10]}; give a DataFrame that has one, or the column's own name."
+        )
+    return frame[name]
 
 
 def rating_counts(
-    ratings: ArrayLike, objects: ArrayLike, *, levels: ArrayLike | None = None
+    ratings: ArrayLike,
+    objects: ArrayLike,
+    raters: ArrayLike | None = None,
+    *,
+    levels: ArrayLike | None = None,
 ) -> RatingTable:
     """Count how many people gave each object each rating.
 
@@ -122,6 +242,9 @@ def rating_counts(
         do.
     objects : array-like of shape (n_ratings,)
         The object that each rating is of.
+    raters : array-like of shape (n_ratings,), default=None
+        The person whose rating each is. The table then knows them, and nobody may rate
+        an object twice.
     levels : array-like of shape (n_levels,), default=None
         The ordered levels; by default the categories of an ordered categorical
         column of pandas or of an Enum of polars, else the sorted ratings that occur.
@@ -140,9 +263,9 @@ def rating_counts(
     Raises
     ------
     ValueError
-        If ``ratings`` and ``objects`` differ in length, either mixes text with
-        something else, a rating is not among ``levels``, an object id is missing, or
-        nobody rated an object.
+        If the columns differ in length, one mixes text with something else, a rating
+        is not among ``levels``, an object or a rater is missing, nobody rated an
+        object, or somebody did so twice.
 
     Examples
     --------
@@ -171,7 +294,8 @@ def rating_counts(
         values, ratings, levels, "ratings", row="row", rows=np.flatnonzero(given)
     )
     objects, row = np.unique(objects, return_inverse=True)
-    cell = row[given] * len(levels) + matches.argmax(axis=1)
+    level = matches.argmax(axis=1)
+    cell = row[given] * len(levels) + level
     counts = np.bincount(cell, minlength=len(objects) * len(levels))
     counts = counts.reshape(len(objects), len(levels))
     if not counts.any(axis=1).all():
@@ -180,7 +304,31 @@ def rating_counts(
             f"Nobody rated the object {unrated!r}; remove its rows from ratings and "
             "objects."
         )
-    return RatingTable(counts=counts, objects=objects, levels=levels)
+    if raters is None:
+        return RatingTable(counts, objects, levels)
+    check_consistent_length(ratings, raters)
+    raters = _check_raters(raters)[given]
+    raters, rater = np.unique(raters, return_inverse=True)
+    answers = np.column_stack((row[given], rater, level))
+    answers = answers[np.lexsort(answers.T[::-1])]
+    twice = (np.diff(answers[:, :2], axis=0) == 0).all(axis=1)
+    if twice.any():
+        which, who = answers[np.argmax(twice), :2]
+        raise ValueError(
+            f"ratings has two of the object {objects.tolist()[which]!r} by the rater "
+            f"{raters.tolist()[who]!r}; keep one, or tell the raters apart."
+        )
+    return RatingTable(counts, objects, levels, raters, answers)
+
+
+def _check_raters(raters):
+    raters, named = drop_missing(raters, "raters")
+    if not named.all():
+        raise ValueError(
+            f"raters names nobody in row {np.argmin(named)}; name the rater of every "
+            "row, or remove the row."
+        )
+    return raters
 
 
 def rating_distribution(counts: ArrayLike) -> NDArray[np.float64]:
@@ -296,6 +444,44 @@ def inverse_cdf(
     p = check_positions(p)
     index = level_at(counts, np.atleast_1d(p))
     return levels[index if p.ndim else index[:, 0]]
+
+
+def rating_mean(
+    counts: ArrayLike, *, levels: ArrayLike | None = None
+) -> NDArray[np.float64]:
+    """Mean rating of each object, in units of the scale.
+
+    Parameters
+    ----------
+    counts : array-like of shape (n_objects, n_levels)
+        How many people chose each level; any non-negative weights or probabilities
+        will do, so also what a model predicts.
+    levels : array-like of shape (n_levels,), default=None
+        The ordered levels, which must be numbers; by default the labels of the
+        columns, else 1, 2, ….
+
+    Returns
+    -------
+    mean : ndarray of shape (n_objects,)
+
+    Raises
+    ------
+    ValueError
+        If the levels are no ascending numbers, or the counts are negative, not finite
+        or all zero for an object.
+
+    See Also
+    --------
+    inverse_cdf : The median, ``p=0.5``, and all other quantiles.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.ratings import rating_mean
+    >>> rating_mean([[0, 1, 3], [2, 0, 2]], levels=[-3, 0, 3])
+    array([2.25, 0.  ])
+    """
+    counts, levels = check_counts(counts, levels)
+    return shares(counts) @ level_values(levels)
 
 
 def interrater_agreement(counts: ArrayLike) -> NDArray[np.float64]:

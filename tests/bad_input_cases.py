@@ -17,32 +17,39 @@ import numpy as np
 import pandas as pd
 from scipy import sparse
 from scipy.io import savemat
-from sklearn.compose import make_column_transformer
+from sklearn.base import clone
+from sklearn.compose import ColumnTransformer, make_column_transformer
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LogisticRegression, Ridge
 from sklearn.model_selection import RepeatedKFold
 from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.utils import Bunch
 
 from sklearn_haptic import (
     NNPOM,
+    ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DistributionBlend,
     DummyDistribution,
     KSVDTransformer,
+    NoveltyGuard,
     RegressedDistribution,
     SensorFusionNNPOM,
     Sequences,
     SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
+    TouchPool,
     make_haptic_pipeline,
     metrics,
     model_selection,
+    pairs,
     plotting,
+    raters,
     ratings,
+    streaming,
 )
 from sklearn_haptic.datasets import MatlabRatings, load_phac2, make_haptic_corpus
 from sklearn_haptic.ratings import RatingTable
@@ -201,6 +208,10 @@ LABELLED = ORDINAL | {"SensorFusionNNPOM": partial(SensorFusionNNPOM, SENSORS)}
 DUMMY = {"DummyDistribution": DummyDistribution}
 REGRESSED = {"RegressedDistribution": partial(RegressedDistribution, Ridge())}
 BLEND = {"DistributionBlend": partial(DistributionBlend, [("linear", NNPOM(0))])}
+TOUCH_POOL = {"TouchPool": partial(TouchPool, [("linear", NNPOM(0), [0, 1])])}
+GUARD = {
+    "NoveltyGuard": partial(NoveltyGuard, make_pipeline(StandardScaler(), NNPOM(0)))
+}
 GOOD = {"X": X, "y": COUNTS}
 
 
@@ -400,7 +411,8 @@ SCORES = direct(
     metrics.log_score, metrics.macro_mae, metrics.pit_histogram,
     metrics.dispersion, y_true=COUNTS, y_proba=PROBA)
 FUNCTIONS_OF_COUNTS = direct(
-    ratings.interrater_agreement, ratings.rating_distribution, ratings.rating_cdf
+    ratings.interrater_agreement, ratings.rating_distribution, ratings.rating_cdf,
+    ratings.rating_mean, raters.shrinkage_strength, raters.shrink_counts
 ) | direct(ratings.inverse_cdf, p=0.5)
 ask(fitting(RATED, "y") | fitting(BLEND, "y", groups=OBJECTS), *NOT_RATINGS, arg="y")
 ask(by_name("y_true", SCORES), *NOT_RATINGS, arg="y_true")
@@ -729,6 +741,42 @@ ask(fitting({"DistributionBlend": partial(DistributionBlend,
         "sample_weight", groups=OBJECTS),
     check("weights, and a member that takes none", np.ones(N),
         "^The member 'piped' takes no sample_weight; give none, or enable metadata"))
+ask(fitting(TOUCH_POOL, groups=OBJECTS),
+    check("no members", estimators=[],
+        says=r"^estimators=\[\] must be a list of one or more \(name, estimator, col"),
+    check("members without columns", estimators=[("a", NNPOM(0))],
+        says=r"^estimators=.* must be a list of one or more \(name, estimator, col"),
+    check("two members of one name",
+        estimators=[("a", NNPOM(0), [0]), ("a", NNPOM(1), [1])],
+        says="^Names provided are not unique"),
+    check("a member called marginal", estimators=[("marginal", NNPOM(0), [0])],
+        says="^Names provided are not unique"),
+    check("a member of other levels",
+        estimators=[("a", NNPOM(0, levels=[3, 2, 0]), [0])],
+        says="^The member 'a' predicts .*; give a classifier that keeps the levels"),
+    *wrong(estimators="models", cv="five", n_jobs=1.5))
+ask(fitting(TOUCH_POOL, groups=OBJECTS),
+    check("a column that is missing everywhere", np.full_like(X, np.nan),
+        "^No training row has all columns of the member 'linear'; give rows that"))
+ask(fitting(GUARD, groups=OBJECTS),
+    check("no pipeline", estimator=NNPOM(0),
+        says="^estimator is a NNPOM; give a Pipeline whose first steps return rows"),
+    *wrong(estimator="model", cv="five"))
+ask(fitting(TOUCH_POOL | GUARD, "y", groups=OBJECTS), *NOT_RATINGS,
+    check("several adjectives", TWO, "^y has the ratings of several adjectives"),
+    arg="y")
+ask(fitting(TOUCH_POOL | GUARD, "groups"),
+    check("one object", np.zeros(N), "there is 1 sample or"))
+ask({"TouchPool.weights": lambda touches: call(
+        TOUCH_POOL["TouchPool"]().fit(X, COUNTS, groups=OBJECTS).weights, touches)},
+    check("an unknown member", [["pac"]],
+        "^Unknown member 'pac'; the pool has 1, of which the closest are"),
+    check("a member twice", [["linear", "linear"]],
+        "^The member 'linear' is asked for twice"))
+ask(direct(make_haptic_corpus),
+    check("an unknown procedure of a list", procedure=["hold", "tap"],
+        says="^Unknown procedure 'tap'; the corpus has 4"),
+    check("no procedure", procedure=[], says="^No procedure is asked for"))
 ask(fitting(DUMMY),
     check("trials of another number than ratings", TRIALS,
         r"inconsistent numbers of samples: \[4, 12\]"))
@@ -839,6 +887,108 @@ ask(direct(ratings.outlying_raters, objects=np.zeros(N), raters=np.arange(N)),
     *not_numbers(X, "NaN", "dates"), arg="ratings")
 ask(direct(ratings.adjective_correlation, ratings=X),
     *settings("alpha", 0, "5%"), *settings("threshold", -0.3))
+
+# Scales with units, continuous ratings, pairs and raters
+
+IN_UNITS = direct(
+    metrics.ranked_probability_score, metrics.earth_movers_distance, metrics.macro_mae,
+    metrics.dispersion, y_true=COUNTS, y_proba=PROBA)
+ask(IN_UNITS, *settings("units", "mm"),
+    check("units of words", units="scale", levels=["no", "a bit", "very"],
+        says=r"^The levels \['no', .*\] are not numbers, .*; give numbers as levels="),
+    check("units of levels that fall", units="scale", levels=[3, 2, 1],
+        says=r"^levels=\[3, 2, 1\] do not ascend, .*; list finite numbers, lowest"))
+ask(direct(ratings.rating_mean, counts=COUNTS),
+    check("words as levels", levels=["no", "a bit", "very"],
+        says="are not numbers, so their scale has no units; give numbers"))
+ANSWERS = np.random.default_rng(2).normal(size=(N, 4))
+NOT_ANSWERS = [
+    *not_numbers(ANSWERS, "NaN", "dates"),
+    check("a trial without ratings", replaced(ANSWERS, np.nan, 1),
+        "ARG contains NaN: trial 1 has no answer; remove trials"),
+    check("a list without ratings", [[], *ANSWERS[1:].tolist()],
+        "ARG contains NaN: trial 0 has no answer"),
+    check("lists in a list", [[[1, 2]], *ANSWERS[1:].tolist()],
+        "ARG|setting an array|inhomogeneous"),
+]
+CRPS = direct(metrics.crps, y_true=ANSWERS, y_cdf=[0, 1], values=[-3, 3])
+SLIDERS = {"ContinuousRatingsRegressor": ContinuousRatingsRegressor}
+ask(by_name("y_true", CRPS), *NOT_ANSWERS, arg="y_true")
+ask(fitting(SLIDERS, "y"), *NOT_ANSWERS,
+    check("a trial less", ANSWERS[1:], r"inconsistent numbers of samples: \[12, 11\]"),
+    check("equal ratings only", np.ones(N),
+        r"^All ratings in ARG are 1.0 .*; a grid needs at least two different"),
+    check("ratings outside the grid", ANSWERS, grid=[0, 1, 2],
+        says="^ARG has ratings from .*, but grid reaches from 0.0 to 2.0; widen it"),
+    arg="y")
+ask(fitting(SLIDERS, y=ANSWERS), *NOT_A_TABLE[:2],
+    *wrong(n_cells=1, grid="log", estimator="nnpom"),
+    *settings("grid", [0, 5, 1], [0, 1], says="must be three edges or more that asc"))
+ask(CRPS,
+    check("a CDF that falls", y_cdf=[1, 0],
+        says="^y_cdf falls in row 0; sort it, so that the CDF ascends"),
+    check("points that fall", values=[3, -3], says="^values falls in row 0; sort it"),
+    check("a CDF above 1", y_cdf=[0, 1.1], says=r"^y_cdf must lie within \[0, 1\]"),
+    check("a point less", values=[3], says="^y_cdf has 2 columns, .* 1 values; give"),
+    check("CDFs of other trials", y_cdf=np.zeros((3, 2)),
+        says=r"^y_cdf has shape \(3, 2\), but y_true has 12 trials; give one row"),
+    check("NaN in a CDF", y_cdf=[0, np.nan], says="y_cdf contains NaN"))
+ask(direct(metrics.noise_ceiling),
+    check("one rating of an object", [[1, 0], [1, 1]],
+        "^y_true has fewer than two ratings in trial 0, .*; leave such trials out"),
+    check("one continuous rating", [[1, np.nan], [1, 2]], metrics.crps,
+        "^y_true has fewer than two ratings in trial 0, .*; leave such trials out"),
+    check("weights instead of people", [[1.5, 1], [1, 2]], metrics.log_score,
+        "^counts must be whole numbers of people, of whom one is left out"),
+    check("a score by name", COUNTS, "rps", wrong_type("score")),
+    *NOT_COUNTS[:1], arg="y_true")
+ask(direct(raters.shrinkage_strength, raters.shrink_counts),
+    check("one object", COUNTS[:1], "^counts has one object; shrinkage needs others"),
+    check("weights instead of people", COUNTS / 2,
+        "^counts must be whole numbers of people"),
+    check("one rating of each object", np.eye(3),
+        "^counts has no object with two ratings, .*; have some .* or give strength"))
+ask(direct(raters.shrink_counts, counts=COUNTS), *settings("strength", -1, "cv"))
+ask(direct(raters.rater_effects),
+    check("a table without raters", ratings.rating_counts([1, 2], ["a", "b"]),
+        "^table does not know its raters; make it by rating_counts.ratings"))
+SUPERIORITY = direct(pairs.probability_of_superiority, first=COUNTS, second=PROBA)
+for name in ("first", "second"):
+    ask(by_name(name, SUPERIORITY), *NOT_COUNTS, arg=name)
+ask(SUPERIORITY, *settings("ties", "drop"),
+    check("other levels", second=PROBA[:, :2],
+        says="^first has 3 levels, but second has 2; give both the same levels"),
+    check("other pairs", second=PROBA[:5],
+        says="^first has 12 rows, but second has 5; give one row per pair in both"))
+SCALE = direct(pairs.pairwise_scale, winners=list("abca"), losers=list("bcab"))
+ask(SCALE, *settings("alpha", 0, -1), *settings("model", "elo"),
+    check("an object against itself", winners=list("abcb"),
+        says="^winners and losers have the same object in row 3; name two objects"),
+    check("a missing object", winners=["a", None, "c", "a"],
+        says="^winners has no object in row 1; name the object of every row"),
+    check("a row less", losers=list("bca"), says="inconsistent numbers of samples"),
+    check("text against numbers", losers=[1, 2, 3, 4],
+        says="^winners and losers are not of one type, .*; convert one of them"),
+    check("objects without a link", winners=list("abxa"), losers=list("bcyb"),
+        says=r"^No judgement connects the objects \['x', 'y'\] .*; add judgements"),
+    check("a negative weight", sample_weight=[1, 1, 1, -1], says="Negative values"))
+PLACES = pairs.pairwise_scale(["tile"], ["foam"])
+ask(direct(PLACES.values_for),
+    check("an unknown object", ["tile", "cork"],
+        r"^The table has no ratings of objects \['cork'\]; leave their trials out"))
+LONG = pd.DataFrame({"object": list("aab"), "rater": list("xyx"), "rating": [1, 2, 2]})
+ask(direct(RatingTable.from_long),
+    check("somebody's second rating of an object", pd.concat([LONG, LONG[:1]]),
+        "^ratings has two of the object 'a' by the rater 'x'; keep one, or tell"),
+    check("a missing rater", LONG.replace({"rater": {"y": None}}),
+        "^raters names nobody in row 1; name the rater of every row"),
+    check("no column of raters", LONG[["object", "rating"]],
+        "^The table has 0 columns 'rater' among .*; give a DataFrame that has one"))
+ask(direct(RatingTable.from_wide),
+    check("an object in two rows", pd.DataFrame({"object": ["a", "a"], "x": [1, 2]}),
+        "^ratings has two of the object 'a' by the rater 'x'; keep one, or tell"),
+    check("no raters", LONG[["object"]],
+        "^The table has no column but 'object'; give one per rater"))
 ask(direct(make_haptic_corpus),
     *wrong(n_objects=0, n_trials=1.5, procedure="tap", n_raters=-1, random_state="a"),
     *settings("sensors", ["force"], says="^Unknown sensor 'force'; the corpus has 5"),
@@ -1536,6 +1686,132 @@ ask({"read_study": reading},
     check("a record whose file is a folder", b'{"file": "hold", "sha256": "0"}',
         **{"models/hold/table.csv": b"rps\n"}, says=DAMAGED_UNIT),
     in_folder=True)
+
+# Touches in progress
+
+TOUCHES = pd.DataFrame({s: pd.Series(TRIALS * 3) for s in ("pac", "tdc")})
+
+
+def spreads(touches):
+    return np.array([[each.std()] for each in touches["pac"]])
+
+
+STATISTICS = FunctionTransformer(spreads)
+ANYTIME = streaming.AnytimeRegressor(
+    make_pipeline(STATISTICS, DistributionalOrdinalRegressor()),
+    durations=[0.5, 0.8], sampling_rates={"pac": 10, "tdc": 10}, cv=2)
+PATH = np.full((N, 2, 3), 1 / 3)
+EXPECTED = streaming.ExpectedGain().fit(PATH, COUNTS, durations=[1, 2])
+
+
+@cache
+def anytime():
+    return clone(ANYTIME).fit(TOUCHES, COUNTS)
+
+
+def fit_anytime(*bad, **params):
+    X, y = [*bad, *(TOUCHES, COUNTS)[len(bad):]]
+    return call(clone(ANYTIME).set_params(**params).fit, X, y)
+
+
+def of_touches(name):
+    def ask_model(*bad):
+        return call(getattr(anytime(), name), *bad)
+
+    return {f"AnytimeRegressor.{name}": ask_model}
+
+
+def of_a_touch(name):
+    def ask_touch(*bad):
+        return call(getattr(anytime().start(), name), *bad)
+
+    return {f"TouchInProgress.{name}": ask_touch}
+
+
+def lacking(sensor, value=None):
+    touches = TOUCHES.copy()
+    touches[sensor] = [value, *TOUCHES[sensor][1:]]
+    return touches
+
+
+NO_PROBA = make_pipeline(STATISTICS, Ridge())
+ask({"AnytimeRegressor.fit": fit_anytime},
+    check("a table of numbers", X, "^X is no collection of recordings; give a"),
+    check("a touch without a sensor", lacking("tdc"),
+        "^Trial 0 of X has no recording of sensor 'tdc'; leave it out"),
+    check("NaN in a recording", lacking("tdc", replaced(TRIALS[0], np.nan)),
+        "^Sensor 'tdc': Trial 0 of X contains NaN or infinity"),
+    check("a column less", TOUCHES[["pac"]], "^X has no column 'tdc', which"),
+    check("no pipeline", estimator=LogisticRegression(),
+        says="^estimator is a LogisticRegression; give a Pipeline whose first"),
+    check("no probabilities", estimator=NO_PROBA,
+        says="^The last step of estimator, Ridge.*, has no predict_proba; take a"),
+    check("no weights", estimator=make_pipeline(STATISTICS, KNeighborsClassifier()),
+        says="takes no sample_weight, which sharing=0.5 requires; set sharing=0"),
+    check("no row of features", estimator=make_pipeline(
+        ColumnTransformer([("pac", "passthrough", ["pac"])]), LogisticRegression()),
+        says="^estimator has no step before its last that turns each touch into a row"),
+    *settings("durations", [], [0, 1], [2, 1], [[1, 2]], [np.inf],
+        says="^durations=.* must list seconds above 0 in ascending order"),
+    *settings("durations", ["1", "2"], says="^durations is not an array of numbers"),
+    check("a duration that no touch reaches", durations=[0.5, 60],
+        says="^durations holds 60 s, but only 0 of 12 training touches are so long"),
+    check("a rate of 0", sampling_rates={"pac": 0, "tdc": 10},
+        says="^The sampling rate of 'pac' is 0; give samples per second"),
+    check("no rates", sampling_rates={}, says="^sampling_rates names no sensor"),
+    check("one rate for two columns", sampling_rates=10,
+        says="but sampling_rates is one number; give a dict"),
+    check("a rate of a numbered column", sampling_rates={0: 10},
+        says="^sampling_rates names the sensor 0; name sensors by the columns"),
+    *wrong(sharing=[2, "all"], max_delay=[-1], stopping=[0.5], estimator=[None],
+        sampling_rates=["fast"]))
+ask(of_touches("predict_proba") | of_touches("predict") |
+    of_touches("predict_when_done"),
+    check("other channels than in fit", lacking("pac", TRIALS[0][:, :7]),
+        "^Sensor 'pac': Trial 0 of X has 7 channels"),
+    check("a number for a recording", lacking("pac", 3.0),
+        "^Sensor 'pac': Trial 0 of X is 3.0, not an array"),
+    check("a list", TRIALS, "^X has no column 'pac', which sampling_rates names"))
+ask(of_touches("predict_proba_over_time"),
+    check("times that are no list", TOUCHES, 3, "^times has shape \\(\\); give a list"),
+    check("a time before the touch", TOUCHES, [-1], "^times has shape .*, 0 or more"))
+ask(of_touches("start"),
+    check("limits of an unknown sensor", {"mic": (0, 1)},
+        "^limits names the sensor 'mic'; the model has \\['pac', 'tdc'\\]"),
+    check("limits of all sensors", (0, 1), "^limits is a tuple; give a dict from"),
+    check("limits in the wrong order", {"pac": (1, 0)},
+        "^limits holds \\(1, 0\\); give a pair \\(low, high\\)"))
+ask(of_a_touch("update"),
+    check("an array for two sensors", TRIALS[0], "^samples is a ndarray; give a dict"),
+    check("an unknown sensor", {"mic": TRIALS[0]}, "^samples names the sensor 'mic'"),
+    check("other channels than in fit", {"pac": np.ones((3, 4))},
+        r"^samples\['pac'\] has shape \(3, 4\), but one sample had the shape \(19,\)"),
+    check("text", {"pac": ["a"] * 19}, r"^samples\['pac'\] is not an array of numbers"))
+RULES = {
+    "ExpectedGain": (streaming.ExpectedGain, settings("price", -1, "high")),
+    "FixedDuration": (streaming.FixedDuration, settings("seconds", 0, "long")),
+    "CertaintyThreshold": (streaming.CertaintyThreshold, [
+        *settings("threshold", 2), *settings("measure", "sum")]),
+    "NoChange": (streaming.NoChange, settings("tol", -1, 2)),
+}
+for name, (rule, checks) in RULES.items():
+    ask({f"{name}.fit": lambda *bad, rule=rule, **params: call(
+            rule(**params).fit, *[*bad, *(PATH, COUNTS)[len(bad):]], durations=[1, 2])},
+        *checks,
+        check("one duration less", PATH[:, :1],
+            says="^proba has shape \\(12, 1, 3\\).* one distribution per duration"),
+        check("ratings of other trials", PATH, COUNTS[:3],
+            says="^proba has shape .*, but y has shape \\(3, 3\\)"))
+BY_TIME = {"TouchTimeDisplay.from_predictions": lambda *bad, **given: call(
+    plotting.TouchTimeDisplay.from_predictions,
+    *[*bad, *(COUNTS, PATH, [1, 2])[len(bad):]], **given)}
+ask(BY_TIME,
+    check("one duration less", COUNTS, PATH, [1], "^y_proba has shape .* and seconds"),
+    check("durations in no order", COUNTS, PATH, [2, 1], "must be above 0 and in asc"),
+    check("another metric", metric="mae", says="^metric='mae' must be 'rps' or"),
+    check("no distribution", COUNTS, PATH * 2, "^y_proba is no distribution"),
+    check("stops in seconds", stopped={"rule": [0.5] * N}, says="give the index of a"),
+    check("a stop behind the last", stopped={"rule": [2] * N}, says="outside 0 to 1"))
 
 # Input large enough to see how much memory its refusal takes
 

@@ -8,7 +8,8 @@ import sys
 from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
-from typing import Literal, get_args, get_origin, get_type_hints
+from types import UnionType
+from typing import Literal, Union, get_args, get_origin, get_type_hints
 
 import pandas as pd
 import pytest
@@ -22,18 +23,23 @@ MODULES = (
     "sklearn_haptic.datasets",
     "sklearn_haptic.metrics",
     "sklearn_haptic.model_selection",
+    "sklearn_haptic.pairs",
     "sklearn_haptic.plotting",
+    "sklearn_haptic.raters",
     "sklearn_haptic.ratings",
+    "sklearn_haptic.streaming",
     "sklearn_haptic.study",
 )
 
 
 def public_objects():
     """Yield every public class and function, once each, with its full name."""
+    seen = set()
     for name in MODULES:
         module = import_module(name)
-        for key in module.__all__:
+        for key in [key for key in module.__all__ if key not in seen]:
             if callable(getattr(module, key)):
+                seen.add(key)
                 yield f"{name}.{key}", getattr(module, key)
 
 
@@ -111,7 +117,7 @@ def validated_parameters():
 )
 def test_annotations_allow_what_validation_allows(function, parameter, allowed):
     hint = get_type_hints(function, localns={"pd": pd})[parameter]
-    parts = [hint] if get_origin(hint) is Literal else get_args(hint) or [hint]
+    parts = get_args(hint) if get_origin(hint) in (Union, UnionType) else [hint]
     options = {o for c in allowed if isinstance(c, StrOptions) for o in c.options}
     literals = [get_args(part) for part in parts if get_origin(part) is Literal]
     assert {option for each in literals for option in each} == options

@@ -14,6 +14,7 @@ from test_docs import pages_of_the_reference
 import sklearn_haptic
 from sklearn_haptic import (
     NNPOM,
+    AnytimeRegressor,
     DistributionalOrdinalRegressor,
     DistributionBlend,
     KSVDTransformer,
@@ -49,12 +50,14 @@ def test_one_address():
 
 @pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda each: each.__name__)
 def test_alone(estimator):
+    pipeline = make_haptic_pipeline(["pdc"])
     required = {
         DistributionBlend: [[("linear", NNPOM())]],
         TouchPool: [[("linear", NNPOM(), [0])]],
-        NoveltyGuard: [make_haptic_pipeline()],
-    }
-    assert page(estimator) in links(estimator(*required.get(estimator, [])))
+    }.get(estimator, [pipeline] if estimator is NoveltyGuard else [])
+    timed = {"estimator": pipeline, "durations": [1], "sampling_rates": 100}
+    options = timed if estimator is AnytimeRegressor else {}
+    assert page(estimator) in links(estimator(*required, **options))
     assert f"sklearn_haptic.{estimator.__name__}" in pages_of_the_reference()
 
 

@@ -1,5 +1,6 @@
 import pickle
 from fractions import Fraction
+from functools import partial
 from itertools import combinations_with_replacement, product
 
 import numpy as np
@@ -21,6 +22,7 @@ from sklearn_haptic.metrics import (
     macro_mae,
     neg_macro_mae_scorer,
     neg_rps_scorer,
+    noise_ceiling,
     pit_histogram,
     ranked_probability_score,
 )
@@ -439,3 +441,76 @@ def test_sorting_never_increases_the_mean_error_but_can_increase_the_macro_mae()
     predicted = np.array([[2] * 8 + [0] * 91])
     assert macro_error(predicted, true)[0] == 2
     assert macro_error(np.sort(predicted), true)[0] == pytest.approx(2.912, abs=1e-3)
+
+
+# Units of the scale, and the noise ceiling
+
+VALUES = np.array([-3.0, -2.5, 0, 1, 7])
+
+
+def test_scores_in_units_of_the_scale_are_their_definitions():
+    rng = np.random.default_rng(0)
+    counts = rng.integers(0, 4, size=(20, 5)) + np.eye(5, dtype=int)[0]
+    proba = rng.dirichlet(np.ones(5), size=20)
+    given = {"levels": VALUES, "units": "scale", "average": False}
+    rps = ranked_probability_score(counts, proba, **given)
+    emd = earth_movers_distance(counts, proba, **given)
+    mae = macro_mae(counts, proba, **given)
+    for i, (n, q) in enumerate(zip(counts, proba)):
+        f = n / n.sum()
+        assert emd[i] == pytest.approx(wasserstein_distance(VALUES, VALUES, f, q))
+        distance = np.abs(VALUES[:, None] - VALUES)
+        kernel = f @ distance @ q - q @ distance @ q / 2  # E|X - y| - E|X - X'| / 2
+        assert rps[i] == pytest.approx(kernel)
+        errors = {}
+        for p in np.arange(1, 100) / 100:
+            true, predicted = (
+                VALUES[np.searchsorted(np.cumsum(w) / np.sum(w), p - 1e-12)]
+                for w in (n, q)
+            )
+            errors.setdefault(true, []).append(abs(true - predicted))
+        expected = np.mean([np.mean(each) for each in errors.values()])
+        assert mae[i] == pytest.approx(expected)
+    mean = proba @ VALUES
+    spread = (proba @ VALUES**2 - mean**2).sum()
+    scatter = (
+        counts / counts.sum(1, keepdims=True) * (VALUES - mean[:, None]) ** 2
+    ).sum()
+    assert dispersion(counts, proba, levels=VALUES, units="scale") == pytest.approx(
+        spread / scatter
+    )
+
+
+@pytest.mark.parametrize("score", [ranked_probability_score, earth_movers_distance])
+def test_a_scale_of_equal_steps_multiplies_the_score(score):
+    counts, proba = [[1, 4, 2]], [[0.2, 0.5, 0.3]]
+    of_percent = score(counts, proba, levels=[0, 50, 100], units="scale")
+    assert of_percent == pytest.approx(50 * score(counts, proba))
+
+
+@pytest.mark.parametrize("n_raters", [2, 12])
+def test_noise_ceiling_is_what_the_truth_and_other_people_score(n_raters):
+    rng = np.random.default_rng(0)
+    truth = rng.dirichlet(np.ones(5), size=20_000)
+    counts, others = rng.multinomial(n_raters, truth, size=(2, 20_000))
+    rps = partial(ranked_probability_score, levels=VALUES, units="scale")
+    ceiling = noise_ceiling(counts, rps)
+    assert ceiling.truth == pytest.approx(rps(counts, truth), rel=0.02)
+    assert ceiling.raters == pytest.approx(rps(counts, others / n_raters), rel=0.02)
+    few = noise_ceiling(counts, earth_movers_distance, n_draws=5, random_state=0)
+    expected = earth_movers_distance(counts, truth)
+    assert few.truth == pytest.approx(expected, rel=0.1)
+    expected = earth_movers_distance(counts, others / n_raters)
+    assert few.raters == pytest.approx(expected, rel=0.1)
+
+
+def test_noise_ceiling_of_people_who_agree_is_zero():
+    ceiling = noise_ceiling([[0, 5, 0], [2, 0, 0]], average=False)
+    assert ceiling.truth.tolist() == ceiling.raters.tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("n_trials", [1, 5_000, 100_000])
+def test_noise_ceiling_by_size(n_trials):
+    counts = np.tile([[2, 1, 1]], (n_trials, 1))
+    expected = 4 / 3 * (2 / 4 * 2 / 4 + 3 / 4 * 1 / 4)
+    assert noise_ceiling(counts).truth == pytest.approx(expected)

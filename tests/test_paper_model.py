@@ -22,6 +22,7 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     SensorFusionNNPOM,
 )
+from sklearn_haptic._trial_scores import predict_and_score, score_trials
 from sklearn_haptic.metrics import (
     macro_mae,
     macro_mae_at_positions,
@@ -430,6 +431,25 @@ def test_error_of_raw_pairs_by_plain_loops(falling):
         macro_mae(counts, model.predict_proba(X), average=False),
     )
     assert (each != macro_mae(counts, model.predict_proba(X), average=False)).any()
+
+
+def test_every_trial_of_a_study_is_scored_as_in_the_paper(falling):
+    """By its ratings as predicted; its other scores are of the distribution."""
+    model, X, counts = falling
+    proba, (scores,) = predict_and_score(model, X, counts)
+    expected = [
+        mean_error([row], [count]) for row, count in zip(model.estimator_.table, counts)
+    ]
+    np.testing.assert_allclose(scores["macro_mae"], expected, rtol=0, atol=1e-10)
+    of_distribution = score_trials(counts, proba)
+    assert (scores["macro_mae"] != of_distribution.pop("macro_mae")).any()
+    for name, score in of_distribution.items():
+        np.testing.assert_array_equal(scores[name], score)
+    model.set_params(decode="mixture")
+    proba, (scores,) = predict_and_score(model, X, counts)
+    np.testing.assert_array_equal(
+        scores["macro_mae"], macro_mae(counts, proba, average=False)
+    )
 
 
 def test_the_scorer_scores_what_the_paper_scores(falling):

@@ -35,6 +35,7 @@ SENSORS = ["pdc", "tdc"]
 CELLS = {"squeeze": (16, 8, 4, 2, 1), "fast_slide": (8, 4, 2, 1)}
 WINDOWED = {"pdc": 25, "tdc": 10}  # atoms
 GRID = list(product([1, 3], [0.1, 1.0]))
+P = np.arange(1, 100) / 100
 CORPUS = partial(make_haptic_corpus, 10, 3, random_state=0)
 SETTINGS = {
     "preset": "paper",
@@ -56,16 +57,14 @@ def folder(tmp_path_factory):
     return folder
 
 
-def macro_error(counts, proba):
-    """Equation 3 by loops: the mean over trials, from 99 positions."""
+def macro_error(counts, ratings):
+    """Equation 3 by loops: the error of each trial, from 99 ratings as predicted."""
     errors = []
-    for count, p in zip(counts, proba):
+    for count, of_trial in zip(counts, ratings):
         by_level = {}
         for i in range(1, 100):
-            true = np.searchsorted(np.cumsum(count) * 100, i * count.sum())
-            # One rating a position, so shares are whole numbers of 99ths.
-            predicted = np.searchsorted(np.cumsum(p) * 99, i - 0.5)
-            by_level.setdefault(true, []).append(abs(true - predicted))
+            true = 1 + np.searchsorted(np.cumsum(count) * 100, i * count.sum())
+            by_level.setdefault(true, []).append(abs(true - of_trial[i - 1]))
         errors.append(np.mean([np.mean(each) for each in by_level.values()]))
     return errors
 
@@ -149,8 +148,8 @@ def test_the_papers_study_by_hand(folder, adjective):
         best = None
         for n_hidden, alpha in GRID:
             model = fitted(make(n_hidden, alpha), X, name, n_hidden, alpha)
-            proba = model.predict_proba(X[validation])
-            error = np.mean(macro_error(y[validation], proba))
+            ratings = model.predict_rating(X[validation], P)
+            error = np.mean(macro_error(y[validation], ratings))
             if best is None or error < best[0] - 1e-12:
                 best = error, n_hidden, alpha, model
         error, n_hidden, alpha, model = best
@@ -171,8 +170,9 @@ def test_the_papers_study_by_hand(folder, adjective):
         rows = singly[singly["network"] == sensor]
         proba = model.predict_proba(X[test])
         np.testing.assert_allclose(rows.filter(like="proba_"), proba, atol=1e-10)
+        ratings = model.predict_rating(X[test], P)
         np.testing.assert_allclose(
-            rows["macro_mae"], macro_error(y[test], proba), atol=1e-10
+            rows["macro_mae"], macro_error(y[test], ratings), atol=1e-10
         )
     X = np.hstack(blocks)
     search(
@@ -182,13 +182,14 @@ def test_the_papers_study_by_hand(folder, adjective):
     final = network(int(size["n_hidden"]), float(size["alpha"]))
     for start, held_out in product(range(2), (None, *SENSORS)):
         fusion = SensorFusionNNPOM(columns, frozen, final, held_out=held_out)
-        proba = fitted(fusion, X, "start", start).predict_proba(X[test])
+        model = fitted(fusion, X, "start", start)
+        proba, ratings = model.predict_proba(X[test]), model.predict_rating(X[test], P)
         rows = mine[
             (mine["start"] == start) & (mine["held_out"] == (held_out or "none"))
         ]
         np.testing.assert_allclose(rows.filter(like="proba_"), proba, atol=1e-10)
         np.testing.assert_allclose(
-            rows["macro_mae"], macro_error(y[test], proba), atol=1e-10
+            rows["macro_mae"], macro_error(y[test], ratings), atol=1e-10
         )
 
 

@@ -24,7 +24,7 @@ from .._sklearn import (
     _safe_indexing,
     validate_params,
 )
-from .._trial_scores import score_trials
+from .._trial_scores import predict_and_score
 from .._validation import check_groups
 from ..models import DistributionalOrdinalRegressor, SensorFusionNNPOM
 
@@ -92,8 +92,10 @@ def sensor_contributions(
         ``object``; ``trial``, the row of ``X``; and the scores, lower being better:
         ``macro_mae``, ``emd`` and ``rps`` in levels, ``log_score`` in nats, and
         ``rps_1``, …, the terms of the ranked probability score (RPS) at the thresholds
-        between levels k and k + 1, which sum to ``rps``. Several adjectives have a row
-        each and are counted from 0 in a further column, ``adjective``.
+        between levels k and k + 1, which sum to ``rps``. A model that decodes as in
+        the paper has the ``macro_mae`` of its ratings as it predicts them, unsorted.
+        Several adjectives have a row each and are counted from 0 in a further column,
+        ``adjective``.
 
     Raises
     ------
@@ -215,20 +217,15 @@ def _score_start(
     )
     return pd.concat(
         [
-            pd.DataFrame({"held_out": held_out, **columns, **adjective, **scores})
-            for held_out, model in models.items()
-            for adjective, scores in _score_adjectives(
-                y_test, model.predict_proba(X_test)
+            pd.DataFrame(
+                {
+                    "held_out": held_out,
+                    **columns,
+                    **({"adjective": i} if y_test.ndim == 3 else {}),
+                    **scores,
+                }
             )
+            for held_out, model in models.items()
+            for i, scores in enumerate(predict_and_score(model, X_test, y_test)[1])
         ]
     )
-
-
-def _score_adjectives(counts, proba):
-    """Return the column that names an adjective, if there are several, and scores."""
-    if counts.ndim == 2:
-        return [({}, score_trials(counts, proba))]
-    return [
-        ({"adjective": i}, score_trials(counts[:, i], proba[:, i]))
-        for i in range(counts.shape[1])
-    ]

@@ -2,6 +2,7 @@
 
 from ._baselines import DummyDistribution
 from ._blend import DistributionBlend
+from ._continuous import ContinuousRatingsRegressor
 from ._distributional import PAPER_2020, DistributionalOrdinalRegressor
 from ._fusion import SensorFusionNNPOM
 from ._nnpom import NNPOM
@@ -12,6 +13,7 @@ from ._touch_pool import TouchPool
 __all__ = [
     "NNPOM",
     "PAPER_2020",
+    "ContinuousRatingsRegressor",
     "DistributionBlend",
     "DistributionalOrdinalRegressor",
     "DummyDistribution",

@@ -277,8 +277,9 @@ class DistributionalOrdinalRegressor(
         groups = check_groups(groups, X)
         sample_weight = check_weights(sample_weight, X)
         used = sample_weight > 0
-        X, counts, sample_weight = X[used], counts[used], sample_weight[used]
-        groups = None if groups is None else groups[used]
+        if not used.all():
+            X, counts, sample_weight = X[used], counts[used], sample_weight[used]
+            groups = None if groups is None else groups[used]
         rng = check_random_state(self.random_state)
         self.estimator_ = self._make_estimator(rng)
         self._p_transform = self.p_transform

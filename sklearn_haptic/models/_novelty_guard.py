@@ -134,9 +134,9 @@ class NoveltyGuard(
                 f"estimator is a {type(self.estimator).__name__}; give a Pipeline "
                 "whose first steps return rows of features and whose last predicts."
             )
-        check_consistent_length(X, y)
-        groups = check_groups(groups, X)
         true, classes = true_shares(y, type(self).__name__)
+        check_consistent_length(X, true)
+        groups = check_groups(groups, X)
         groups = np.arange(len(true)) if groups is None else groups
         names, objects = np.unique(groups, return_inverse=True)
         if len(names) < 2:

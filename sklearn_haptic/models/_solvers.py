@@ -11,6 +11,9 @@ _GROW, _SHRINK, _FIRST_STEP, _LARGEST_STEP = 1.2, 0.5, 0.0123, 50.0
 _ROUNDING = 1e-6
 
 
+_CACHED = 8192  # parameters that a step is computed for at once, to stay in the cache
+
+
 _STOPPED = 99  # status that scipy gives a search which a callback ended
 
 
@@ -20,7 +23,7 @@ def irprop_plus(fun, x0, *, max_iter, tol, callback):
     Parameters
     ----------
     fun : callable
-        Returns cost and gradient.
+        Returns cost and gradient, which is overwritten.
     x0 : ndarray
         Where to start.
     max_iter : int
@@ -46,25 +49,40 @@ def irprop_plus(fun, x0, *, max_iter, tol, callback):
     x = x0.copy()
     size = np.full_like(x, _FIRST_STEP)
     step = np.zeros_like(x)
-    previous_grad = np.zeros_like(x)
+    previous_sign = np.zeros_like(x)
     previous_cost = np.inf
     for iteration in range(max_iter):
         cost, grad = fun(x)
-        if np.max(np.abs(grad)) <= tol:
+        if max(grad.max(), -grad.min()) <= tol:
             return x, iteration, True
-        agreement = np.sign(previous_grad) * np.sign(grad)
-        size[agreement > 0] *= _GROW
-        size[agreement < 0] *= _SHRINK
-        np.minimum(size, _LARGEST_STEP, out=size)
-        turned = agreement < 0
-        backtrack = -step if cost > previous_cost else np.zeros_like(x)
-        step = np.where(turned, backtrack, -np.sign(grad) * size)
-        x += step
-        previous_grad = np.where(turned, 0.0, grad)
+        back = -1.0 if cost > previous_cost else 0.0
+        for i in range(0, len(x), _CACHED):
+            part = slice(i, i + _CACHED)
+            _move(
+                x[part], grad[part], size[part], step[part], previous_sign[part], back
+            )
         previous_cost = cost
         if callback(x, cost):
             return x, iteration + 1, True
     return x, max_iter, False
+
+
+def _move(x, grad, size, step, previous_sign, back):
+    """Take a step of `irprop_plus` in place; `grad` is overwritten.
+
+    Where the gradient has turned, it is the last step times `back`.
+    """
+    sign = np.sign(grad, out=grad)
+    agreement = np.multiply(previous_sign, sign, out=previous_sign)
+    turned = agreement < 0
+    # By arithmetic, since masks take ten times as long: 1.2, 1 or 0.5.
+    size *= 1 + np.minimum((_GROW - 1) * agreement, (1 - _SHRINK) * agreement)
+    np.minimum(size, _LARGEST_STEP, out=size)
+    sign *= ~turned
+    previous_sign[:] = sign
+    step *= back * turned
+    step -= np.multiply(sign, size, out=sign)
+    x += step
 
 
 def lbfgs(fun, x0, *, max_iter, tol, callback, bounds=None):

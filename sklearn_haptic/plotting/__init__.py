@@ -14,6 +14,7 @@ from ._ratings import (
 )
 from ._signals import SignalsDisplay
 from ._speed_accuracy import SpeedAccuracyDisplay
+from ._touch_time import TouchTimeDisplay
 
 __all__ = [
     "AdjectiveCorrelationDisplay",
@@ -28,4 +29,5 @@ __all__ = [
     "SensorContributionsDisplay",
     "SignalsDisplay",
     "SpeedAccuracyDisplay",
+    "TouchTimeDisplay",
 ]

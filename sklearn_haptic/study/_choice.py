@@ -1,10 +1,13 @@
 """Networks chosen by their score on the validation trials."""
 
+from functools import partial
 from itertools import product
 
 import numpy as np
 from sklearn.base import clone
 from sklearn.metrics import check_scoring
+
+from .._together import run_together
 
 
 def choose_network(study, name, regressor, network, X, counts, parts):
@@ -36,7 +39,9 @@ def choose_network(study, name, regressor, network, X, counts, parts):
         )
         for n_hidden, alpha in grid
     ]
-    best, score, model = fit_best(candidates, X, counts, parts, study.scoring)
+    # L-BFGS brings the features into a basis of each network's own.
+    together = study.regressor.estimator.solver == "irprop+"
+    best, score, model = fit_best(candidates, X, counts, parts, study.scoring, together)
     n_hidden, alpha = grid[best]
     return model, {
         "network": name[-1],
@@ -53,7 +58,7 @@ def for_early_stopping(regressor, X, counts, parts):
     return {"X_val": X[parts.validation], "y_val": counts[parts.validation]}
 
 
-def fit_best(candidates, X, counts, parts, scoring):
+def fit_best(candidates, X, counts, parts, scoring, together=False):
     """Fit regressors to training trials and keep the best on validation trials.
 
     Parameters
@@ -65,6 +70,9 @@ def fit_best(candidates, X, counts, parts, scoring):
     parts : Parts
     scoring : str, callable or None
         Score by which to choose, higher being better; None for the regressor's own.
+    together : bool, default=False
+        Whether the regressors are fitted together, which saves time if they share the
+        features that their solver works on.
 
     Returns
     -------
@@ -97,10 +105,15 @@ def fit_best(candidates, X, counts, parts, scoring):
     >>> fit_best(candidates, X, counts, parts, None)[0]
     1
     """
+    train = X[parts.train], counts[parts.train]
+    validation = for_early_stopping(candidates[0], X, counts, parts)
+    fits = [partial(candidate.fit, *train, **validation) for candidate in candidates]
+    if together:
+        run_together(fits)
     best = None
     for i, candidate in enumerate(candidates):
-        validation = for_early_stopping(candidate, X, counts, parts)
-        candidate.fit(X[parts.train], counts[parts.train], **validation)
+        if not together:
+            fits[i]()
         scorer = check_scoring(candidate, scoring)
         score = float(scorer(candidate, X[parts.validation], counts[parts.validation]))
         if not np.isnan(score) and (best is None or score > best[1]):

@@ -9,7 +9,7 @@ from sklearn.frozen import FrozenEstimator
 
 from .._check_ratings import check_ratings
 from .._holdouts import FULL_MODEL, fit_holdouts
-from .._trial_scores import score_trials
+from .._trial_scores import predict_and_score, score_trials
 from ..models import DummyDistribution, SensorFusionNNPOM
 from ._choice import choose_network, for_early_stopping
 from ._features import rotate_features
@@ -52,7 +52,7 @@ def compute_models(study, procedure, adjective, fold):
     trials, _ = read_unit(study.folder, ("trials", procedure))
     counts = counts_of(trials, adjective)
     parts = study.split_objects(trials["object"].to_numpy(), adjective)[fold]
-    X, fusion, choices, predictions = choose_sensor_networks(study, name, counts, parts)
+    X, fusion, choices, singly = choose_sensor_networks(study, name, counts, parts)
     combined, choice = choose_network(
         study,
         (*name, "combined"),
@@ -63,7 +63,6 @@ def compute_models(study, procedure, adjective, fold):
         parts,
     )
     holdouts = predict_holdouts(study, name, combined, X, counts, parts)
-    scored = chain((("combined", *each) for each in holdouts), predictions)
     tested, true = trials.iloc[parts.test], counts[parts.test]
     tables = [
         pd.DataFrame(
@@ -76,12 +75,12 @@ def compute_models(study, procedure, adjective, fold):
                 "start": start,
                 "object": tested["object"].to_numpy(),
                 "trial": tested["trial"].to_numpy(),
-                **score_trials(true, proba),
+                **scores,
                 **{f"proba_{k}": p for k, p in enumerate(proba.T, start=1)},
                 **{f"count_{k}": c for k, c in enumerate(true.T, start=1)},
             }
         )
-        for network, start, held_out, proba in scored
+        for network, start, held_out, (proba, scores) in chain(holdouts, singly)
     ]
     return pd.concat(tables, ignore_index=True), {
         "choices": [*choices, choice],
@@ -109,11 +108,12 @@ def choose_sensor_networks(study, name, counts, parts):
         Unfitted, with the networks of the sensors frozen.
     choices : list of dict
         What was chosen for each sensor.
-    predictions : list of (sensor, start, held_out, proba)
+    singly : list of (sensor, start, held_out, (proba, scores))
         What each sensor's network predicts alone for the test trials: the network
         that was chosen, whose hidden units the combined network takes.
     """
-    features, columns, networks, choices, predictions = [], {}, {}, [], []
+    features, columns, networks, choices, singly = [], {}, {}, [], []
+    true = counts[parts.test]
     n_features = 0
     for sensor in study.sensors:
         unit = study.features_unit(name[0], sensor, *name[1:])
@@ -128,11 +128,12 @@ def choose_sensor_networks(study, name, counts, parts):
         columns[sensor] = slice(n_features, n_features + X.shape[1])
         networks[sensor] = FrozenEstimator(model.estimator_)
         choices.append(choice)
-        predictions.append((sensor, 0, FULL_MODEL, model.predict_proba(X[parts.test])))
+        proba, (scores,) = predict_and_score(model, X[parts.test], true)
+        singly.append((sensor, 0, FULL_MODEL, (proba, scores)))
         n_features += X.shape[1]
     final = study.regressor.estimator
     fusion = SensorFusionNNPOM(columns, networks, final_estimator=final)
-    return np.hstack(features), fusion, choices, predictions
+    return np.hstack(features), fusion, choices, singly
 
 
 def predict_holdouts(study, name, combined, X, counts, parts):
@@ -151,10 +152,13 @@ def predict_holdouts(study, name, combined, X, counts, parts):
 
     Yields
     ------
+    network : str
+        "combined".
     start : int
     held_out : str
         The sensor left out, or "none".
-    proba : ndarray of shape (n_test, n_levels)
+    predicted : tuple of (proba, scores)
+        What it predicts for the test trials, and the scores of that.
     """
     validation = for_early_stopping(combined, X, counts, parts)
     for start in range(study.n_starts):
@@ -166,7 +170,10 @@ def predict_holdouts(study, name, combined, X, counts, parts):
             **validation,
         )
         for held_out, model in models.items():
-            yield start, held_out, model.predict_proba(X[parts.test])
+            proba, (scores,) = predict_and_score(
+                model, X[parts.test], counts[parts.test]
+            )
+            yield "combined", start, held_out, (proba, scores)
 
 
 def score_baselines(counts, parts):

@@ -1,0 +1,298 @@
+"""Distributions of continuous ratings, by an ordinal model of the cells of a grid."""
+
+from collections.abc import Sequence
+from numbers import Integral
+from typing import Any, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
+from sklearn.utils.validation import (
+    check_array,
+    check_consistent_length,
+    check_is_fitted,
+    column_or_1d,
+    validate_data,
+)
+
+from .._answers import cdf_at, check_answers, quantile_at
+from .._sklearn import (
+    DocumentedEstimator,
+    HasMethods,
+    Interval,
+    StrOptions,
+    Trials,
+    _fit_context,
+)
+from .._validation import check_numbers, check_positions, check_weights
+from ..metrics import crps
+from ._distributional import DistributionalOrdinalRegressor
+
+
+def make_grid(answers, weight, grid, n_cells):
+    """Choose the edges of cells from the lowest answer to the highest, ascending.
+
+    A trial's weight is shared by its answers. Equal quantiles make one edge.
+    """
+    given = ~np.isnan(answers) & (weight > 0)[:, None]
+    each = np.broadcast_to((weight / given.sum(axis=1).clip(1))[:, None], given.shape)
+    values, weight = answers[given], each[given]
+    if grid == "even":
+        return np.linspace(values.min(), values.max(), n_cells + 1)
+    order = np.argsort(values, kind="stable")
+    values, below = values[order], np.cumsum(weight[order])
+    rank = np.arange(1, n_cells) / n_cells * below[-1] * (1 - 1e-12)
+    inner = values[np.searchsorted(below, rank)]
+    edges = np.unique([values[0], *inner, values[-1]])
+    return edges if len(edges) > 2 else np.linspace(edges[0], edges[1], 3)
+
+
+def count_in_cells(answers, edges):
+    """Count the answers of each trial in each cell, which includes its upper edge."""
+    n_cells = len(edges) - 1
+    cell = np.searchsorted(edges[1:-1], answers)
+    cell += n_cells * np.arange(len(answers))[:, None]
+    counts = np.bincount(
+        cell[~np.isnan(answers)], minlength=len(answers) * n_cells
+    ).astype(np.float64)
+    return counts.reshape(-1, n_cells)
+
+
+class ContinuousRatingsRegressor(
+    DocumentedEstimator, MetaEstimatorMixin, RegressorMixin, BaseEstimator
+):
+    """Regressor that predicts the distribution of a crowd's continuous ratings.
+
+    Ratings on a slider or a visual analogue scale are numbers without levels. They are
+    sorted into the cells of a grid, an ordinal model learns how many fall into each,
+    and the predicted CDF is linear within a cell. The finer the grid, the less it
+    matters.
+
+    Parameters
+    ----------
+    estimator : estimator object, default=None
+        The ordinal model of the cells, which takes counts and has ``predict_proba``; by
+        default ``DistributionalOrdinalRegressor()``. It may be a pipeline.
+    grid : {"quantile", "even"} or array-like of shape (n_edges,), default="quantile"
+        The edges of the cells: those between which equally many training ratings lie,
+        evenly spaced ones from the lowest rating to the highest, or the edges
+        themselves, ascending, such as ``numpy.linspace(0, 100, 31)``.
+    n_cells : int, default=30
+        Number of cells, if the grid is not given. Where many ratings are equal,
+        "quantile" makes fewer.
+
+    Attributes
+    ----------
+    estimator_ : estimator object
+        The fitted ordinal model.
+    grid_ : ndarray of shape (n_edges,)
+        The edges of the cells.
+    n_features_in_ : int
+        Number of features.
+    feature_names_in_ : ndarray of shape (`n_features_in_`,)
+        Names of the features, if they have any.
+
+    See Also
+    --------
+    DistributionalOrdinalRegressor : Predicts ratings that have levels.
+    metrics.crps : The score of a predicted CDF.
+
+    Notes
+    -----
+    The CDF at the edges is that of an ordinal model whose levels are the cells. Between
+    two edges it is off by less than the probability of the cell, which is about
+    ``1 / n_cells`` on average. A heap of equal ratings, such as people who left the
+    slider at its end, is spread over the cell below it. The predicted distribution
+    never leaves the grid.
+
+    Examples
+    --------
+    Three people moved a slider from 0 to 100 for each of four objects; one did not
+    answer.
+
+    >>> import numpy as np
+    >>> from sklearn_haptic import ContinuousRatingsRegressor
+    >>> X = np.array([[-1.0], [-0.4], [0.3], [1.1]])
+    >>> y = [[12, 20, 31], [25, 33, 50], [48, 57], [70, 83, 95]]
+    >>> model = ContinuousRatingsRegressor(grid=np.linspace(0, 100, 11)).fit(X, y)
+    >>> model.predict_quantile([[-1.0], [1.1]], [0.1, 0.5, 0.9]).round()
+    array([[12., 21., 41.],
+           [49., 82., 97.]])
+    >>> model.predict_cdf([[-1.0], [1.1]], [25, 50, 75]).round(2)
+    array([[0.58, 0.98, 1.  ],
+           [0.  , 0.1 , 0.43]])
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "estimator": [HasMethods(["fit", "predict_proba"]), None],
+        "grid": [StrOptions({"quantile", "even"}), "array-like"],
+        "n_cells": [Interval(Integral, 2, None, closed="left")],
+    }
+
+    def __init__(
+        self,
+        estimator: BaseEstimator | None = None,
+        *,
+        grid: Literal["quantile", "even"] | ArrayLike = "quantile",
+        n_cells: int = 30,
+    ) -> None:
+        self.estimator = estimator
+        self.grid = grid
+        self.n_cells = n_cells
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True  # it is no R²
+        return tags
+
+    @_fit_context(prefer_skip_nested_validation=False)
+    def fit(
+        self,
+        X: Trials,
+        y: ArrayLike | Sequence[ArrayLike],
+        sample_weight: ArrayLike | None = None,
+    ) -> Self:
+        """Choose the grid and fit the ordinal model.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial, or whatever ``estimator`` takes.
+        y : array-like of shape (n_trials,) or (n_trials, n_answers), or list of \
+                array-like
+            One rating per trial; or several, NaN where somebody gave none; or one list
+            of ratings, of any length, per trial.
+        sample_weight : array-like of shape (n_trials,), default=None
+            Weight of each trial, if ``estimator`` takes weights.
+
+        Returns
+        -------
+        self : ContinuousRatingsRegressor
+            The fitted regressor.
+        """
+        # Not `y` itself: lists of answers are no array.
+        required = None if y is None else "no_validation"
+        validate_data(self, X, y=required, skip_check_array=True)
+        answers = check_answers(y)
+        check_consistent_length(X, answers)
+        weights = {}
+        if sample_weight is not None:
+            weights["sample_weight"] = check_weights(sample_weight, answers)
+        weight = weights.get("sample_weight", np.ones(len(answers)))
+        self.grid_ = self._make_grid(answers, weight)
+        model: Any = self.estimator
+        model = DistributionalOrdinalRegressor() if model is None else clone(model)
+        counts = count_in_cells(answers, self.grid_)
+        self.estimator_: Any = model.fit(X, counts, **weights)
+        return self
+
+    def _make_grid(self, answers, weight):
+        lowest, highest = np.nanmin(answers), np.nanmax(answers)
+        if lowest == highest:
+            raise ValueError(
+                f"All ratings in y are {lowest} (n_samples={len(answers)}); a grid "
+                "needs at least two different ones."
+            )
+        if isinstance(self.grid, str):
+            return make_grid(answers, weight, self.grid, self.n_cells)
+        check_numbers(self.grid, "grid")
+        edges = column_or_1d(check_array(self.grid, ensure_2d=False, dtype=np.float64))
+        if len(edges) < 3 or not (np.diff(edges) > 0).all():
+            raise ValueError(
+                f"grid={edges.tolist()} must be three edges or more that ascend."
+            )
+        if lowest < edges[0] or highest > edges[-1]:
+            raise ValueError(
+                f"y has ratings from {lowest} to {highest}, but grid reaches from "
+                f"{edges[0]} to {edges[-1]}; widen it or mend the ratings."
+            )
+        return edges
+
+    def predict_cdf(
+        self, X: Trials, values: ArrayLike | None = None
+    ) -> NDArray[np.float64]:
+        """Predict the share of the population that rates at values or below.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+        values : float or array-like of shape (n_values,), default=None
+            Values on the scale, by default the edges in ``grid_``.
+
+        Returns
+        -------
+        cdf : ndarray of shape (n_trials, n_values), or (n_trials,) for a scalar
+            Rows never fall as the values grow.
+        """
+        check_is_fitted(self)
+        below = np.cumsum(self.estimator_.predict_proba(X), axis=1)
+        cdf = np.pad(below / below[:, -1:], ((0, 0), (1, 0)))
+        if values is None:
+            return cdf
+        check_numbers(values, "values")
+        points = np.asarray(values, dtype=np.float64)
+        if points.ndim > 1 or np.isnan(points).any():
+            raise ValueError("values must be a number or a list of numbers.")
+        at = cdf_at(np.atleast_1d(points), cdf, self.grid_)
+        return at if points.ndim else at[:, 0]
+
+    def predict_quantile(self, X: Trials, p: ArrayLike) -> NDArray[np.float64]:
+        """Predict the rating at given quantile positions.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+        p : float or array-like of shape (n_positions,)
+            Positions in the population, from 0 (lowest rating) to 1.
+
+        Returns
+        -------
+        rating : ndarray of shape (n_trials, n_positions), or (n_trials,) for a scalar
+            The inverse of `predict_cdf`; never falls as p grows.
+        """
+        p = check_positions(p)
+        rating = quantile_at(np.atleast_1d(p), self.predict_cdf(X), self.grid_)
+        return rating if p.ndim else rating[:, 0]
+
+    def predict(self, X: Trials) -> NDArray[np.float64]:
+        """Predict the mean rating; ``predict_quantile(X, 0.5)`` is the median.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+
+        Returns
+        -------
+        rating : ndarray of shape (n_trials,)
+        """
+        share = np.diff(self.predict_cdf(X), axis=1)
+        return share @ ((self.grid_[:-1] + self.grid_[1:]) / 2)
+
+    def score(
+        self,
+        X: Trials,
+        y: ArrayLike | Sequence[ArrayLike],
+        sample_weight: ArrayLike | None = None,
+    ) -> float:
+        """Return the negative mean continuous ranked probability score.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+        y : array-like of shape (n_trials,) or (n_trials, n_answers), or list of \
+                array-like
+            Ratings, as for `fit`.
+        sample_weight : array-like of shape (n_trials,), default=None
+            Weight of each trial.
+
+        Returns
+        -------
+        score : float
+            Higher is better; :func:`~sklearn_haptic.metrics.crps` with another sign.
+        """
+        cdf = self.predict_cdf(X)
+        return -float(crps(y, cdf, self.grid_, sample_weight=sample_weight))

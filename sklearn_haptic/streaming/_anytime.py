@@ -1,0 +1,569 @@
+"""Predict from touches of any length."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from numbers import Real
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, ClassifierMixin, MetaEstimatorMixin, clone
+from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import (
+    check_consistent_length,
+    check_is_fitted,
+    has_fit_parameter,
+)
+
+from .._check_ratings import check_adjectives
+from .._distributions import shares
+from .._folds import make_splitter
+from .._sklearn import (
+    CrossValidator,
+    DocumentedEstimator,
+    HasMethods,
+    Interval,
+    Trials,
+    _fit_context,
+    one_blas_thread,
+)
+from .._validation import check_groups, check_numbers
+from ..metrics import neg_rps_scorer
+from ._branches import fit_features, used_sensors
+from ._heads import best_power, fit_heads, predict_head, predict_out_of_fold, temper
+from ._prefixes import durations_complete, samples_in, seconds_felt
+from ._touch import TouchInProgress, check_limits
+from ._touches import ONLY_SENSOR, check_touches
+
+
+class AnytimeRegressor(
+    DocumentedEstimator, ClassifierMixin, MetaEstimatorMixin, BaseEstimator
+):
+    """Predict from touches of any length, by a pipeline fitted to prefixes.
+
+    A model of whole touches is worse than guessing on the first seconds of one. This
+    one learns from the first seconds: `fit` cuts the training touches to each of the
+    `durations`, and a touch is predicted from the longest duration that it has
+    completed.
+
+    The steps of the pipeline up to the first that returns a row per touch, such as
+    dictionaries and pooling, are fitted once, to whole touches. The steps behind them
+    are the *head*, of which each duration has its own. A head also learns, with less
+    weight, from the prefixes of the durations just before and behind its own. The
+    probabilities of each duration are then calibrated on predictions out of fold.
+
+    Parameters
+    ----------
+    estimator : Pipeline
+        Steps that turn recordings into features, and behind them an estimator with
+        ``predict_proba``. It may be what `make_haptic_pipeline` returns, or a pipeline
+        of other steps that take such trials.
+    durations : array-like of shape (n_durations,)
+        Seconds from the start at which predictions are made, ascending. They should
+        grow by a factor, as 0.25, 0.5, 1, 2, 4. A window or other feature that is
+        longer than a duration is left out of it.
+    sampling_rates : float or dict of str to float
+        Samples per second: a number for the recordings of one sensor, or of each
+        column of a DataFrame. Columns that the estimator does not use are ignored.
+    sharing : float, default=0.5
+        Weight of the prefixes of the two neighbouring durations in learning a head,
+        from 0 (none) to 1 (as much as its own). It requires a last step that takes
+        ``sample_weight``.
+    max_delay : float, default=0.1
+        Seconds that a sensor may lag behind the furthest before the touch goes on
+        without it. Means of training features stand for those of a missing sensor.
+    cv : int, splitter or iterable, default=5
+        Folds of the training touches for the predictions out of fold. A number keeps
+        objects whole if `fit` is given `groups`.
+    stopping : FixedDuration, CertaintyThreshold, NoChange, ExpectedGain or None, \
+            default=None
+        When a touch is done, which the rule learns from predictions out of fold. By
+        default when the longest duration is complete.
+
+    Attributes
+    ----------
+    classes_ : ndarray of shape (n_levels,)
+        The levels, or the classes.
+    durations_ : ndarray of shape (n_durations,)
+        The durations in seconds.
+    sensors_ : list of str
+        Columns that are used; ``[""]`` for the recordings of one sensor.
+    sample_shapes_ : dict of str to tuple of int
+        Shape of one sample of each sensor.
+    heads_ : list of Pipeline
+        The head of each duration.
+    powers_ : ndarray of shape (n_durations,)
+        Power to which the probabilities of each duration are raised. Below 1 the head
+        was too sure.
+    shares_ : ndarray of shape (n_levels,) or (n_adjectives, n_levels)
+        Mean distribution of the training touches, which is predicted before the first
+        duration is complete.
+    oof_proba_ : ndarray of shape (n_trials, n_durations, n_levels) or \
+            (n_trials, n_durations, n_adjectives, n_levels)
+        Calibrated predictions of the training touches by heads fitted without them.
+        NaN where a touch is not so long.
+    stopping_ : object or None
+        The fitted rule.
+
+    See Also
+    --------
+    make_haptic_pipeline : A pipeline of recordings of BioTac fingers.
+
+    Notes
+    -----
+    Only training touches that are long enough are used for a duration, because only
+    such touches are ever predicted by it. Dictionaries are learned once from all
+    training touches, also for the predictions out of fold; they do not see the ratings.
+
+    Examples
+    --------
+    >>> from sklearn_haptic import AnytimeRegressor, make_haptic_pipeline
+    >>> from sklearn_haptic.datasets import make_haptic_corpus
+    >>> corpus = make_haptic_corpus(
+    ...     n_objects=8, n_trials=2, sensors=["pdc", "tdc"], random_state=0
+    ... )
+    >>> model = AnytimeRegressor(
+    ...     make_haptic_pipeline(["pdc", "tdc"], random_state=0),
+    ...     durations=[0.5, 1, 2, 4],
+    ...     sampling_rates=corpus.sampling_rates,
+    ...     cv=2,
+    ... )
+    >>> model.fit(corpus.trials, corpus.ratings["hard"], groups=corpus.objects)
+    AnytimeRegressor(...)
+    >>> model.predict_proba(corpus.trials).shape
+    (16, 5)
+    >>> model.predict_proba_over_time(corpus.trials, [0.2, 0.7, 3, 60]).shape
+    (16, 4, 5)
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "estimator": [HasMethods(["fit"])],
+        "durations": ["array-like"],
+        "sampling_rates": [Real, Mapping],
+        "sharing": [Interval(Real, 0, 1, closed="both")],
+        "max_delay": [Interval(Real, 0, None, closed="left")],
+        "cv": ["cv_object"],
+        "stopping": [HasMethods(["fit", "stops"]), None],
+    }
+
+    def __init__(
+        self,
+        estimator: Pipeline,
+        *,
+        durations: ArrayLike,
+        sampling_rates: float | Mapping[str, float],
+        sharing: float = 0.5,
+        max_delay: float = 0.1,
+        cv: CrossValidator = 5,
+        stopping: BaseEstimator | None = None,
+    ) -> None:
+        self.estimator = estimator
+        self.durations = durations
+        self.sampling_rates = sampling_rates
+        self.sharing = sharing
+        self.max_delay = max_delay
+        self.cv = cv
+        self.stopping = stopping
+
+    @_fit_context(prefer_skip_nested_validation=False)
+    @one_blas_thread
+    def fit(self, X: Trials, y: ArrayLike, *, groups: ArrayLike | None = None) -> Self:
+        """Fit to prefixes of touches.
+
+        Parameters
+        ----------
+        X : DataFrame with a column per sensor, or collection of trials
+            Whole training touches. All sensors of a touch start together.
+        y : array-like of shape (n_trials, n_levels) or (n_trials,)
+            Counts of ratings or labels, whatever the last step takes; also counts of
+            several adjectives, of shape (n_trials, n_adjectives, n_levels).
+        groups : array-like of shape (n_trials,), default=None
+            The object of each touch, so that predictions out of fold are for objects
+            never touched.
+
+        Returns
+        -------
+        self : AnytimeRegressor
+            The fitted model.
+
+        Raises
+        ------
+        ValueError
+            If durations or rates are unusable, a training touch lacks a sensor, or too
+            few touches are as long as a duration.
+        """
+        steps = self._check_estimator()
+        durations = _check_durations(self.durations)
+        rates = _check_rates(self.sampling_rates)
+        self.sensors_ = used_sensors(steps, list(rates))
+        touches = check_touches(X, self.sensors_)
+        check_consistent_length(X, y)
+        groups = check_groups(groups, X)
+        self._rates = np.array([rates[sensor] for sensor in self.sensors_])
+        self.sample_shapes_ = {
+            s: each[0].shape[1:] for s, each in touches.signals.items()
+        }
+        self._needed = samples_in(durations[:, np.newaxis], self._rates)
+        self._max_delay = self.max_delay
+        self.durations_ = durations
+        n_reached = self._durations_reached(touches)
+        reached = n_reached[:, np.newaxis] > np.arange(len(durations))
+        self._check_reached(reached)
+        self._branches, n_steps = fit_features(steps, touches, y)
+        rows = self._fit_rows(touches, reached)
+        head = steps[n_steps:]
+        self.heads_ = fit_heads(head, rows, reached, y, self.sharing)
+        self.classes_ = max((each.classes_ for each in self.heads_), key=len)
+        self._ordered = hasattr(self.heads_[0][-1], "levels_")
+        true = self._shares(y)
+        self.shares_ = shares(true.sum(axis=0))
+        folds = make_splitter(head[-1][1], y, groups, self.cv).split(X, y, groups)
+        self.oof_proba_ = predict_out_of_fold(
+            head, rows, reached, y, self.sharing, self.classes_, folds
+        )
+        self.powers_ = _calibrate(self.oof_proba_, true)
+        stopping = None
+        if self.stopping is not None:
+            stopping = clone(self.stopping).fit(
+                self.oof_proba_, true, durations=durations, ordered=self._ordered
+            )
+        self.stopping_ = stopping
+        return self
+
+    def _check_estimator(self):
+        """Return the steps; refuse what cannot be divided into features and head."""
+        if not isinstance(self.estimator, Pipeline) or len(self.estimator) < 2:
+            raise ValueError(
+                f"estimator is a {type(self.estimator).__name__}; give a Pipeline "
+                "whose first steps turn trials into features and whose last predicts."
+            )
+        last = self.estimator.steps[-1][1]
+        if not hasattr(last, "predict_proba"):
+            raise ValueError(
+                f"The last step of estimator, {last!r}, has no predict_proba; take a "
+                "classifier that has one, or a DistributionalOrdinalRegressor."
+            )
+        if self.sharing and not has_fit_parameter(last, "sample_weight"):
+            raise ValueError(
+                f"The last step of estimator, {last!r}, takes no sample_weight, which "
+                f"sharing={self.sharing} requires; set sharing=0."
+            )
+        return self.estimator.steps
+
+    def _check_reached(self, reached):
+        for duration, n in zip(self.durations_, reached.sum(axis=0)):
+            if n < 10 and n < len(reached):
+                raise ValueError(
+                    f"durations holds {duration:g} s, but only {n} of {len(reached)} "
+                    "training touches are so long; leave this duration out."
+                )
+
+    def _durations_reached(self, touches):
+        """Return how many durations each touch has completed."""
+        seconds = touches.lengths() / self._rates
+        return durations_complete(
+            seconds_felt(seconds, self._max_delay), self.durations_
+        )
+
+    def _blocks(self, touches, which, k):
+        """Return each branch's features of some prefixes, and which touches have it.
+
+        Returns
+        -------
+        blocks : list of (ndarray of bool of shape (len(which),), ndarray or None)
+        """
+        needed = dict(zip(self.sensors_, self._needed[k]))
+        long_enough = dict(
+            zip(self.sensors_, (touches.lengths()[which] >= self._needed[k]).T)
+        )
+        blocks = []
+        for branch in self._branches:
+            there = np.all([long_enough[s] for s in branch.sensors], axis=0)
+            there &= needed[branch.sensors[0]] >= branch.least_samples()
+            features = None
+            if there.any():
+                features = branch.transform(touches, which[there], needed)
+            blocks.append((there, features))
+        return blocks
+
+    def _fit_rows(self, touches, reached):
+        """Return the features of the prefixes of each duration; learn their means."""
+        each = range(len(self.durations_))
+        which = [np.flatnonzero(reached[:, k]) for k in each]
+        blocks = [self._blocks(touches, which[k], k) for k in each]
+        for k in each:
+            if all(features is None for _, features in blocks[k]):
+                raise ValueError(
+                    f"durations holds {self.durations_[k]:g} s, which is shorter than "
+                    "one window of every sensor; leave it out or use shorter windows."
+                )
+        found = [
+            [features for _, features in of_branch if features is not None]
+            for of_branch in zip(*blocks)
+        ]
+        widths = [features[0].shape[1] if features else 0 for features in found]
+        ends = np.cumsum(widths)
+        self._columns = [slice(end - n, end) for n, end in zip(widths, ends)]
+        dtype = np.result_type(*(f.dtype for features in found for f in features))
+        self._means = np.zeros((len(blocks), ends[-1]), dtype)
+        for means, of_duration in zip(self._means, blocks):
+            for columns, (_, features) in zip(self._columns, of_duration):
+                if features is not None:
+                    means[columns] = features.mean(axis=0)
+        rows = [np.empty((len(reached), ends[-1]), dtype) for _ in each]
+        for k in each:
+            rows[k][which[k]] = self._rows(blocks[k], k)
+        return rows
+
+    def _rows(self, blocks, k):
+        """Join the features of all branches; means stand for what is missing."""
+        rows = np.tile(self._means[k], (len(blocks[0][0]), 1))
+        for columns, (there, features) in zip(self._columns, blocks):
+            if features is not None:
+                rows[there, columns] = features
+        return rows
+
+    def _shares(self, y):
+        """Return labels or counts as shares of the classes."""
+        if np.ndim(y) == 1:
+            return (np.asarray(y)[:, np.newaxis] == self.classes_).astype(np.float64)
+        return shares(check_adjectives(y, self.classes_)[0])
+
+    def _predict_rows(self, rows, k):
+        proba = predict_head(self.heads_[k], rows, self.classes_)
+        return temper(proba, self.powers_[k])
+
+    def _predict_at(self, touches, which, k):
+        """Predict some touches from their prefixes of the k-th duration."""
+        return self._predict_rows(self._rows(self._blocks(touches, which, k), k), k)
+
+    def _touches(self, X):
+        check_is_fitted(self)
+        return check_touches(X, self.sensors_, self.sample_shapes_)
+
+    @one_blas_thread
+    def predict_proba(self, X: Trials) -> NDArray[np.float64]:
+        """Predict from the longest duration that each touch has completed.
+
+        Parameters
+        ----------
+        X : DataFrame with a column per sensor, or collection of trials
+            Touches of any length, ended or not. None stands for a missing sensor.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_levels)
+            Share of each level, or probability of each class; with several adjectives
+            of shape (n_trials, n_adjectives, n_levels). A touch shorter than the first
+            duration gets `shares_`.
+        """
+        touches = self._touches(X)
+        n_reached = self._durations_reached(touches)
+        proba = np.tile(self.shares_, (len(touches), *[1] * self.shares_.ndim))
+        for k in np.unique(n_reached[n_reached > 0]) - 1:
+            which = np.flatnonzero(n_reached == k + 1)
+            proba[which] = self._predict_at(touches, which, k)
+        return proba
+
+    @one_blas_thread
+    def predict_proba_over_time(
+        self, X: Trials, times: ArrayLike
+    ) -> NDArray[np.float64]:
+        """Predict each touch from what had been felt at several times.
+
+        Parameters
+        ----------
+        X : DataFrame with a column per sensor, or collection of trials
+            Touches of any length.
+        times : array-like of shape (n_times,)
+            Seconds from the start. After its end a touch is predicted as at its end.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_times, n_levels)
+            What `predict_proba` returns for touches cut at these times; with several
+            adjectives of shape (n_trials, n_times, n_adjectives, n_levels).
+        """
+        touches, times = self._touches(X), _check_times(times)
+        seconds = touches.lengths() / self._rates
+        felt = seconds_felt(
+            np.minimum(seconds[:, np.newaxis], times[:, np.newaxis]), self._max_delay
+        )
+        n_reached = durations_complete(felt, self.durations_)
+        proba = np.empty((*n_reached.shape, *self.shares_.shape))
+        proba[n_reached == 0] = self.shares_
+        for k in np.unique(n_reached[n_reached > 0]) - 1:
+            trial, time = np.nonzero(n_reached == k + 1)
+            which, place = np.unique(trial, return_inverse=True)
+            proba[trial, time] = self._predict_at(touches, which, k)[place]
+        return proba
+
+    @one_blas_thread
+    def predict_when_done(
+        self, X: Trials
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Predict each touch from what had been felt when it was done.
+
+        Parameters
+        ----------
+        X : DataFrame with a column per sensor, or collection of trials
+            Touches of any length.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_levels)
+            Predictions at the duration at which the rule stops, or at the last that is
+            complete; with several adjectives of shape (n_trials, n_adjectives,
+            n_levels).
+        seconds : ndarray of shape (n_trials,)
+            This duration; 0 for a touch shorter than the first.
+        """
+        touches = self._touches(X)
+        n_reached = self._durations_reached(touches)
+        index = n_reached - 1
+        path = np.full(
+            (len(touches), len(self.durations_), *self.shares_.shape), np.nan
+        )
+        going = n_reached > 0
+        for k in range(len(self.durations_)):
+            which = np.flatnonzero(going & (n_reached > k))
+            if len(which) == 0:
+                break
+            path[which, k] = self._predict_at(touches, which, k)
+            stop = which[self._stops(path[which, : k + 1])]
+            index[stop], going[stop] = k, False
+        proba = path[np.arange(len(index)), index]
+        proba[n_reached == 0] = self.shares_
+        return proba, np.where(n_reached == 0, 0.0, self.durations_[index])
+
+    def _stops(self, path):
+        """Whether touches are done, given their predictions so far."""
+        if path.shape[1] == len(self.durations_):
+            return np.ones(len(path), dtype=bool)
+        if self.stopping_ is None:
+            return np.zeros(len(path), dtype=bool)
+        return self.stopping_.stops(path)
+
+    def start(
+        self,
+        limits: Mapping[str, tuple[float, float]] | tuple[float, float] | None = None,
+    ) -> TouchInProgress:
+        """Begin a touch of which the samples arrive bit by bit.
+
+        Parameters
+        ----------
+        limits : dict of str to tuple of float (low, high), default=None
+            Values at which a sensor is saturated; samples at or beyond them are
+            ignored, as are those that are not finite. For a model of one sensor
+            without name, the pair itself. By default no limits.
+
+        Returns
+        -------
+        touch : TouchInProgress
+            A touch without samples.
+        """
+        check_is_fitted(self)
+        return TouchInProgress(self, check_limits(limits, self.sensors_))
+
+    def predict(self, X: Trials) -> np.ndarray:
+        """Predict the most probable level or class.
+
+        Parameters
+        ----------
+        X : DataFrame with a column per sensor, or collection of trials
+            Touches of any length.
+
+        Returns
+        -------
+        predicted : ndarray of shape (n_trials,) or (n_trials, n_adjectives)
+        """
+        return self.classes_[self.predict_proba(X).argmax(axis=-1)]
+
+    def score(self, X: Trials, y: ArrayLike) -> float:
+        """Score predictions; higher is better.
+
+        Parameters
+        ----------
+        X : DataFrame with a column per sensor, or collection of trials
+            Touches of any length.
+        y : array-like
+            As in `fit`.
+
+        Returns
+        -------
+        score : float
+            The negative ranked probability score if the head knows an order of levels,
+            else the accuracy.
+        """
+        if self._ordered:
+            return neg_rps_scorer(self, X, y)
+        return float(np.mean(self.predict(X) == np.asarray(y)))
+
+    def __sklearn_is_fitted__(self):
+        return hasattr(self, "stopping_")  # which is set last
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.input_tags.two_d_array = False
+        tags.input_tags.one_d_array = True
+        tags.no_validation = True
+        return tags
+
+
+def _calibrate(proba, true):
+    """Temper predictions out of fold, in place; return the power of each duration."""
+    powers = np.ones(proba.shape[1])
+    tested = np.isfinite(proba).all(axis=tuple(range(2, proba.ndim)))
+    for k, here in enumerate(tested.T):
+        if here.any():
+            powers[k] = best_power(proba[here, k], true[here])
+            proba[here, k] = temper(proba[here, k], powers[k])
+    return powers
+
+
+def _check_durations(durations):
+    check_numbers(durations, "durations")
+    values = np.asarray(durations, dtype=np.float64)
+    if (
+        values.ndim != 1
+        or len(values) == 0
+        or not np.isfinite(values).all()
+        or (np.diff(values, prepend=0) <= 0).any()
+    ):
+        raise ValueError(
+            f"durations={durations!r} must list seconds above 0 in ascending order."
+        )
+    return values
+
+
+def _check_rates(sampling_rates):
+    """Return the sampling rate of each sensor."""
+    by_name = isinstance(sampling_rates, Mapping)
+    rates = dict(sampling_rates) if by_name else {ONLY_SENSOR: sampling_rates}
+    for sensor, rate in rates.items():
+        if not isinstance(sensor, str) or (by_name and sensor == ONLY_SENSOR):
+            raise ValueError(
+                f"sampling_rates names the sensor {sensor!r}; name sensors by the "
+                "columns of X, which must be text."
+            )
+        if not isinstance(rate, Real) or not 0 < rate < np.inf:
+            where = f" of {sensor!r}" if by_name else ""
+            raise ValueError(
+                f"The sampling rate{where} is {rate!r}; give samples per second."
+            )
+    if not rates:
+        raise ValueError(
+            "sampling_rates names no sensor; give the rate of each column of X."
+        )
+    return {sensor: float(rate) for sensor, rate in rates.items()}
+
+
+def _check_times(times):
+    check_numbers(times, "times")
+    times = np.asarray(times, dtype=np.float64)
+    if times.ndim != 1 or not (times >= 0).all():
+        raise ValueError(
+            f"times has shape {times.shape}; give a list of seconds, 0 or more."
+        )
+    return times

@@ -1,0 +1,173 @@
+"""Features of prefixes: each sensor's steps, fitted once on whole touches.
+
+A pipeline of trials has steps that turn recordings into a row of features per touch,
+and behind them a *head* that learns from the rows. The features divide into *branches*:
+the transformers of a `ColumnTransformer`, each with its sensors, or all steps as one
+branch. A branch is felt at a duration when all of its sensors have completed it and it
+can code so little; else the means of its training features stand for it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from sklearn.base import clone
+from sklearn.compose import ColumnTransformer
+from sklearn.pipeline import Pipeline
+
+from .._check_trials import is_table
+from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
+from ._touches import ONLY_SENSOR
+
+
+class Branch(NamedTuple):
+    """Steps that turn the recordings of some sensors into features.
+
+    Attributes
+    ----------
+    transformer : fitted transformer
+    columns : str, list of str or None
+        What the transformer is given: a column, a table, or trials in no column.
+    """
+
+    transformer: object
+    columns: str | list[str] | None
+
+    @property
+    def sensors(self):
+        """The names of the sensors."""
+        if self.columns is None:
+            return [ONLY_SENSOR]
+        return [self.columns] if isinstance(self.columns, str) else list(self.columns)
+
+    def transform(self, touches, which, n_samples):
+        """Return the features of prefixes, of shape (n_touches, n_features)."""
+        prefixes = touches.prefixes(which, n_samples, self.columns)
+        return as_rows(self.transformer.transform(prefixes))
+
+    def incremental(self):
+        """Return the coder, the pooling and later steps; None for foreign steps."""
+        steps = _flat(self.transformer)
+        if (
+            len(self.sensors) == 1
+            and len(steps) >= 2
+            and isinstance(steps[0], (KSVDTransformer, STHMPTransformer))
+            and isinstance(steps[1], TemporalMaxPool)
+        ):
+            return steps[0], steps[1], steps[2:]
+        return None
+
+    def least_samples(self):
+        """Return the fewest samples that the branch can code."""
+        steps = self.incremental()
+        if steps is None or not isinstance(steps[0], KSVDTransformer):
+            return 1
+        return steps[0].components_.shape[1]
+
+
+def fit_features(steps, touches, y):
+    """Fit the steps of a pipeline up to the first that returns a table.
+
+    Parameters
+    ----------
+    steps : list of (str, estimator)
+        Steps of the pipeline, which are cloned.
+    touches : Touches
+        Whole training touches.
+    y : array-like
+        Labels or counts, for steps that learn from them.
+
+    Returns
+    -------
+    branches : list of Branch
+        The fitted steps.
+    n_steps : int
+        How many of the steps they are.
+
+    Raises
+    ------
+    ValueError
+        If no step before the last returns a table.
+    """
+    sensors = list(touches.signals)
+    columns = None if sensors == [ONLY_SENSOR] else sensors
+    whole = dict.fromkeys(sensors)
+    X = touches.prefixes(np.arange(len(touches)), whole, columns)
+    fitted = []
+    for i, (name, step) in enumerate(steps[:-1]):
+        if _is_idle(step):
+            continue
+        step = clone(step)
+        X = step.fit_transform(X, y)
+        fitted.append((name, step))
+        if is_table(X):
+            parts = _parts(step) if len(fitted) == 1 else None
+            return parts or [Branch(Pipeline(fitted), columns)], i + 1
+    raise ValueError(
+        "estimator has no step before its last that turns each touch into a row of "
+        "features; add one, such as TemporalMaxPool behind KSVDTransformer."
+    )
+
+
+def as_rows(features):
+    """Return features as an array of shape (n_touches, n_features)."""
+    if hasattr(features, "toarray"):
+        features = features.toarray()
+    return np.asarray(features)
+
+
+def used_sensors(steps, named):
+    """Return those of the named sensors that the first step takes, all by default."""
+    first = next(iter(_flat(Pipeline(steps))), None)
+    if not isinstance(first, ColumnTransformer) or first.remainder != "drop":
+        return named
+    taken = []
+    for _, transformer, columns in first.transformers:
+        if transformer == "drop":
+            continue
+        columns = [columns] if isinstance(columns, str) else columns
+        if not isinstance(columns, (list, tuple)):
+            return named
+        taken += [*columns]
+    if not all(isinstance(column, str) for column in taken):
+        return named
+    unknown = [column for column in taken if column not in named]
+    if unknown:
+        raise ValueError(
+            f"estimator takes the column {unknown[0]!r}, for which sampling_rates has "
+            "no rate; add it."
+        )
+    return [sensor for sensor in named if sensor in taken]
+
+
+def _parts(step):
+    """Return the branches of a fitted ColumnTransformer, None if it cannot be cut."""
+    if (
+        not isinstance(step, ColumnTransformer)
+        or step.remainder != "drop"
+        or step.transformer_weights
+    ):
+        return None
+    branches = []
+    for name, transformer, columns in step.transformers_:
+        if name == "remainder" or transformer == "drop":
+            continue
+        if not isinstance(columns, (str, list)) or transformer == "passthrough":
+            return None
+        if not all(isinstance(column, str) for column in columns):
+            return None
+        branches.append(Branch(transformer, columns))
+    return branches
+
+
+def _flat(transformer):
+    """Return the steps of a pipeline that do something, those of inner ones too."""
+    if not isinstance(transformer, Pipeline):
+        return [transformer]
+    steps = [step for _, step in transformer.steps if not _is_idle(step)]
+    return [each for step in steps for each in _flat(step)]
+
+
+def _is_idle(step):
+    return step is None or step == "passthrough"

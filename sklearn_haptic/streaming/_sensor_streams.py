@@ -1,0 +1,175 @@
+"""What must be kept of a sensor while a touch goes on.
+
+The cells of a prefix depend on its length, but the durations are known in advance, and
+so are the edges of all of their cells. Between two neighbouring edges only the maximum
+of every column has to be kept. Memory is bounded by the durations, and an update costs
+the same at any time.
+"""
+
+import numpy as np
+
+from .._cells import cell_bounds
+from ..features import KSVDTransformer
+
+# Windows that wait to be coded together, which takes little longer than one by itself.
+_TOGETHER = 64
+
+
+class MendedSamples:
+    """Replace samples that are not finite or are saturated by the last good one.
+
+    Samples before the first good one of a channel wait for it.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Shape of one sample.
+    low, high : float
+        Values at or beyond these limits are ignored.
+    limit : int
+        Most samples that wait; a channel without a good one among them is dead.
+
+    Attributes
+    ----------
+    n_ignored : int
+        Number of samples of which some value was ignored.
+    """
+
+    def __init__(self, shape, low, high, limit):
+        self._low, self._high, self._limit = low, high, limit
+        self._waiting = np.empty((0, *shape))
+        self._last = np.full((1, *shape), np.nan)
+        self.n_ignored = 0
+
+    def mend(self, samples):
+        """Return the samples that are good or mended by now."""
+        if len(samples) == 0:
+            return samples
+        good = (samples > self._low) & (samples < self._high)  # false for NaN
+        if good.all() and not len(self._waiting):
+            self._last = samples[-1:].copy()
+            return samples
+        flat = good.reshape(len(good), -1)
+        self.n_ignored += int(len(good) - flat.all(axis=1).sum())
+        samples = np.where(good, samples, np.nan)
+        before = self._last.astype(samples.dtype)
+        samples = np.concatenate([self._waiting.astype(samples.dtype), samples])
+        known = np.concatenate([before, samples])
+        flat = known.reshape(len(known), -1)
+        if not np.isfinite(flat).any(axis=0).all():
+            self._waiting = samples[: self._limit]
+            return samples[:0]
+        here = np.isfinite(flat)
+        row = np.where(here, np.arange(len(flat))[:, np.newaxis], -1)
+        row = np.maximum.accumulate(row, axis=0)
+        row = np.where(row < 0, here.argmax(axis=0), row)  # before the first good one
+        flat = np.take_along_axis(flat, row, axis=0)
+        mended = flat.reshape(known.shape)
+        self._last, self._waiting = mended[-1:].copy(), samples[:0]
+        return mended[1:]
+
+
+class KeptSamples:
+    """Keep the samples of the longest duration, for steps that need all of them.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Shape of one sample.
+    limit : int
+        How many samples to keep.
+    """
+
+    def __init__(self, shape, limit):
+        self._samples, self._n = np.empty((limit, *shape)), 0
+
+    def add(self, samples):
+        """Keep samples."""
+        end = min(self._n + len(samples), len(self._samples))
+        self._samples[self._n : end] = samples[: end - self._n]
+        self._n = end
+
+    def first(self, n):
+        """Return the first n samples."""
+        return self._samples[:n]
+
+
+class PooledCodes:
+    """Code windows and keep the maxima between the edges of cells.
+
+    Parameters
+    ----------
+    coder : KSVDTransformer or STHMPTransformer
+        Fitted to trials.
+    pool : TemporalMaxPool
+        Fitted to the codes.
+    shape : tuple of int
+        Shape of one sample.
+    needed : sequence of int
+        Number of samples of each duration, ascending.
+    """
+
+    def __init__(self, coder, pool, shape, needed):
+        self._coder = coder
+        self._window = self._step = 1
+        if isinstance(coder, KSVDTransformer):
+            self._window, self._step = coder.components_.shape[1], coder.window_step_
+        self._needed = needed
+        self._n, self._n_rows = 0, 0
+        self._rest = np.empty((0, *shape))
+        rows = [(n - self._window) // self._step + 1 for n in needed]
+        bounds = [
+            [np.concatenate(ends) for ends in zip(*self._cells(pool, n))]
+            if n > 0
+            else None
+            for n in rows
+        ]
+        edges = [each for pair in bounds if pair is not None for each in pair]
+        self._edges = np.unique(np.concatenate(edges)) if edges else np.zeros(1, int)
+        self._spans = [
+            None if pair is None else np.searchsorted(self._edges, pair).T
+            for pair in bounds
+        ]
+        n_columns = pool.n_features_in_
+        self._maxima = np.full((len(self._edges), n_columns), -np.inf)
+
+    @staticmethod
+    def _cells(pool, n_rows):
+        return [cell_bounds(n_rows, n, pool.split_) for n in pool.cells_]
+
+    def add(self, samples):
+        """Take samples; code windows some at a time and when a duration is complete."""
+        samples = samples[: max(0, self._needed[-1] - self._n)]
+        n_complete = np.searchsorted(self._needed, self._n, side="right")
+        self._n += len(samples)
+        at_end = n_complete < np.searchsorted(self._needed, self._n, side="right")
+        if len(self._rest):
+            samples = np.concatenate([self._rest, samples])
+        self._rest = samples.copy()
+        if at_end or self._n_complete() >= _TOGETHER:
+            self._code()
+
+    def _n_complete(self):
+        """Return the number of windows that wait to be coded."""
+        return max(0, (len(self._rest) - self._window) // self._step + 1)
+
+    def _code(self):
+        n_windows = self._n_complete()
+        if n_windows:
+            used = (n_windows - 1) * self._step + self._window
+            self._keep(self._coder.transform([self._rest[:used]])[0])
+            self._rest = self._rest[n_windows * self._step :].copy()
+
+    def _keep(self, codes):
+        rows = np.arange(self._n_rows, self._n_rows + len(codes))
+        self._n_rows += len(codes)
+        segment = np.searchsorted(self._edges, rows, side="right") - 1
+        first = np.flatnonzero(np.diff(segment, prepend=-1))
+        best = np.maximum.reduceat(codes, first, axis=0)
+        here = segment[first]
+        self._maxima[here] = np.maximum(self._maxima[here], best)
+
+    def pooled(self, k):
+        """Return the features of the k-th duration, of shape (1, n_features)."""
+        cells = [self._maxima[start:end].max(axis=0) for start, end in self._spans[k]]
+        return np.concatenate(cells)[np.newaxis]

@@ -1,0 +1,464 @@
+"""When to stop touching.
+
+A rule sees what was predicted at each duration so far and says whether to stop. Its
+*loss* is the expected ranked probability score (RPS) of ordered levels, else the share
+of errors of the most probable class.
+"""
+
+from __future__ import annotations
+
+from numbers import Real
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator
+from sklearn.utils.validation import check_is_fitted
+
+from .._distributions import shares as as_shares
+from .._sklearn import Interval, StrOptions, _fit_context
+from .._validation import check_numbers
+
+# Number of touches that the prior of the slopes is worth, which is that they are 0.
+_PRIOR = 100
+
+
+def losses(proba, shares, *, ordered):
+    """Return the loss of each prediction, averaged over adjectives if there are any.
+
+    Parameters
+    ----------
+    proba, shares : ndarray of shape (n_trials, ..., n_levels)
+        Predicted and true.
+    ordered : bool
+        Whether the levels have an order.
+
+    Returns
+    -------
+    loss : ndarray of shape (n_trials,)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.streaming._stopping import losses
+    >>> proba, shares = np.array([[0.5, 0.25, 0.25]]), np.array([[0.0, 0.0, 1.0]])
+    >>> losses(proba, shares, ordered=True), losses(proba, shares, ordered=False)
+    (array([0.8125]), array([1.]))
+    """
+    if ordered:
+        above = np.cumsum(proba, axis=-1)[..., :-1]
+        true = np.cumsum(shares, axis=-1)[..., :-1]
+        # The mean score of all people, not the distance of the distributions.
+        loss = (above**2 * (1 - true) + (1 - above) ** 2 * true).sum(axis=-1)
+    else:
+        best = proba.argmax(axis=-1)[..., np.newaxis]
+        loss = 1 - np.take_along_axis(shares, best, axis=-1)[..., 0]
+    return loss.reshape(len(loss), -1).mean(axis=1)
+
+
+def expected_losses(proba, *, ordered):
+    """Return the loss that each prediction expects if it is right itself."""
+    return losses(proba, proba, ordered=ordered)
+
+
+def changes(path):
+    """Return how far the last prediction is from the one before, in total variation."""
+    if path.shape[1] == 1:
+        return np.zeros(len(path))
+    moved = np.abs(path[:, -1] - path[:, -2]).sum(axis=-1) / 2
+    return moved.reshape(len(moved), -1).mean(axis=1)
+
+
+def shrunken_regression(state, gain):
+    """Regress on standardised columns, with slopes shrunk towards 0.
+
+    A slope is shrunk by half from as many touches as the prior is worth, and the less
+    the more there are.
+
+    Parameters
+    ----------
+    state : ndarray of shape (n_trials, n_columns)
+    gain : ndarray of shape (n_trials,)
+
+    Returns
+    -------
+    coefs : ndarray of shape (1 + n_columns,)
+        Intercept and slopes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.streaming._stopping import shrunken_regression
+    >>> state, gain = np.array([[0.0], [2.0]] * 50), np.array([1.0, 5.0] * 50)
+    >>> shrunken_regression(state, gain)
+    array([2., 1.])
+    """
+    scale = state.std(axis=0)
+    scale[scale <= 1e-9 * np.abs(state).max(axis=0, initial=0)] = np.inf  # constant
+    centre = state.mean(axis=0)
+    X = (state - centre) / scale
+    penalised = X.T @ X + _PRIOR * np.eye(X.shape[1])
+    slopes = np.linalg.solve(penalised, X.T @ (gain - gain.mean())) / scale
+    return np.append(gain.mean() - centre @ slopes, slopes)
+
+
+class _Rule(BaseEstimator):
+    """Base of the rules: `stops` tells for a path, `stop_at` for whole paths."""
+
+    _parameter_constraints: dict[str, list[object]] = {}  # noqa: RUF012
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def fit(
+        self,
+        proba: ArrayLike,
+        y: ArrayLike,
+        *,
+        durations: ArrayLike,
+        ordered: bool = True,
+    ) -> Self:
+        """Learn from predictions out of fold.
+
+        Parameters
+        ----------
+        proba : array-like of shape (n_trials, n_durations, ..., n_levels)
+            Predictions of touches by models fitted without them, such as `oof_proba_`
+            of `AnytimeRegressor`. NaN where a touch is not so long.
+        y : array-like of shape (n_trials, ..., n_levels)
+            Counts of ratings, or 1 for the true class and 0 for others.
+        durations : array-like of shape (n_durations,)
+            Seconds.
+        ordered : bool, default=True
+            Whether the levels have an order.
+
+        Returns
+        -------
+        self : object
+            The fitted rule.
+        """
+        shape, expected = np.shape(proba), np.shape(y)
+        if len(shape) < 3 or shape[1] != len(np.atleast_1d(durations)):
+            raise ValueError(
+                f"proba has shape {shape}; give one distribution per duration, as the "
+                "oof_proba_ of an AnytimeRegressor."
+            )
+        if (*shape[:1], *shape[2:]) != expected:
+            raise ValueError(
+                f"proba has shape {shape}, but y has shape {expected}; give the counts "
+                "of the same trials and levels."
+            )
+        self.durations_ = np.asarray(durations, dtype=np.float64)
+        self.ordered_ = ordered
+        return self
+
+    def stops(self, path: ArrayLike) -> NDArray[np.bool_]:
+        """Tell whether to stop.
+
+        Parameters
+        ----------
+        path : array-like of shape (n_trials, n_so_far, ..., n_levels)
+            Predictions of the durations so far.
+
+        Returns
+        -------
+        stops : ndarray of bool of shape (n_trials,)
+        """
+        raise NotImplementedError
+
+    def stop_at(self, proba: ArrayLike) -> NDArray[np.intp]:
+        """Find where whole touches are stopped.
+
+        Parameters
+        ----------
+        proba : array-like of shape (n_trials, n_durations, ..., n_levels)
+            Predictions of each duration; NaN where a touch is not so long.
+
+        Returns
+        -------
+        index : ndarray of int of shape (n_trials,)
+            Index of the duration; the last one of a touch that is never stopped.
+        """
+        proba = np.asarray(proba)
+        given = np.isfinite(proba.reshape(*proba.shape[:2], -1)).all(axis=2)
+        index = np.maximum(given.sum(axis=1) - 1, 0)
+        going = np.ones(len(proba), dtype=bool)
+        for k in range(proba.shape[1] - 1):
+            which = np.flatnonzero(going & (index > k))
+            if len(which):
+                stop = which[self.stops(proba[which, : k + 1])]
+                index[stop], going[stop] = k, False
+        return index
+
+
+class FixedDuration(_Rule):
+    """Stop at a fixed duration.
+
+    Parameters
+    ----------
+    seconds : float, default=1.0
+        The first duration of at least so many seconds is the last.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.streaming import FixedDuration
+    >>> proba, y = np.full((3, 4, 2), 0.5), np.ones((3, 2))
+    >>> FixedDuration(1.5).fit(proba, y, durations=[0.5, 1, 2, 4]).stop_at(proba)
+    array([2, 2, 2])
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "seconds": [Interval(Real, 0, None, closed="neither")]
+    }
+
+    def __init__(self, seconds: float = 1.0) -> None:
+        self.seconds = seconds
+
+    def stops(self, path: ArrayLike) -> NDArray[np.bool_]:
+        """Tell whether to stop; see `stop_at` for a whole touch.
+
+        Parameters
+        ----------
+        path : array-like of shape (n_trials, n_so_far, ..., n_levels)
+            Predictions of the durations so far.
+
+        Returns
+        -------
+        stops : ndarray of bool of shape (n_trials,)
+        """
+        check_is_fitted(self)
+        path = np.asarray(path)
+        return np.full(len(path), self.durations_[path.shape[1] - 1] >= self.seconds)
+
+
+class CertaintyThreshold(_Rule):
+    """Stop when the prediction is certain enough.
+
+    It suits classes of which one is right. Ratings of people stay uncertain however
+    long one touches; :class:`ExpectedGain` does not wait for what never comes.
+
+    Parameters
+    ----------
+    threshold : float, default=0.9
+        Stop when the certainty has reached this, from 0 to 1.
+    measure : {"probability", "margin", "entropy"}, default="probability"
+        The largest probability, its distance from the second largest, or 1 minus the
+        entropy as a share of the largest possible.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.streaming import CertaintyThreshold
+    >>> path = np.array([[[0.5, 0.5], [0.8, 0.2], [0.95, 0.05]]])
+    >>> CertaintyThreshold(0.7).stop_at(path)
+    array([1])
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "threshold": [Interval(Real, 0, 1, closed="both")],
+        "measure": [StrOptions({"probability", "margin", "entropy"})],
+    }
+
+    def __init__(
+        self,
+        threshold: float = 0.9,
+        *,
+        measure: Literal["probability", "margin", "entropy"] = "probability",
+    ) -> None:
+        self.threshold = threshold
+        self.measure = measure
+
+    def stops(self, path: ArrayLike) -> NDArray[np.bool_]:
+        """Tell whether to stop; see `stop_at` for a whole touch.
+
+        Parameters
+        ----------
+        path : array-like of shape (n_trials, n_so_far, ..., n_levels)
+            Predictions of the durations so far. The certainty of several adjectives is
+            their mean.
+
+        Returns
+        -------
+        stops : ndarray of bool of shape (n_trials,)
+        """
+        proba = np.asarray(path)[:, -1]
+        ranked = np.sort(proba, axis=-1)
+        if self.measure == "probability":
+            certainty = ranked[..., -1]
+        elif self.measure == "margin":
+            certainty = ranked[..., -1] - ranked[..., -2]
+        else:
+            logs = np.log(np.where(proba > 0, proba, 1))
+            certainty = 1 + (proba * logs).sum(axis=-1) / np.log(proba.shape[-1])
+        certainty = certainty.reshape(len(certainty), -1).mean(axis=1)
+        return np.asarray(certainty >= self.threshold)
+
+
+class NoChange(_Rule):
+    """Stop when the prediction has stopped changing.
+
+    Parameters
+    ----------
+    tol : float, default=0.05
+        Stop when the share of probability that moved since the last duration is at
+        most this. Of several adjectives their mean counts.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.streaming import NoChange
+    >>> path = np.array([[[0.5, 0.5], [0.8, 0.2], [0.82, 0.18], [0.6, 0.4]]])
+    >>> NoChange(0.05).stop_at(path)
+    array([2])
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "tol": [Interval(Real, 0, 1, closed="both")]
+    }
+
+    def __init__(self, tol: float = 0.05) -> None:
+        self.tol = tol
+
+    def stops(self, path: ArrayLike) -> NDArray[np.bool_]:
+        """Tell whether to stop; see `stop_at` for a whole touch.
+
+        Parameters
+        ----------
+        path : array-like of shape (n_trials, n_so_far, ..., n_levels)
+            Predictions of the durations so far.
+
+        Returns
+        -------
+        stops : ndarray of bool of shape (n_trials,)
+        """
+        path = np.asarray(path)
+        return (changes(path) <= self.tol) & (path.shape[1] > 1)
+
+
+class ExpectedGain(_Rule):
+    """Stop when touching on is expected to gain less than it costs.
+
+    What counts is how much the loss is expected to fall, not how large it is. The rule
+    learns this from predictions out of fold, backwards from the longest duration: at
+    each it regresses what touching on has gained, if one stops at the best time later,
+    on the loss that the prediction expects of itself and on its last change. It stops
+    where the regression is not above 0.
+
+    Parameters
+    ----------
+    price : float, default=0.01
+        Price of one second of touch, in units of the loss: the RPS of ordered levels,
+        the share of errors of classes.
+
+    Attributes
+    ----------
+    coefs_ : ndarray of shape (n_durations - 1, 3)
+        Expected gain at each duration but the last: intercept, and slopes of the
+        expected loss and of the change.
+
+    Notes
+    -----
+    Slopes are shrunk towards 0, by half from 100 touches, because the touches of an
+    object share most of their errors.
+
+    References
+    ----------
+    F. A. Longstaff and E. S. Schwartz, "Valuing American options by simulation: a
+    simple least-squares approach", Review of Financial Studies 14(1), 2001,
+    :doi:`10.1093/rfs/14.1.113`.
+
+    Examples
+    --------
+    Half of the touches are sure at once, the others after a second:
+
+    >>> import numpy as np
+    >>> from sklearn_haptic.streaming import ExpectedGain
+    >>> sure, unsure = [[1.0, 0.0], [1.0, 0.0]], [[0.5, 0.5], [1.0, 0.0]]
+    >>> proba, y = np.array([sure, unsure] * 200), np.array([[1, 0]] * 400)
+    >>> rule = ExpectedGain(price=0.1).fit(proba, y, durations=[1, 2])
+    >>> rule.stop_at(proba[:2])
+    array([0, 1])
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "price": [Interval(Real, 0, None, closed="left")]
+    }
+
+    def __init__(self, price: float = 0.01) -> None:
+        self.price = price
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def fit(
+        self,
+        proba: ArrayLike,
+        y: ArrayLike,
+        *,
+        durations: ArrayLike,
+        ordered: bool = True,
+    ) -> Self:
+        """Learn what touching on gains.
+
+        Parameters
+        ----------
+        proba : array-like of shape (n_trials, n_durations, ..., n_levels)
+            Predictions of touches by models fitted without them, such as `oof_proba_`
+            of `AnytimeRegressor`. NaN where a touch is not so long.
+        y : array-like of shape (n_trials, ..., n_levels)
+            Counts of ratings, or 1 for the true class and 0 for others.
+        durations : array-like of shape (n_durations,)
+            Seconds.
+        ordered : bool, default=True
+            Whether the levels have an order.
+
+        Returns
+        -------
+        self : ExpectedGain
+            The fitted rule.
+        """
+        super().fit(proba, y, durations=durations, ordered=ordered)
+        check_numbers(y, "y")
+        proba = np.asarray(proba, dtype=np.float64)
+        true = as_shares(np.asarray(y, dtype=np.float64))
+        given = np.isfinite(proba.reshape(*proba.shape[:2], -1)).all(axis=2)
+        steps = self.price * np.diff(self.durations_)
+        self.coefs_ = np.zeros((len(steps), 3))
+        cost = np.full(len(proba), np.nan)  # of a touch that goes on as the rule says
+        for k in reversed(range(len(self.durations_))):
+            here = given[:, k]
+            loss = np.full(len(proba), np.nan)
+            loss[here] = losses(proba[here, k], true[here], ordered=ordered)
+            further = here & np.isfinite(cost)
+            if k < len(steps) and further.any():
+                state = self._state(proba[further, : k + 1])
+                gain = loss[further] - cost[further] - steps[k]
+                self.coefs_[k] = shrunken_regression(state, gain)
+                goes_on = np.flatnonzero(further)[self._gain(state, k) > 0]
+                loss[goes_on] = cost[goes_on] + steps[k]
+            cost = loss
+        return self
+
+    def stops(self, path: ArrayLike) -> NDArray[np.bool_]:
+        """Tell whether to stop; see `stop_at` for a whole touch.
+
+        Parameters
+        ----------
+        path : array-like of shape (n_trials, n_so_far, ..., n_levels)
+            Predictions of the durations so far.
+
+        Returns
+        -------
+        stops : ndarray of bool of shape (n_trials,)
+        """
+        check_is_fitted(self)
+        path = np.asarray(path)
+        k = path.shape[1] - 1
+        if k == len(self.coefs_):
+            return np.ones(len(path), dtype=bool)
+        return np.asarray(self._gain(self._state(path), k) <= 0)
+
+    def _gain(self, state, k):
+        return self.coefs_[k, 0] + state @ self.coefs_[k, 1:]
+
+    def _state(self, path):
+        """Return what the expected gain depends on, of shape (n_trials, 2)."""
+        loss = expected_losses(path[:, -1], ordered=self.ordered_)
+        return np.stack([loss, changes(path)], axis=1)

@@ -1,0 +1,284 @@
+"""Predictions from touches of any length, against loops written out."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from short_touches import (
+    COUNTS,
+    DURATIONS,
+    HEAD,
+    OBJECTS,
+    RATES,
+    TOUCHES,
+    coded,
+    cut,
+    features,
+    make_model,
+    make_touches,
+    statistics,
+)
+from sklearn.base import clone
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    make_haptic_pipeline,
+)
+from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.metrics import log_score, ranked_probability_score
+
+
+@pytest.fixture(scope="module")
+def model():
+    return make_model().fit(TOUCHES, COUNTS, groups=OBJECTS)
+
+
+def flattened(proba, power):
+    return proba**power / (proba**power).sum(axis=-1, keepdims=True)
+
+
+def test_heads_are_those_of_weighted_prefixes(model):
+    """Dictionaries of whole touches, rows of neighbours at half the weight."""
+    coder = clone(features()).fit(TOUCHES)
+    rows = [coder.transform(cut(TOUCHES, d)) for d in DURATIONS[1:]]
+    fast = coder.named_transformers_["fast"].transform(cut(TOUCHES, 0.5)["fast"])
+    rows.insert(0, np.hstack([fast, np.zeros((24, rows[0].shape[1] - fast.shape[1]))]))
+    for k, near in enumerate([(0, 1), (0, 1, 2), (1, 2)]):
+        X = np.vstack([rows[j] for j in near])
+        scale = StandardScaler().fit(X)
+        weight = np.concatenate(
+            [np.full(len(TOUCHES), 1.0 if j == k else 0.5) for j in near]
+        )
+        head = clone(HEAD).fit(
+            scale.transform(X),
+            np.vstack([COUNTS] * len(near)),
+            sample_weight=weight * len(TOUCHES) / weight.sum(),
+        )
+        expected = head.predict_proba(scale.transform(rows[k]))
+        np.testing.assert_allclose(
+            model.predict_proba(cut(TOUCHES, DURATIONS[k])),
+            flattened(expected, model.powers_[k]),
+            rtol=1e-9,
+        )
+
+
+def test_a_sensor_whose_window_is_too_long_waits(model):
+    """Slow windows take 0.8 s, so half a second knows the fast sensor only."""
+    other = cut(TOUCHES, 0.5)
+    other["slow"] = other["slow"].map(lambda x: x + 100)
+    np.testing.assert_array_equal(
+        model.predict_proba(other), model.predict_proba(cut(TOUCHES, 0.5))
+    )
+    assert (
+        model.predict_proba(cut(other, 1)) == model.predict_proba(cut(TOUCHES, 0.5))
+    ).all()
+
+
+@pytest.mark.parametrize("seconds", [0.5, 0.7, 0.99, 1.0, 1.5, 2.0, 2.4])
+def test_the_longest_complete_duration_predicts(model, seconds):
+    longest = max(d for d in DURATIONS if d <= seconds)
+    np.testing.assert_array_equal(
+        model.predict_proba(cut(TOUCHES, seconds)),
+        model.predict_proba(cut(TOUCHES, longest)),
+    )
+
+
+def test_before_the_first_duration_all_touches_look_alike(model):
+    proba = model.predict_proba(cut(TOUCHES, 0.4))
+    np.testing.assert_allclose(proba, np.tile(COUNTS.sum(0) / COUNTS.sum(), (24, 1)))
+
+
+def test_over_time_is_a_loop_of_prefixes(model):
+    times = [0, 0.3, 0.5, 0.9, 1.2, 2, 50]
+    proba = model.predict_proba_over_time(TOUCHES, times)
+    for i, seconds in enumerate(times[1:], 1):
+        np.testing.assert_allclose(
+            proba[:, i], model.predict_proba(cut(TOUCHES, seconds)), atol=1e-12
+        )
+    np.testing.assert_allclose(proba[:, 0], np.tile(model.shares_, (24, 1)))
+
+
+def test_out_of_fold_predictions_are_of_objects_never_touched():
+    model = make_model(sharing=0).fit(TOUCHES, COUNTS, groups=OBJECTS)
+    coder = clone(features()).fit(TOUCHES)
+    rows = coder.transform(cut(TOUCHES, 2))
+    for train, test in GroupKFold(4).split(rows, groups=OBJECTS):
+        head = make_pipeline(StandardScaler(), clone(HEAD)).fit(
+            rows[train], COUNTS[train]
+        )
+        np.testing.assert_allclose(
+            model.oof_proba_[test, 2],
+            flattened(head.predict_proba(rows[test]), model.powers_[2]),
+            rtol=1e-9,
+        )
+
+
+def test_powers_have_the_best_log_score(model):
+    """The tempered predictions out of fold gain nothing from another power."""
+    for k in range(3):
+        proba = model.oof_proba_[:, k]
+        scores = [
+            log_score(COUNTS, flattened(proba, power)) for power in (0.95, 1, 1.05)
+        ]
+        inside = 0.23 < model.powers_[k] < 4.4
+        assert np.argmin(scores) == 1 or not inside
+
+
+def test_touches_shorter_than_a_duration_do_not_teach_it():
+    touches = pd.concat([make_touches(), make_touches(1, (0.85, 0.95))])
+    counts, objects = np.vstack([COUNTS] * 2), np.tile(OBJECTS, 2)
+    mixed = make_model(sharing=0).fit(touches, counts, groups=objects)
+    assert np.isnan(mixed.oof_proba_[24:, 1:]).all()
+    assert np.isfinite(mixed.oof_proba_[:, 0]).all()
+    assert np.isfinite(mixed.oof_proba_[:24]).all()
+
+
+def test_trials_of_one_sensor_in_any_container():
+    slow = list(TOUCHES["slow"])
+    model = make_model(
+        make_pipeline(coded("slow"), HEAD), durations=[1, 2], sampling_rates=10
+    )
+    proba = model.fit(slow, COUNTS).predict_proba(slow)
+    assert (clone(model).fit(tuple(slow), COUNTS).predict_proba(slow) == proba).all()
+    named = TOUCHES[["slow"]]
+    assert (
+        clone(model).fit(TOUCHES["slow"], COUNTS).predict_proba(named) == proba
+    ).all()
+    by_name = clone(model).set_params(sampling_rates={"slow": 10.0})
+    assert (by_name.fit(named, COUNTS).predict_proba(named) == proba).all()
+
+
+def test_columns_that_the_pipeline_does_not_take_are_ignored(model):
+    more = TOUCHES.assign(other=[None] * len(TOUCHES))
+    wide = make_model(sampling_rates={**RATES, "other": 1.0})
+    proba = wide.fit(more, COUNTS, groups=OBJECTS).predict_proba(more)
+    assert wide.sensors_ == ["fast", "slow"]
+    np.testing.assert_array_equal(proba, model.predict_proba(TOUCHES))
+
+
+def test_a_missing_sensor_has_the_mean_features(model):
+    lost = TOUCHES.copy()
+    lost["slow"] = None
+    rows = features().fit(TOUCHES).transform(cut(TOUCHES, 2))
+    rows[:, 36:] = rows[:, 36:].mean(axis=0)
+    head = model.heads_[2].predict_proba(rows)
+    np.testing.assert_allclose(
+        model.predict_proba(lost), flattened(head, model.powers_[2]), rtol=1e-9
+    )
+
+
+def test_a_late_sensor_is_waited_for_and_a_dead_one_is_not(model):
+    late, dead = cut(TOUCHES, 1.06), cut(TOUCHES, 2)
+    late["slow"] = cut(TOUCHES, 0.97)["slow"]  # 0.9 s, whole samples
+    late["fast"] = cut(TOUCHES, 1.0)["fast"]
+    np.testing.assert_array_equal(
+        model.predict_proba(late), model.predict_proba(cut(TOUCHES, 0.9))
+    )
+    dead["slow"] = cut(TOUCHES, 1)["slow"]
+    lost = cut(TOUCHES, 2)
+    lost["slow"] = None
+    np.testing.assert_array_equal(model.predict_proba(dead), model.predict_proba(lost))
+
+
+@pytest.mark.parametrize("head", [LogisticRegression(max_iter=1000), HEAD])
+def test_labels(head):
+    labels = np.array([1, 2, 3])[COUNTS.argmax(axis=1)]
+    pipeline = make_pipeline(features(lambda _: FunctionTransformer(statistics)), head)
+    model = make_model(pipeline).fit(TOUCHES, labels, groups=OBJECTS)
+    assert model.predict_proba(TOUCHES).shape == (24, len(np.unique(labels)))
+    assert set(model.predict(TOUCHES)) <= {1, 2, 3}
+    proba = model.predict_proba(TOUCHES)
+    if head is HEAD:
+        levels = model.classes_
+        rps = ranked_probability_score(labels, proba, levels=levels)
+        assert model.score(TOUCHES, labels) == pytest.approx(-rps)
+    else:
+        accuracy = np.mean(model.predict(TOUCHES) == labels)
+        assert model.score(TOUCHES, labels) == accuracy
+
+
+def test_classes_that_a_fold_has_not_seen_get_no_share():
+    """Each object is a class of its own, so a fold by objects has never seen it."""
+    names = np.array([f"object {i}" for i in OBJECTS])
+    pipeline = make_pipeline(
+        features(lambda _: FunctionTransformer(statistics)),
+        LogisticRegression(max_iter=1000),
+    )
+    model = make_model(pipeline).fit(TOUCHES, names, groups=OBJECTS)
+    own = model.oof_proba_[np.arange(24), :, OBJECTS]
+    assert (own < 1e-2).all()
+    np.testing.assert_allclose(model.oof_proba_.sum(axis=-1), 1)
+    assert model.predict(TOUCHES).dtype == names.dtype
+
+
+def test_several_adjectives():
+    both = np.stack([COUNTS, COUNTS[:, ::-1]], axis=1)
+    head = DistributionalOrdinalRegressor(NNPOM(2, max_iter=50), random_state=0)
+    pipeline = make_pipeline(features(), StandardScaler(), head)
+    model = make_model(pipeline, durations=[1, 2], cv=2)
+    model.fit(TOUCHES, both, groups=OBJECTS)
+    assert model.predict_proba(TOUCHES).shape == (24, 2, 3)
+    assert model.predict_proba_over_time(TOUCHES, [0, 1, 2]).shape == (24, 3, 2, 3)
+    assert model.predict(TOUCHES).shape == (24, 2)
+    each = [
+        ranked_probability_score(both[:, i], model.predict_proba(TOUCHES)[:, i])
+        for i in range(2)
+    ]
+    assert model.score(TOUCHES, both) == pytest.approx(-np.mean(each))
+
+
+def test_parameters_are_searched():
+    pipeline = make_pipeline(coded("slow"), StandardScaler(), HEAD)
+    model = make_model(pipeline, durations=[1, 2], sampling_rates=10, cv=2)
+    grid = {
+        "sharing": [0, 0.5],
+        "estimator__distributionalordinalregressor__estimator__alpha": [0.1, 10],
+        "durations": [[1, 2]],
+    }
+    search = GridSearchCV(model, grid, cv=2, error_score="raise")
+    search.fit(list(TOUCHES["slow"]), COUNTS)
+    best = search.cv_results_["mean_test_score"]
+    assert search.best_score_ == best.max()
+    assert len(set(best)) == 4
+
+
+def test_very_short_and_very_long_touches(model):
+    extreme = TOUCHES.iloc[:2].copy()
+    extreme["fast"] = [
+        np.ones((1, 2)),
+        np.vstack([TOUCHES["fast"][1]] * 1200)[:100_000],
+    ]
+    extreme["slow"] = [np.ones((1, 2)), np.vstack([TOUCHES["slow"][1]] * 1200)[:25_000]]
+    proba = model.predict_proba(extreme)
+    np.testing.assert_allclose(proba[0], model.shares_)
+    np.testing.assert_allclose(proba[1], model.predict_proba(TOUCHES.iloc[[1]])[0])
+
+
+def test_settings_after_fit_wait_for_the_next():
+    pipeline = make_pipeline(coded("slow"), HEAD)
+    model = make_model(pipeline, durations=[1, 2], sampling_rates=10, cv=2)
+    slow = list(TOUCHES["slow"])
+    before = model.fit(slow, COUNTS).predict_proba(slow)
+    model.set_params(durations=[5], sampling_rates=1, max_delay=7)
+    assert (model.predict_proba(slow) == before).all()
+
+
+def test_a_preset_learns_from_generated_touches():
+    corpus = make_haptic_corpus(20, 2, sensors=["pac", "pdc"], random_state=0)
+    pipeline = make_haptic_pipeline(["pac", "pdc"], random_state=0)
+    model = make_model(
+        pipeline, durations=[0.5, 2], sampling_rates=corpus.sampling_rates, cv=2
+    )
+    model.fit(
+        corpus.trials[:24], corpus.ratings["hard"][:24], groups=corpus.objects[:24]
+    )
+    proba = model.predict_proba_over_time(corpus.trials[24:], [0, 0.5, 2])
+    guess, *later = (
+        ranked_probability_score(corpus.ratings["hard"][24:], each)
+        for each in proba.swapaxes(0, 1)
+    )
+    assert max(later) < guess

@@ -1,0 +1,248 @@
+"""Continuous ratings: their score, the grid, and the regressor of distributions."""
+
+import mpmath
+import numpy as np
+import pandas as pd
+import polars as pl
+import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
+from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from sklearn_haptic import (
+    NNPOM,
+    ContinuousRatingsRegressor,
+    DistributionalOrdinalRegressor,
+)
+from sklearn_haptic._answers import check_answers
+from sklearn_haptic.metrics import crps, noise_ceiling, ranked_probability_score
+
+
+def crowd(n_objects=30, n_people=12, seed=0):
+    """Sliders of people who feel two features of each object."""
+    rng = np.random.default_rng(seed)
+    X = rng.normal(size=(n_objects, 2))
+    spread = 8 * np.exp(0.4 * X[:, 1:])
+    y = 50 + 15 * X[:, :1] + spread * rng.normal(size=(n_objects, n_people))
+    return X, np.clip(y, 0, 100)
+
+
+# The score
+
+
+def integral(answers, cdf, values):
+    """The definition, by numerical integration for one answer after another."""
+
+    def F(x):
+        if x < values[0] or x >= values[-1]:
+            return float(x >= values[-1])
+        return np.interp(x, values, cdf)
+
+    return np.mean(
+        [
+            quad(
+                lambda x, y=y: (F(x) - (x >= y)) ** 2,
+                min(y, values[0]) - 1,
+                max(y, values[-1]) + 1,
+                points=[*values, y],
+                limit=400,
+            )[0]
+            for y in answers
+        ]
+    )
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_crps_is_the_integral(seed):
+    rng = np.random.default_rng(seed)
+    values, cdf = np.sort(rng.normal(size=(4, 6))), np.sort(rng.uniform(size=(4, 6)))
+    if seed % 2:  # no jumps at the ends
+        cdf[:, 0], cdf[:, -1] = 0, 1
+    answers = 2 * rng.normal(size=(4, 3))
+    expected = [integral(*each) for each in zip(answers, cdf, values)]
+    np.testing.assert_allclose(
+        crps(answers, cdf, values, average=False), expected, atol=1e-8
+    )
+
+
+def test_crps_of_an_ensemble_is_that_of_its_steps():
+    rng = np.random.default_rng(0)
+    ensemble, y = np.sort(rng.normal(size=7)), 0.3
+    below = np.arange(8) / 7
+    cdf = np.column_stack((below[:-1], below[1:])).ravel()
+    expected = np.abs(ensemble - y).mean()
+    expected -= np.abs(ensemble[:, None] - ensemble).mean() / 2
+    assert crps([y], cdf, np.repeat(ensemble, 2)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_crps_of_a_normal_distribution_in_the_limit():
+    z = np.array([-3.0, 0.2, 8.0])
+    known = z * (2 * norm.cdf(z) - 1) + 2 * norm.pdf(z) - 1 / np.sqrt(np.pi)
+    grid = np.linspace(-10, 10, 20_001)
+    np.testing.assert_allclose(
+        crps(z, norm.cdf(grid), grid, average=False), known, rtol=1e-6
+    )
+
+
+def test_crps_of_levels_is_the_ranked_probability_score_of_the_scale():
+    levels, counts, proba = [-3.0, 0, 10], [[1, 4, 2]], [[0.2, 0.5, 0.3]]
+    ratings = np.repeat(levels, counts[0])
+    score = crps([ratings], [0, 0.2, 0.2, 0.7, 0.7, 1], np.repeat(levels, 2))
+    assert score == pytest.approx(
+        ranked_probability_score(counts, proba, levels=levels, units="scale")
+    )
+
+
+def test_crps_is_exact_in_sixty_digits_far_from_zero():
+    values, cdf, y = [1e6, 1e6 + 1, 1e6 + 3], [0, 0.25, 1], 1e6 + 2
+    with mpmath.workdps(60):
+        exact = sum(
+            mpmath.quad(lambda x, f=f: f(x) ** 2, [a, b])
+            for f, a, b in [
+                (lambda x: x / 4, 0, 1),
+                (lambda x: (1 + 3 * (x - 1) / 2) / 4, 1, 2),
+                (lambda x: 1 - (1 + 3 * (x - 1) / 2) / 4, 2, 3),
+            ]
+        )
+    assert crps([y], cdf, values) == pytest.approx(float(exact), rel=1e-12)
+
+
+def test_crps_takes_weights_and_uneven_answers():
+    ragged, padded = [[1, 2, 4], [3]], [[1, 2, 4], [3, np.nan, np.nan]]
+    cdf, values = [0, 0.5, 1], [[0, 2, 5], [1, 3, 4]]
+    each = crps(ragged, cdf, values, average=False)
+    np.testing.assert_array_equal(crps(padded, cdf, values, average=False), each)
+    assert crps(ragged, cdf, values, sample_weight=[3, 1]) == pytest.approx(
+        (3 * each[0] + each[1]) / 4
+    )
+
+
+@pytest.mark.parametrize("n_trials", [1, 5_000, pytest.param(100_000)])
+def test_crps_of_many_trials(n_trials):
+    rng = np.random.default_rng(0)
+    cdf = np.sort(rng.uniform(size=(n_trials, 21)), axis=1)
+    grid, answers = np.linspace(0, 1, 21), rng.uniform(size=(n_trials, 3))
+    scores = crps(answers, cdf, grid, average=False)
+    assert scores[-1] == pytest.approx(integral(answers[-1], cdf[-1], grid), abs=1e-8)
+
+
+def test_noise_ceiling_of_continuous_ratings_is_the_gini_mean_difference():
+    answers = [[1.0, 4, 9], [2, 2, np.nan]]
+    ceiling = noise_ceiling(answers, crps, average=False)
+    np.testing.assert_allclose(ceiling.truth, [(3 + 8 + 5) / 3 / 2, 0])
+    np.testing.assert_allclose(ceiling.raters, [(3 + 8 + 5) / 3 / 2 * 4 / 3, 0])
+
+
+# Answers
+
+
+@pytest.mark.parametrize(
+    "y",
+    [
+        [[1, 2], [3, None]],
+        [[1, 2], [3]],
+        [np.array([1, 2]), np.array([3.0])],
+        (pd.Series([1, 2]), pd.Series([3])),
+        np.array([[1, 2], [3, np.nan]]),
+        pd.DataFrame({"Ann": [1, 3], "Bo": [2, None]}),
+        pd.DataFrame({"Ann": [1, 3], "Bo": [2, None]}, dtype="Int64"),
+        pl.DataFrame({"Ann": [1, 3], "Bo": [2, None]}),
+        pd.Series([[1, 2], [3]], index=[7, 9]),
+    ],
+    ids=[
+        *("None", "ragged", "arrays", "series", "array", "pandas", "Int64", "polars"),
+        "series of lists",
+    ],
+)
+def test_answers_in_any_container(y):
+    np.testing.assert_array_equal(check_answers(y), [[1, 2], [3, np.nan]])
+
+
+# The regressor
+
+
+@pytest.mark.parametrize("grid", ["quantile", "even", np.linspace(0, 100, 21)])
+def test_regressor_of_a_crowd_beats_the_marginal_and_other_people(grid):
+    X, y = crowd(60)
+    unseen, true = crowd(300, seed=1)
+    model = ContinuousRatingsRegressor(grid=grid).fit(X, y)
+    ceiling = noise_ceiling(true, crps)
+    pooled = np.quantile(y, np.linspace(0, 1, 101))
+    marginal = crps(true, np.linspace(0, 1, 101), pooled)
+    assert ceiling.truth < -model.score(unseen, true) < ceiling.raters < marginal
+
+
+def test_finer_grids_converge():
+    X, y = crowd(60)
+    scores = [
+        ContinuousRatingsRegressor(n_cells=n, grid="even").fit(X, y).score(X, y)
+        for n in (4, 16, 64, 128)
+    ]
+    steps = np.abs(np.diff(scores))
+    assert steps[1] < steps[0] / 4
+    assert steps[2] < 0.1
+
+
+def test_predictions_are_those_of_the_levels_of_the_grid():
+    X, y = crowd()
+    edges = np.array([0, 30, 45, 60, 80, 100.0])
+    model = ContinuousRatingsRegressor(grid=edges).fit(X, y)
+    counts = np.stack([np.histogram(each, edges)[0] for each in y])
+    proba = DistributionalOrdinalRegressor().fit(X, counts).predict_proba(X)
+    np.testing.assert_allclose(np.diff(model.predict_cdf(X), axis=1), proba, atol=1e-12)
+    points = [-1, 0, 37.5, 100, 200]
+    at = model.predict_cdf(X, points)
+    np.testing.assert_array_equal(at[:, [0, 1, 3, 4]], [[0, 0, 1, 1]] * len(X))
+    np.testing.assert_allclose(at[:, 2], proba[:, 0] + proba[:, 1] / 2)
+    np.testing.assert_allclose(
+        model.predict(X), proba @ [15, 37.5, 52.5, 70, 90], rtol=1e-12
+    )
+    np.testing.assert_array_equal(model.predict_cdf(X, 37.5), at[:, 2])
+
+
+def test_quantiles_invert_the_cdf():
+    X, y = crowd()
+    model = ContinuousRatingsRegressor().fit(X, y)
+    p = np.array([0.01, 0.3, 0.5, 0.99])
+    quantiles = model.predict_quantile(X, p)
+    for x, row in zip(X, quantiles):
+        np.testing.assert_allclose(model.predict_cdf([x], row)[0], p, atol=1e-12)
+    np.testing.assert_array_equal(model.predict_quantile(X, 0.5), quantiles[:, 2])
+    ends = model.predict_quantile(X, [0, 1])
+    assert (ends >= model.grid_[0]).all() and (ends <= model.grid_[-1]).all()
+
+
+def test_grid_of_quantiles_holds_equally_many_and_merges_heaps():
+    y = np.r_[np.zeros(50), np.arange(1, 51)]
+    model = ContinuousRatingsRegressor(n_cells=10).fit(np.zeros((100, 1)), y)
+    np.testing.assert_array_equal(model.grid_, [0, 10, 20, 30, 40, 50])
+    two = ContinuousRatingsRegressor().fit([[0.0], [1], [2], [3]], [0, 0, 1, 1])
+    assert two.grid_.tolist() == [0, 0.5, 1]
+
+
+def test_regressor_in_searches_pipelines_and_with_ragged_answers():
+    X, y = crowd()
+    groups = np.repeat(np.arange(15), 2)
+    model = make_pipeline(StandardScaler(), ContinuousRatingsRegressor(NNPOM(0)))
+    search = GridSearchCV(
+        model,
+        {"continuousratingsregressor__estimator__alpha": [1, 10]},
+        cv=GroupKFold(3),
+    )
+    y[0, 3] = np.nan
+    search.fit(X, y, groups=groups)
+    ragged = [row[~np.isnan(row)].tolist() for row in y]
+    other = GridSearchCV(model, search.param_grid, cv=search.cv)
+    other.fit(X, ragged, groups=groups)
+    assert search.best_score_ == other.best_score_
+    np.testing.assert_array_equal(search.predict(X), other.predict(X))
+
+
+@pytest.mark.slow
+def test_regressor_of_many_trials():
+    X, y = crowd(5_000, 3)
+    model = ContinuousRatingsRegressor(NNPOM(0)).fit(X, y)
+    many, true = crowd(100_000, 3, seed=1)
+    assert -model.score(many, true) < noise_ceiling(true, crps).truth * 1.06

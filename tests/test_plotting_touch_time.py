@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from sklearn_haptic.metrics import ranked_probability_score
+from sklearn_haptic.plotting import TouchTimeDisplay
+
+pytest.importorskip("matplotlib")
+
+SECONDS = [0.5, 1, 2]
+OBJECTS = np.repeat(np.arange(5), 4)
+RNG = np.random.default_rng(0)
+COUNTS = RNG.integers(1, 9, (20, 4))
+PROBA = RNG.dirichlet(np.ones(4), (20, 3))
+STOPS = RNG.integers(0, 3, (2, 20))
+
+
+def by_object(scores):
+    means = np.array([scores[i == OBJECTS].mean() for i in range(5)])
+    return means.mean(), means.std(ddof=1) / np.sqrt(5)
+
+
+def test_the_curve_is_the_mean_over_objects():
+    display = TouchTimeDisplay.from_predictions(COUNTS, PROBA, SECONDS, groups=OBJECTS)
+    for k in range(3):
+        scores = ranked_probability_score(COUNTS, PROBA[:, k], average=False)
+        mean, se = by_object(scores)
+        assert display.score[k] == pytest.approx(mean)
+        assert display.score_se[k] == pytest.approx(se)
+    line = display.errorbar_[0].get_xydata()
+    np.testing.assert_allclose(line, np.column_stack([SECONDS, display.score]))
+    assert display.stops_ is None
+
+
+def test_rules_are_points_of_mean_seconds_and_score():
+    display = TouchTimeDisplay.from_predictions(
+        COUNTS, PROBA, SECONDS, stopped={"rule": STOPS}, groups=OBJECTS
+    )
+    for stops, point in zip(STOPS, display.rules["rule"]):
+        reached = PROBA[np.arange(20), stops]
+        mean, se = by_object(ranked_probability_score(COUNTS, reached, average=False))
+        assert point == pytest.approx([np.take(SECONDS, stops).mean(), mean, se])
+    share = [line[1, 1] / 0.2 for line in display.stops_.get_segments()]
+    np.testing.assert_allclose(share, np.bincount(STOPS[-1], minlength=3) / 20)
+
+
+def test_errors_of_classes():
+    labels = COUNTS.argmax(axis=1)
+    display = TouchTimeDisplay.from_predictions(
+        labels, PROBA, SECONDS, metric="error", stopped={"rule": STOPS[0]}
+    )
+    for k in range(3):
+        assert display.score[k] == np.mean(PROBA[:, k].argmax(axis=1) != labels)
+    assert "errors" in display.ax_.get_ylabel()
+    assert list(display.rules_) == ["rule"]

@@ -1,0 +1,123 @@
+"""Rules that stop a touch, against what can be worked out by hand."""
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+
+from sklearn_haptic.metrics import ranked_probability_score
+from sklearn_haptic.streaming import (
+    CertaintyThreshold,
+    ExpectedGain,
+    FixedDuration,
+    NoChange,
+)
+from sklearn_haptic.streaming._stopping import expected_losses, losses
+
+DURATIONS = np.array([0.5, 1.0, 2.0, 4.0])
+RULES = [FixedDuration(1), CertaintyThreshold(0.9), NoChange(0.1), ExpectedGain(0.02)]
+
+
+def random_touches(n=200, seed=0):
+    """Distributions that come nearer to the truth, of some touches sooner."""
+    rng = np.random.default_rng(seed)
+    true = rng.dirichlet(np.ones(5), n)
+    guess = true.mean(axis=0)
+    speed = rng.choice([0.1, 3], n)
+    weight = np.exp(-speed[:, None] * DURATIONS)[..., None]
+    return weight * guess + (1 - weight) * true[:, None], true, speed
+
+
+def test_losses_are_those_of_the_metrics():
+    proba, true, _ = random_touches()
+    expected = ranked_probability_score(true, proba[:, 1], average=False)
+    np.testing.assert_allclose(losses(proba[:, 1], true, ordered=True), expected)
+    labels = np.eye(5)[true.argmax(axis=1)]
+    wrong = proba[:, 1].argmax(axis=1) != labels.argmax(axis=1)
+    assert (losses(proba[:, 1], labels, ordered=False) == wrong).all()
+
+
+def test_the_expected_loss_is_the_mean_over_draws():
+    rng = np.random.default_rng(0)
+    proba = np.array([0.1, 0.4, 0.2, 0.3])
+    drawn = np.eye(4)[rng.choice(4, 100_000, p=proba)]
+    for ordered in (True, False):
+        each = losses(np.tile(proba, (100_000, 1)), drawn, ordered=ordered)
+        expected = expected_losses(proba[None], ordered=ordered)[0]
+        assert expected == pytest.approx(each.mean(), abs=0.01)
+
+
+@pytest.mark.parametrize("rule", RULES, ids=str)
+def test_stop_at_is_a_loop_over_touches_and_durations(rule):
+    proba, true, _ = random_touches()
+    proba[::3, 3] = np.nan  # touches that end before
+    rule = clone(rule).fit(proba, true, durations=DURATIONS)
+    index = rule.stop_at(proba)
+    for i, path in enumerate(proba):
+        last = np.isfinite(path).all(axis=1).sum() - 1
+        k = 0
+        while k < last and not rule.stops(path[None, : k + 1])[0]:
+            k += 1
+        assert index[i] == k
+
+
+def test_measures_of_certainty():
+    proba = np.array([[[0.6, 0.3, 0.1]]])
+    entropy = -(0.6 * np.log(0.6) + 0.3 * np.log(0.3) + 0.1 * np.log(0.1)) / np.log(3)
+    for measure, certainty in [
+        ("probability", 0.6),
+        ("margin", 0.3),
+        ("entropy", 1 - entropy),
+    ]:
+        below = CertaintyThreshold(certainty - 1e-9, measure=measure)
+        above = CertaintyThreshold(certainty + 1e-9, measure=measure)
+        assert below.stops(proba)[0]
+        assert not above.stops(proba)[0]
+
+
+def test_the_dearer_a_second_the_shorter_the_touch():
+    proba, true, _ = random_touches()
+    seconds, loss = [], []
+    for price in (0.0, 0.01, 0.03, 0.1, 100.0):
+        rule = ExpectedGain(price).fit(proba, true, durations=DURATIONS)
+        index = rule.stop_at(proba)
+        seconds.append(DURATIONS[index].mean())
+        loss.append(losses(proba[np.arange(200), index], true, ordered=True).mean())
+    assert (np.diff(seconds) <= 0).all()
+    assert seconds[-1] == DURATIONS[0]
+    assert loss[0] < losses(proba[:, 3], true, ordered=True).mean() + 1e-3
+
+
+def test_the_rule_goes_on_with_those_that_gain():
+    """Half of the touches are sure at once, the others from two seconds on."""
+    sure = np.tile([1.0, 0, 0], (4, 1))
+    later = np.vstack([np.tile([0.5, 0, 0.5], (2, 1)), sure[:2]])
+    proba = np.tile([sure, later], (600, 1, 1))
+    true = np.tile([[1, 0, 0]], (1200, 1))
+    rule = ExpectedGain(0.1).fit(proba, true, durations=DURATIONS)
+    assert rule.stop_at(proba[:2]).tolist() == [0, 2]
+
+
+def test_the_rule_beats_every_fixed_duration_on_new_touches():
+    """Loss and price together, where some touches tell all at once."""
+    proba, true, _ = random_touches(2000)
+    price = 0.01
+    rule = ExpectedGain(price).fit(proba, true, durations=DURATIONS)
+    proba, true, _ = random_touches(2000, seed=1)
+    each = np.stack(
+        [
+            losses(proba[:, k], true, ordered=True) + price * seconds
+            for k, seconds in enumerate(DURATIONS)
+        ],
+        axis=1,
+    )
+    mine = each[np.arange(2000), rule.stop_at(proba)].mean()
+    assert mine < each.mean(axis=0).min() - 0.001
+
+
+def test_several_adjectives_are_averaged():
+    proba, true, _ = random_touches()
+    both = np.stack([proba, proba], axis=2)
+    for rule in RULES:
+        one = clone(rule).fit(proba, true, durations=DURATIONS)
+        two = clone(rule).fit(both, np.stack([true, true], 1), durations=DURATIONS)
+        assert (one.stop_at(proba) == two.stop_at(both)).all()

@@ -1,0 +1,282 @@
+"""Touches in progress predict what the model predicts for the samples so far."""
+
+import runpy
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from short_touches import (
+    COUNTS,
+    HEAD,
+    OBJECTS,
+    RATES,
+    TOUCHES,
+    coded,
+    cut,
+    features,
+    make_model,
+    statistics,
+)
+from sklearn.decomposition import PCA
+from sklearn.linear_model import LogisticRegression
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    STHMPTransformer,
+    TemporalMaxPool,
+)
+from sklearn_haptic.streaming import CertaintyThreshold
+
+
+def both_statistics(table):
+    return np.hstack([statistics(table[sensor]) for sensor in table])
+
+
+def mixed(sensor):
+    """One sensor by the package's steps and another behind them, one by foreign."""
+    if sensor == "slow":
+        return FunctionTransformer(statistics)
+    return make_pipeline(coded(sensor), PCA(3, random_state=0))
+
+
+PIPELINES = {
+    "package": lambda: make_pipeline(features(), StandardScaler(), HEAD),
+    "mixed": lambda: make_pipeline(features(mixed), HEAD),
+    "joint": lambda: make_pipeline(FunctionTransformer(both_statistics), HEAD),
+}
+
+
+@pytest.fixture(scope="module", params=PIPELINES)
+def model(request):
+    model = make_model(PIPELINES[request.param](), sharing=0, cv=2)
+    return model.fit(TOUCHES, COUNTS, groups=OBJECTS)
+
+
+@pytest.fixture(scope="module")
+def of_codes():
+    model = make_model(sharing=0, cv=2, stopping=CertaintyThreshold(0.5))
+    return model.fit(TOUCHES, COUNTS, groups=OBJECTS)
+
+
+def as_recorded(model, felt):
+    """The prediction for samples that are given as one recorded touch."""
+    cells = {s: [x] if len(x) else [None] for s, x in felt.items()}
+    table = pd.DataFrame({s: pd.Series(x, dtype=object) for s, x in cells.items()})
+    return model.predict_proba(table)[0]
+
+
+@settings(max_examples=15, deadline=None)
+@given(data=st.data())
+def test_any_chunks_predict_as_the_samples_so_far(model, data):
+    """Sensors run ahead, fall behind and are left out at random."""
+    trial = data.draw(st.integers(0, len(TOUCHES) - 1))
+    touch, felt = model.start(), dict.fromkeys(RATES, 0)
+    for _ in range(data.draw(st.integers(1, 8))):
+        new = {}
+        for sensor, rate in RATES.items():
+            if data.draw(st.booleans(), label=sensor):
+                n = data.draw(st.integers(0, int(1.5 * rate)))
+                start = felt[sensor]
+                new[sensor] = TOUCHES[sensor][trial][start : start + n]
+                felt[sensor] += len(new[sensor])
+        touch.update(new)
+        prefix = {s: TOUCHES[s][trial][:n] for s, n in felt.items()}
+        np.testing.assert_allclose(
+            touch.predict_proba(), as_recorded(model, prefix), rtol=0, atol=1e-12
+        )
+
+
+def test_every_prefix_sample_by_sample(of_codes):
+    touch, x = of_codes.start(), TOUCHES.iloc[5]
+    for i in range(int(2.2 * RATES["fast"])):
+        new = {"fast": x["fast"][i]}
+        if i % 4 == 3:
+            new["slow"] = x["slow"][i // 4]
+        touch.update(new)
+        felt = {"fast": x["fast"][: i + 1], "slow": x["slow"][: (i + 1) // 4]}
+        np.testing.assert_allclose(
+            touch.predict_proba(), as_recorded(of_codes, felt), rtol=0, atol=1e-12
+        )
+
+
+def test_seconds_count_samples(of_codes):
+    touch = of_codes.start()
+    assert touch.seconds == 0
+    touch.update({"fast": np.ones((4, 2))})
+    assert touch.seconds == 0  # the slow sensor is not yet late
+    touch.update({"slow": np.ones((1, 2))})
+    assert touch.seconds == pytest.approx(0.1)
+    touch.update({"fast": np.ones((400, 2))})
+    assert touch.seconds == pytest.approx(10.1)  # by now it is
+
+
+def test_a_touch_is_done_where_the_rule_stops_recorded_ones(of_codes):
+    _, seconds = of_codes.predict_when_done(TOUCHES)
+    assert len(set(seconds)) > 1
+    for trial, stop in enumerate(seconds):
+        touch, x = of_codes.start(), TOUCHES.iloc[trial]
+        n = 0
+        while not touch.done:
+            touch.update({s: x[s][n * r : (n + 1) * r] for s, r in TENTHS.items()})
+            n += 1
+        assert touch.seconds == pytest.approx(stop)
+
+
+TENTHS = {sensor: round(rate / 10) for sensor, rate in RATES.items()}
+
+
+def test_without_a_rule_a_touch_takes_the_longest_duration(model):
+    proba, seconds = model.predict_when_done(cut(TOUCHES, 1.5))
+    assert (seconds == 1).all()
+    np.testing.assert_array_equal(proba, model.predict_proba(cut(TOUCHES, 1.5)))
+    proba, seconds = model.predict_when_done(cut(TOUCHES, 0.3))
+    assert (seconds == 0).all()
+    np.testing.assert_allclose(proba, np.tile(model.shares_, (24, 1)))
+    touch = model.start().update(dict(cut(TOUCHES, 1.5).iloc[0]))
+    assert not touch.done
+    assert touch.update({s: np.ones((int(r), 2)) for s, r in RATES.items()}).done
+
+
+def test_reset_begins_a_new_touch(of_codes):
+    fresh, used = of_codes.start(), of_codes.start()
+    used.update(dict(TOUCHES.iloc[3]))
+    assert used.done
+    used.reset()
+    assert used.seconds == 0
+    for touch in (fresh, used):
+        touch.update(dict(cut(TOUCHES, 1).iloc[7]))
+    assert (fresh.predict_proba() == used.predict_proba()).all()
+
+
+@settings(max_examples=15, deadline=None)
+@given(data=st.data())
+def test_bad_samples_repeat_the_last_good_one(of_codes, data):
+    """However they are cut into chunks; before the first good one, that one counts."""
+    recorded = {s: np.array(TOUCHES[s][2]) for s in RATES}
+    bad, n_bad = {s: x.copy() for s, x in recorded.items()}, {}
+    for sensor, x in bad.items():
+        at = data.draw(st.lists(st.integers(0, len(x) - 2), max_size=6, unique=True))
+        for i in at:
+            x[i, data.draw(st.integers(0, 1))] = data.draw(
+                st.sampled_from([np.nan, np.inf, -np.inf, 100.0, -100.0])
+            )
+        n_bad[sensor] = len(at)
+        wrong = ~(np.abs(x) < 100)
+        filled = pd.DataFrame(np.where(wrong, np.nan, x)).ffill().bfill()
+        recorded[sensor] = filled.to_numpy()
+    touch = of_codes.start(dict.fromkeys(RATES, (-100, 100)))
+    n_chunks = data.draw(st.integers(1, 6))
+    chunks = {s: np.array_split(x, n_chunks) for s, x in bad.items()}
+    for i in range(n_chunks):
+        touch.update({s: chunks[s][i] for s in RATES})
+    assert touch.ignored == n_bad
+    np.testing.assert_allclose(
+        touch.predict_proba(), as_recorded(of_codes, recorded), rtol=0, atol=1e-12
+    )
+
+
+def test_a_sensor_that_never_works_is_missing(of_codes):
+    touch, x = of_codes.start(), TOUCHES.iloc[4]
+    dead = x["slow"].copy()
+    dead[:, 1] = np.nan
+    touch.update({"fast": x["fast"], "slow": dead})
+    assert touch.ignored == {"fast": 0, "slow": len(dead)}
+    expected = as_recorded(of_codes, {"fast": x["fast"], "slow": []})
+    np.testing.assert_allclose(touch.predict_proba(), expected, atol=1e-12)
+
+
+def test_electrodes_adjectives_and_one_unnamed_sensor():
+    rng = np.random.default_rng(0)
+    touches = [rng.normal(size=(n, 19)) for n in rng.integers(30, 60, 12)]
+    counts = rng.integers(1, 5, (12, 2, 3))
+    codes = make_pipeline(
+        STHMPTransformer(3, 2, max_iter=2, random_state=0), TemporalMaxPool((4, 1))
+    )
+    head = DistributionalOrdinalRegressor(
+        NNPOM(1, max_iter=2000, alpha=10), random_state=0
+    )
+    model = make_model(
+        make_pipeline(codes, head), durations=[0.02, 0.3], sampling_rates=100, cv=2
+    ).fit(touches, counts)
+    touch = model.start()
+    for i in range(30):  # two frames are fewer than the four cells
+        proba = touch.update(touches[0][i]).predict_proba()
+        expected = model.predict_proba([touches[0][: i + 1]])[0]
+        np.testing.assert_allclose(proba, expected, rtol=0, atol=1e-12)
+    assert proba.shape == (2, 3)
+    assert touch.done
+
+
+def test_classes_from_statistics_of_one_channel():
+    rng = np.random.default_rng(0)
+    materials = np.repeat(["cork", "foam"], 6)
+    touches = [
+        rng.normal(loc=loc, size=(50, 1)) for loc in np.where(materials == "cork", 0, 2)
+    ]
+    pipeline = make_pipeline(FunctionTransformer(statistics), LogisticRegression())
+    model = make_model(pipeline, durations=[1, 2], sampling_rates=20, cv=2)
+    model.fit(touches, materials)
+    touch = model.start((-10, 10))
+    for i in range(0, 50, 7):
+        touch.update(touches[9][i : i + 7, 0])
+        expected = model.predict_proba([touches[9][: i + 7]])[0]
+        np.testing.assert_allclose(touch.predict_proba(), expected, atol=1e-12)
+    assert model.classes_[touch.predict_proba().argmax()] == "foam"
+
+
+def test_what_is_kept_and_what_an_update_costs_do_not_grow(of_codes):
+    """100,000 samples: a late tenth takes no longer than an early one."""
+    touch, rng = of_codes.start(), np.random.default_rng(0)
+    new = {s: rng.normal(size=(10 * n, 2)) for s, n in TENTHS.items()}
+    seconds = []
+    for _ in range(2500):
+        start = time.process_time()
+        touch.update(new).predict_proba()
+        seconds.append(time.process_time() - start)
+    assert touch.seconds == 2500
+    assert np.median(seconds[-500:]) < 3 * np.median(seconds[100:600]) + 1e-4
+    kept = [pool._rest.nbytes + pool._maxima.nbytes for pool in touch._pools.values()]
+    assert sum(kept) < 100_000
+
+
+def test_the_node_of_the_examples_replays_a_recorded_touch(of_codes):
+    """Without ROS: its predictions are the model's, and it says once to stop."""
+    path = Path(__file__).parents[1] / "examples" / "run_touch_node.py"
+    example = runpy.run_path(str(path))
+    said, done = [], []
+    node = example["TouchNode"](of_codes, lambda *new: said.append(new), done.append)
+    _, stops = of_codes.predict_when_done(TOUCHES)
+    for trial in (0, 17):
+        said.clear(), done.clear()
+        node.on_start()
+        example["replay"](node, TOUCHES.iloc[trial], RATES, sleep=lambda _: None)
+        assert done == pytest.approx([stops[trial]])
+        assert [seconds for seconds, _ in said] == pytest.approx(
+            [d for d in of_codes.durations_ if d <= stops[trial]]
+        )
+        for seconds, proba in said:
+            expected = of_codes.predict_proba(cut(TOUCHES, seconds))[trial]
+            np.testing.assert_allclose(proba, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [0, 1])
+def test_hardly_any_samples(model, n):
+    touch = model.start().update({s: np.ones((n, 2)) for s in RATES})
+    np.testing.assert_array_equal(touch.predict_proba(), model.shares_)
+    assert not touch.done
+
+
+def test_a_bad_update_changes_nothing(of_codes):
+    touch = of_codes.start().update(dict(cut(TOUCHES, 1).iloc[0]))
+    before = touch.predict_proba()
+    with pytest.raises(ValueError, match="samples\\['slow'\\] has shape"):
+        touch.update({"fast": np.ones((100, 2)), "slow": np.ones((3, 5))})
+    assert touch.seconds == 1
+    assert (touch.predict_proba() == before).all()
