@@ -15,7 +15,6 @@ import sys
 import time
 
 import numpy as np
-import pandas as pd
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
@@ -79,13 +78,14 @@ def features(seed):
 
 
 def table(parts):
-    """One DataFrame of all rows, and the columns of each part."""
+    """One array of all rows, and the columns of each part."""
     rows = {name: rotated(part) for name, part in parts.items()}
-    frames = {
-        name: pd.DataFrame(part).add_prefix(f"{name}_") for name, part in rows.items()
+    ends = np.cumsum([part.shape[1] for part in rows.values()])
+    columns = {
+        name: list(range(end - part.shape[1], end))
+        for (name, part), end in zip(rows.items(), ends)
     }
-    columns = {name: list(frame.columns) for name, frame in frames.items()}
-    return pd.concat(frames.values(), axis=1), columns
+    return np.hstack(list(rows.values())), columns
 
 
 def fold_predictions(X, columns, corpus, adjective, names, lost):
@@ -100,7 +100,7 @@ def fold_predictions(X, columns, corpus, adjective, names, lost):
         for label, kept, n_touches in lost:
             felt = X[test].copy()
             gone = [c for name in names if name not in kept for c in columns[name]]
-            felt[gone] = np.nan
+            felt[:, gone] = np.nan
             run = np.arange(test.sum()) % N_TOUCHES
             block = run // n_touches
             groups = objects[test] * 10 + block
