@@ -183,13 +183,7 @@ def make_haptic_corpus(
     cells = {column: np.empty(n_objects * n_trials, dtype=object) for column in columns}
     for i, material in enumerate(materials):
         for run in range(n_trials):
-            signals = [
-                signal
-                for each in procedures
-                for signal in _touch_once(
-                    material, each, sensors, (seed, i, run)
-                ).values()
-            ]
+            signals = _touch_by_all(material, procedures, sensors, (seed, i, run))
             for column, signal in zip(columns, signals):
                 cells[column][i * n_trials + run] = signal
 
@@ -268,6 +262,12 @@ def _percepts(properties, rng):
     ]
     unfelt = rng.normal(size=(len(felt[0]), len(PERCEPTS)))
     return _TANGIBLE * np.transpose(felt) + np.sqrt(1 - _TANGIBLE**2) * unfelt
+
+
+def _touch_by_all(material, procedures, sensors, trial):
+    """Yield the signals of one trial, sensor by sensor in each procedure."""
+    for procedure in procedures:
+        yield from _touch_once(material, procedure, sensors, trial).values()
 
 
 def _touch_once(material, procedure, sensors, trial):
