@@ -3,7 +3,7 @@
     python benchmarks/next_touch.py [FILE]
 
 Without FILE, forty-eight generated objects are touched five times each; the score is
-the ranked probability score, a mean over five adjectives. With the file of recordings
+the ranked probability score, a mean over three adjectives. With the file of recordings
 `bolt_pilot_phac2_layout.h5`, the class is the material and the score is Brier's; whole
 grips (levels of pressure) are held out. Each procedure takes the seconds that its
 recordings last. Objects (or grips) are held out in folds; the best fixed order is
