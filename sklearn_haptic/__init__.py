@@ -22,8 +22,10 @@ from .models import (
     DistributionalOrdinalRegressor,
     DistributionBlend,
     DummyDistribution,
+    NoveltyGuard,
     RegressedDistribution,
     SensorFusionNNPOM,
+    TouchPool,
 )
 from .streaming import AnytimeRegressor
 
@@ -38,6 +40,7 @@ __all__ = [
     "DistributionalOrdinalRegressor",
     "DummyDistribution",
     "KSVDTransformer",
+    "NoveltyGuard",
     "RegressedDistribution",
     "RepairTrials",
     "STHMPTransformer",
@@ -48,6 +51,7 @@ __all__ = [
     "SignalStatistics",
     "TaxelGrid",
     "TemporalMaxPool",
+    "TouchPool",
     "make_haptic_pipeline",
     "resample_trials",
 ]

@@ -41,6 +41,18 @@ _PIXELS = [
 ]
 
 
+def columns_of(procedures, sensors):
+    """Return the names of the columns of a corpus of several procedures.
+
+    Examples
+    --------
+    >>> from sklearn_haptic._biotac import columns_of
+    >>> columns_of(["hold", "squeeze"], ["pac"])
+    ['hold_pac', 'squeeze_pac']
+    """
+    return [f"{procedure}_{sensor}" for procedure in procedures for sensor in sensors]
+
+
 def biotac_layout():
     """Arrange the 19 electrodes of a BioTac finger as an image.
 

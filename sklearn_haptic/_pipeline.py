@@ -9,7 +9,7 @@ from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
-from ._biotac import SENSORS
+from ._biotac import PROCEDURES, SENSORS, columns_of
 from ._sensors import BIOTAC, Sensor, Signal, TaxelGrid
 from ._sklearn import Memory, RandomState
 from .features import (
@@ -29,6 +29,11 @@ from .models import (
 # Atoms of the sensors that have not 25 in the 2020 paper.
 _N_ATOMS = {"pac": 40, "tdc": 10}
 
+# Sensors of a BioTac by their columns in corpora of one procedure and of several.
+_COLUMNS = {name: name for name in SENSORS} | {
+    column: column.rsplit("_", 1)[-1] for column in columns_of(PROCEDURES, SENSORS)
+}
+
 
 _PRESETS: dict[str, dict[str, Any]] = {
     "fast": {"max_iter": 5, "statistics": ("max",)},
@@ -46,7 +51,7 @@ def _described(sensors):
     if isinstance(sensors, str):
         sensors = [sensors]
     if not isinstance(sensors, Mapping):
-        sensors = {name: BIOTAC.get(name) for name in sensors}
+        sensors = {name: BIOTAC.get(_COLUMNS.get(name)) for name in sensors}
     if not sensors:
         raise ValueError(
             f"sensors is empty; name a sensor or more, such as {list(SENSORS)}."
@@ -77,6 +82,7 @@ class _Features:
         """Return the transformer of a sensor."""
         if sensor is None:
             return SensorFeatures(images=self.codes(TaxelGrid()))
+        name = _COLUMNS.get(name)
         if BIOTAC.get(name) is sensor or sensor == TaxelGrid():
             return self.codes(sensor, _N_ATOMS.get(name, 25))
         if sensor == Signal():
@@ -148,7 +154,8 @@ def make_haptic_pipeline(
             TaxelGrid or None, default=("pac", "pdc", "tac", "tdc", "electrodes")
         Names of sensors are columns of the DataFrame of trials. Those of a BioTac, all
         of which are taken by default, are columns of what `load_phac2` and
-        `make_haptic_corpus` return. Describe other sensors by a mapping, such as
+        `make_haptic_corpus` return, also with the name of a procedure before them,
+        such as ``"hold_pac"``. Describe other sensors by a mapping, such as
         ``{"skin": TaxelGrid((4, 4)), "acc": Signal(rate=1000)}``. One description
         alone, without a name, is that of a model of one sensor, whose trials are a
         list. What has no description (None, or a name alone) is found out from the

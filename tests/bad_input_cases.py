@@ -34,6 +34,7 @@ from sklearn_haptic import (
     DistributionBlend,
     DummyDistribution,
     KSVDTransformer,
+    NoveltyGuard,
     RegressedDistribution,
     RepairTrials,
     SensorFeatures,
@@ -44,6 +45,7 @@ from sklearn_haptic import (
     STHMPTransformer,
     TaxelGrid,
     TemporalMaxPool,
+    TouchPool,
     make_haptic_pipeline,
     metrics,
     model_selection,
@@ -211,6 +213,10 @@ LABELLED = ORDINAL | {"SensorFusionNNPOM": partial(SensorFusionNNPOM, SENSORS)}
 DUMMY = {"DummyDistribution": DummyDistribution}
 REGRESSED = {"RegressedDistribution": partial(RegressedDistribution, Ridge())}
 BLEND = {"DistributionBlend": partial(DistributionBlend, [("linear", NNPOM(0))])}
+TOUCH_POOL = {"TouchPool": partial(TouchPool, [("linear", NNPOM(0), [0, 1])])}
+GUARD = {
+    "NoveltyGuard": partial(NoveltyGuard, make_pipeline(StandardScaler(), NNPOM(0)))
+}
 GOOD = {"X": X, "y": COUNTS}
 
 
@@ -742,6 +748,42 @@ ask(fitting({"DistributionBlend": partial(DistributionBlend,
         "sample_weight", groups=OBJECTS),
     check("weights, and a member that takes none", np.ones(N),
         "^The member 'piped' takes no sample_weight; give none, or enable metadata"))
+ask(fitting(TOUCH_POOL, groups=OBJECTS),
+    check("no members", estimators=[],
+        says=r"^estimators=\[\] must be a list of one or more \(name, estimator, col"),
+    check("members without columns", estimators=[("a", NNPOM(0))],
+        says=r"^estimators=.* must be a list of one or more \(name, estimator, col"),
+    check("two members of one name",
+        estimators=[("a", NNPOM(0), [0]), ("a", NNPOM(1), [1])],
+        says="^Names provided are not unique"),
+    check("a member called marginal", estimators=[("marginal", NNPOM(0), [0])],
+        says="^Names provided are not unique"),
+    check("a member of other levels",
+        estimators=[("a", NNPOM(0, levels=[3, 2, 0]), [0])],
+        says="^The member 'a' predicts .*; give a classifier that keeps the levels"),
+    *wrong(estimators="models", cv="five", n_jobs=1.5))
+ask(fitting(TOUCH_POOL, groups=OBJECTS),
+    check("a column that is missing everywhere", np.full_like(X, np.nan),
+        "^No training row has all columns of the member 'linear'; give rows that"))
+ask(fitting(GUARD, groups=OBJECTS),
+    check("no pipeline", estimator=NNPOM(0),
+        says="^estimator is a NNPOM; give a Pipeline whose first steps return rows"),
+    *wrong(estimator="model", cv="five"))
+ask(fitting(TOUCH_POOL | GUARD, "y", groups=OBJECTS), *NOT_RATINGS,
+    check("several adjectives", TWO, "^y has the ratings of several adjectives"),
+    arg="y")
+ask(fitting(TOUCH_POOL | GUARD, "groups"),
+    check("one object", np.zeros(N), "there is 1 sample or"))
+ask({"TouchPool.weights": lambda touches: call(
+        TOUCH_POOL["TouchPool"]().fit(X, COUNTS, groups=OBJECTS).weights, touches)},
+    check("an unknown member", [["pac"]],
+        "^Unknown member 'pac'; the pool has 1, of which the closest are"),
+    check("a member twice", [["linear", "linear"]],
+        "^The member 'linear' is asked for twice"))
+ask(direct(make_haptic_corpus),
+    check("an unknown procedure of a list", procedure=["hold", "tap"],
+        says="^Unknown procedure 'tap'; the corpus has 4"),
+    check("no procedure", procedure=[], says="^No procedure is asked for"))
 ask(fitting(DUMMY),
     check("trials of another number than ratings", TRIALS,
         r"inconsistent numbers of samples: \[4, 12\]"))

@@ -9,6 +9,8 @@ from sklearn.base import clone
 from sklearn.ensemble import ExtraTreesRegressor, HistGradientBoostingRegressor
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import (
     NNPOM,
@@ -16,6 +18,7 @@ from sklearn_haptic import (
     DistributionBlend,
     DummyDistribution,
     KSVDTransformer,
+    NoveltyGuard,
     RegressedDistribution,
     RepairTrials,
     SensorFeatures,
@@ -23,6 +26,7 @@ from sklearn_haptic import (
     SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
+    TouchPool,
     make_haptic_pipeline,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
@@ -121,6 +125,12 @@ MODELS = {
         NAMED,
         COUNTS,
     ),
+    "pool of touches": (
+        TouchPool([("a", _NETWORK, [*NAMED.columns[:3]]), ("all", _NETWORK, slice(6))]),
+        NAMED,
+        COUNTS,
+    ),
+    "guard": (NoveltyGuard(make_pipeline(StandardScaler(), _NETWORK)), TABLE, COUNTS),
     "pipeline": (
         make_haptic_pipeline(["pdc", "electrodes"], random_state=0),
         CORPUS.trials,

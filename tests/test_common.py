@@ -5,6 +5,7 @@ from sklearn.base import BaseEstimator
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.linear_model import LogisticRegression, Ridge
 from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 from sklearn.utils import estimator_checks
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
@@ -17,6 +18,7 @@ from sklearn_haptic import (
     DistributionBlend,
     DummyDistribution,
     KSVDTransformer,
+    NoveltyGuard,
     RegressedDistribution,
     RepairTrials,
     SensorFeatures,
@@ -24,6 +26,7 @@ from sklearn_haptic import (
     SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
+    TouchPool,
 )
 
 pytestmark = pytest.mark.slow
@@ -73,7 +76,9 @@ OF_TRIALS = [
         make_pipeline(TemporalMaxPool(), DistributionalOrdinalRegressor()),
         durations=[1, 2],
         sampling_rates=100,
-    )
+    ),
+    TouchPool([("a", NNPOM(0), [0])]),
+    NoveltyGuard(make_pipeline(StandardScaler(), NNPOM(0))),
 ]
 NEED_NO_TABLE = [
     "check_estimator_cloneable",

@@ -18,8 +18,11 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     DistributionBlend,
     KSVDTransformer,
+    NoveltyGuard,
     STHMPTransformer,
     TemporalMaxPool,
+    TouchPool,
+    make_haptic_pipeline,
 )
 from sklearn_haptic._sklearn import DOCUMENTATION_URL
 
@@ -47,13 +50,14 @@ def test_one_address():
 
 @pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda each: each.__name__)
 def test_alone(estimator):
-    required = {}
-    if estimator is DistributionBlend:
-        required = {"estimators": [("linear", NNPOM())]}
-    elif estimator is AnytimeRegressor:
-        pipeline = make_pipeline(TemporalMaxPool(), NNPOM())
-        required = {"estimator": pipeline, "durations": [1], "sampling_rates": 100}
-    assert page(estimator) in links(estimator(**required))
+    pipeline = make_haptic_pipeline(["pdc"])
+    required = {
+        DistributionBlend: [[("linear", NNPOM())]],
+        TouchPool: [[("linear", NNPOM(), [0])]],
+    }.get(estimator, [pipeline] if estimator is NoveltyGuard else [])
+    timed = {"estimator": pipeline, "durations": [1], "sampling_rates": 100}
+    options = timed if estimator is AnytimeRegressor else {}
+    assert page(estimator) in links(estimator(*required, **options))
     assert f"sklearn_haptic.{estimator.__name__}" in pages_of_the_reference()
 
 

@@ -613,6 +613,18 @@ def test_real_recordings(bolt_pilot, procedure):
 
 
 @pytest.mark.slow
+def test_real_recordings_of_several_procedures(bolt_pilot):
+    path = bolt_pilot / "bolt_pilot_phac2_layout.h5"
+    both = load_phac2(path, procedure=["squeeze", "hold"], sensors=["tdc"])
+    assert list(both.trials.columns) == ["squeeze_tdc", "hold_tdc"]
+    assert both.sampling_rates == {"squeeze_tdc": 100, "hold_tdc": 100}
+    for procedure in ("squeeze", "hold"):
+        one = load_phac2(path, procedure=procedure, sensors=["tdc"])
+        pairs = zip(both.trials[f"{procedure}_tdc"], one.trials["tdc"])
+        assert all(np.array_equal(a, b) for a, b in pairs)
+
+
+@pytest.mark.slow
 def test_real_recordings_of_one_finger(bolt_pilot, tmp_path):
     both, path = bolt_pilot / "bolt_pilot_phac2_layout.h5", tmp_path / "one.h5"
     names = list(load_phac2(both, sensors=["tdc"]).trials.index[::5])

@@ -195,6 +195,23 @@ def test_procedures_share_objects_ratings_and_truth():
         assert (corpora[0].trials.index == corpus.trials.index).all()
 
 
+def test_several_procedures_are_columns_of_the_same_trials():
+    both = make_haptic_corpus(
+        4, 2, ["hold", "squeeze"], sensors=["tdc", "pac"], random_state=0
+    )
+    columns = ["hold_tdc", "hold_pac", "squeeze_tdc", "squeeze_pac"]
+    assert list(both.trials.columns) == columns
+    assert both.sampling_rates == dict(zip(columns, [100, 2200] * 2))
+    for procedure in ("hold", "squeeze"):
+        one = make_haptic_corpus(
+            4, 2, procedure, sensors=["tdc", "pac"], random_state=0
+        )
+        own = [f"{procedure}_tdc", f"{procedure}_pac"]
+        assert_same_cells(both.trials[own].set_axis(["tdc", "pac"], axis=1), one.trials)
+        np.testing.assert_array_equal(both.objects, one.objects)
+        np.testing.assert_array_equal(both.ratings["hard"], one.ratings["hard"])
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

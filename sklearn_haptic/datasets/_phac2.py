@@ -7,14 +7,14 @@ the robot's controller marks which rows belong to which exploratory procedure.
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.utils import Bunch
 
-from .._biotac import PROCEDURES, SAMPLING_RATES, SENSORS, Procedure
+from .._biotac import PROCEDURES, SENSORS, Procedure, columns_of
 from .._sklearn import Names, StrOptions, validate_params
 from .._validation import check_names
 from ..ratings import RatingTable
@@ -26,6 +26,7 @@ from ._hdf5 import (
     open_hdf5,
     read_rows,
 )
+from ._procedures import check_procedures, rates_of
 from ._rated import LEVELS, ratings_of_trials
 from ._rating_tables import collect_counts, count_answers, read_csv
 from ._ratings_file import MatlabRatings, read_matlab
@@ -66,7 +67,7 @@ slide. Twelve people rated each object from 1 to 5 on ten haptic adjectives.
 @validate_params(
     {
         "path": [str, os.PathLike],
-        "procedure": [StrOptions(set(PROCEDURES))],
+        "procedure": [StrOptions(set(PROCEDURES)), "array-like"],
         "sensors": ["array-like", None],
         "trials": ["array-like", None],
         "ratings": "no_validation",
@@ -77,7 +78,7 @@ slide. Twelve people rated each object from 1 to 5 on ten haptic adjectives.
 def load_phac2(
     path: str | os.PathLike[str],
     *,
-    procedure: Procedure = "hold",
+    procedure: Procedure | Sequence[Procedure] = "hold",
     sensors: Names | None = None,
     trials: Names | None = None,
     ratings: str
@@ -88,7 +89,7 @@ def load_phac2(
     | None = None,
     remove_baseline: bool = True,
 ) -> Bunch:
-    """Load one exploratory procedure of the PHAC-2 corpus.
+    """Load one or several exploratory procedures of the PHAC-2 corpus.
 
     Only the sensors, trials and rows asked for are read. Download the files from
     https://doi.org/10.17617/3.0C79KW (CC BY-SA 4.0). Requires h5py:
@@ -99,9 +100,11 @@ def load_phac2(
     path : str or path-like
         The HDF5 file of trials, ``phac_train_test_pos_neg_90_10_1_20.h5`` or
         another of the same layout.
-    procedure : {"squeeze", "hold", "slow_slide", "fast_slide"}, default="hold"
+    procedure : {"squeeze", "hold", "slow_slide", "fast_slide"} or list of them, \
+            default="hold"
         The exploratory procedure, whose rows are those in which the controller was in
-        its state. If the state recurs, its stretches are joined.
+        its state. If the state recurs, its stretches are joined. Of a list, each trial
+        has all procedures, in columns such as ``"hold_pac"``.
     sensors : array-like of str, default=None
         Some of ``"pac"``, ``"pdc"``, ``"tac"``, ``"tdc"`` and ``"electrodes"``, in
         the order of the columns wanted; by default all, in this order.
@@ -218,6 +221,8 @@ def load_phac2(
     (600, 5)
     """
     sensors = check_names(sensors, list(SENSORS), "sensor", "the corpus")
+    procedures = check_procedures(procedure, "the corpus")
+    columns = sensors if isinstance(procedure, str) else columns_of(procedures, sensors)
     with open_hdf5(path) as file:
         parsed = _parse_trial_names(file)
         names = check_names(trials, sorted(parsed, key=parsed.get), "trial", path)
@@ -229,7 +234,7 @@ def load_phac2(
             rated = _read_ratings(ratings, object_of)
             counts, answers = ratings_of_trials(rated, object_of, names)
             levels = rated.levels
-        cells = {sensor: np.empty(len(names), dtype=object) for sensor in sensors}
+        cells = {column: np.empty(len(names), dtype=object) for column in columns}
         n_bytes = 0
         for i, name in enumerate(names):
             trial = get_node(file, name)
@@ -242,9 +247,9 @@ def load_phac2(
                     f"{names[0]!r} has {' and '.join(first)}; load the ones apart from "
                     "the others through trials=."
                 )
-            signals = _read_trial(trial, fingers, procedure, sensors, remove_baseline)
-            for sensor, signal in signals.items():
-                cells[sensor][i] = signal
+            signals = _read_trial(trial, fingers, procedures, sensors, remove_baseline)
+            for column, signal in zip(columns, signals):
+                cells[column][i] = signal
                 n_bytes += signal.nbytes
             check_expansion(trial, n_bytes)
     return Bunch(
@@ -254,7 +259,7 @@ def load_phac2(
         ratings=counts,
         rater_ratings=answers,
         levels=levels,
-        sampling_rates={sensor: SAMPLING_RATES[sensor] for sensor in sensors},
+        sampling_rates=rates_of(columns),
         DESCR=DESCR,
     )
 
@@ -311,13 +316,27 @@ def _fingers(trial):
     return [finger for finger in FINGERS if finger in there] or FINGERS[:1]
 
 
-def _read_trial(trial, fingers, procedure, sensors, remove_baseline):
-    """Return {sensor: array of shape (n_times, n_channels)} of one procedure."""
+def _read_trial(trial, fingers, procedures, sensors, remove_baseline):
+    """Yield arrays of shape (n_times, n_channels), sensor by sensor in a procedure."""
     dataset = get_node(trial, "state/controller_detail_state")
     check_stored(dataset, "S")
     if dataset.ndim != 1:
         raise ValueError(_shape_error(dataset, "(n_frames,)"))
     states = read_rows(dataset)
+    rest = None
+    for procedure in procedures:
+        rows = _procedure_rows(trial, states, procedure)
+        if remove_baseline and rest is None:
+            rest = _rest_rows(trial, states)
+        for sensor in sensors:
+            signals = [
+                _read_finger(trial, finger, sensor, len(states), rows, rest)
+                for finger in fingers
+            ]
+            yield np.hstack(signals)
+
+
+def _procedure_rows(trial, states, procedure):
     rows = _stretches(states == PROCEDURE_STATES[procedure])
     if len(rows) == 0:
         found = [state.decode("ascii", "replace") for state in np.unique(states)]
@@ -327,16 +346,7 @@ def _read_trial(trial, fingers, procedure, sensors, remove_baseline):
             f"{PROCEDURE_STATES[procedure].decode()}, only in {found}. Leave the "
             "trial out through trials=."
         )
-    rest = _rest_rows(trial, states) if remove_baseline else None
-    return {
-        sensor: np.hstack(
-            [
-                _read_finger(trial, finger, sensor, len(states), rows, rest)
-                for finger in fingers
-            ]
-        )
-        for sensor in sensors
-    }
+    return rows
 
 
 def _rest_rows(trial, states):

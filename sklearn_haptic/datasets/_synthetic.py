@@ -5,13 +5,14 @@ sensors record (:mod:`._touch`) and, together with a share that no robot can fee
 people rate the objects (:mod:`._crowd`).
 """
 
+from collections.abc import Sequence
 from numbers import Integral
 
 import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch, check_random_state
 
-from .._biotac import PROCEDURES, SAMPLING_RATES, SENSORS, Procedure
+from .._biotac import PROCEDURES, SENSORS, Procedure, columns_of
 from .._sklearn import Interval, Names, RandomState, StrOptions, validate_params
 from .._validation import check_names
 from ._crowd import (
@@ -21,6 +22,7 @@ from ._crowd import (
     population,
     rate,
 )
+from ._procedures import check_procedures, rates_of
 from ._touch import draw_conditions, touch
 
 # Per material: first digit of its ids, share of the objects, median compression beyond
@@ -62,7 +64,7 @@ properties    latent properties of each object
     {
         "n_objects": [Interval(Integral, 1, None, closed="left")],
         "n_trials": [Interval(Integral, 1, None, closed="left")],
-        "procedure": [StrOptions(set(PROCEDURES))],
+        "procedure": [StrOptions(set(PROCEDURES)), "array-like"],
         "sensors": ["array-like", None],
         "n_raters": [Interval(Integral, 1, None, closed="left")],
         "random_state": ["random_state"],
@@ -72,7 +74,7 @@ properties    latent properties of each object
 def make_haptic_corpus(
     n_objects: int = 60,
     n_trials: int = 10,
-    procedure: Procedure = "hold",
+    procedure: Procedure | Sequence[Procedure] = "hold",
     *,
     sensors: Names | None = None,
     n_raters: int = 12,
@@ -93,9 +95,11 @@ def make_haptic_corpus(
     n_trials : int, default=10
         How many times the robot touches each object. A trial does not depend on the
         number of trials.
-    procedure : {"squeeze", "hold", "slow_slide", "fast_slide"}, default="hold"
+    procedure : {"squeeze", "hold", "slow_slide", "fast_slide"} or list of them, \
+            default="hold"
         The exploratory procedure. With one seed, all procedures have the same
-        objects, trials and ratings.
+        objects, trials and ratings. Of a list, each trial has all procedures, in
+        columns such as ``"hold_pac"``.
     sensors : array-like of str, default=None
         Some of ``"pac"``, ``"pdc"``, ``"tac"``, ``"tdc"`` and ``"electrodes"``, in
         the order of the columns wanted; by default all, in this order. The signals
@@ -163,6 +167,8 @@ def make_haptic_corpus(
     (40, 5)
     """
     sensors = check_names(sensors, list(SENSORS), "sensor", "the corpus")
+    procedures = check_procedures(procedure, "the corpus")
+    columns = sensors if isinstance(procedure, str) else columns_of(procedures, sensors)
     seed = int(check_random_state(random_state).randint(np.iinfo(np.int32).max))
 
     properties = _draw_properties(n_objects, np.random.default_rng([seed, 0]))
@@ -174,12 +180,12 @@ def make_haptic_corpus(
     proba = population(percepts)
 
     materials = [dict(zip(properties, row)) for row in zip(*properties.values())]
-    cells = {sensor: np.empty(n_objects * n_trials, dtype=object) for sensor in sensors}
+    cells = {column: np.empty(n_objects * n_trials, dtype=object) for column in columns}
     for i, material in enumerate(materials):
         for run in range(n_trials):
-            signals = _touch_once(material, procedure, sensors, (seed, i, run))
-            for sensor, values in signals.items():
-                cells[sensor][i * n_trials + run] = values
+            signals = _touch_by_all(material, procedures, sensors, (seed, i, run))
+            for column, signal in zip(columns, signals):
+                cells[column][i * n_trials + run] = signal
 
     ids = properties.pop("object_id")
     of_object = np.repeat(np.arange(n_objects), n_trials)
@@ -194,7 +200,7 @@ def make_haptic_corpus(
         object_names=properties["material"][of_object],
         ratings={a: counts[of_object, k] for k, a in enumerate(ADJECTIVES)},
         levels=LEVELS.copy(),
-        sampling_rates={sensor: SAMPLING_RATES[sensor] for sensor in sensors},
+        sampling_rates=rates_of(columns),
         rater_ratings=pd.DataFrame(
             answers.reshape(-1, len(ADJECTIVES)),
             index=pd.MultiIndex.from_product(
@@ -207,7 +213,7 @@ def make_haptic_corpus(
         DESCR=_DESCR.format(
             n_objects=n_objects,
             n_trials=n_trials,
-            procedure=procedure,
+            procedure=", ".join(procedures),
             n_raters=n_raters,
         ),
     )
@@ -256,6 +262,12 @@ def _percepts(properties, rng):
     ]
     unfelt = rng.normal(size=(len(felt[0]), len(PERCEPTS)))
     return _TANGIBLE * np.transpose(felt) + np.sqrt(1 - _TANGIBLE**2) * unfelt
+
+
+def _touch_by_all(material, procedures, sensors, trial):
+    """Yield the signals of one trial, sensor by sensor in each procedure."""
+    for procedure in procedures:
+        yield from _touch_once(material, procedure, sensors, trial).values()
 
 
 def _touch_once(material, procedure, sensors, trial):

@@ -6,7 +6,9 @@ from ._continuous import ContinuousRatingsRegressor
 from ._distributional import PAPER_2020, DistributionalOrdinalRegressor
 from ._fusion import SensorFusionNNPOM
 from ._nnpom import NNPOM
+from ._novelty_guard import NoveltyGuard
 from ._regressed import RegressedDistribution
+from ._touch_pool import TouchPool
 
 __all__ = [
     "NNPOM",
@@ -15,6 +17,8 @@ __all__ = [
     "DistributionBlend",
     "DistributionalOrdinalRegressor",
     "DummyDistribution",
+    "NoveltyGuard",
     "RegressedDistribution",
     "SensorFusionNNPOM",
+    "TouchPool",
 ]

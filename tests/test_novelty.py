@@ -1,0 +1,139 @@
+"""How unlike others a touch is, against plain loops and searches."""
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import GroupKFold
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from sklearn_haptic import NNPOM, NoveltyGuard
+from sklearn_haptic.metrics import ranked_probability_score
+from sklearn_haptic.models._novelty import (
+    belief_at,
+    conformal_p_values,
+    fit_belief,
+    nearest_distances,
+)
+
+
+def made(n_objects=40, n_touches=3, seed=0, shift=0.0):
+    rng = np.random.default_rng(seed)
+    objects = np.repeat(np.arange(n_objects), n_touches)
+    latent = rng.normal(size=(n_objects, 4))
+    X = latent[objects] + 0.3 * rng.normal(size=(len(objects), 4)) + shift
+    people = latent[:, :1] + rng.normal(size=(n_objects, 12))
+    level = np.digitize(people, [-1, 0, 1])
+    counts = np.stack([(level == k).sum(axis=1) for k in range(4)], axis=1)
+    return X, counts[objects].astype(float), objects
+
+
+def guard(**params):
+    return NoveltyGuard(make_pipeline(StandardScaler(), NNPOM(0)), **params)
+
+
+def test_distances_equal_a_loop():
+    X, _, objects = made(7)
+    looped = [
+        min(np.sqrt(np.mean((x - z) ** 2)) for z, b in zip(X, objects) if a != b)
+        for x, a in zip(X, objects)
+    ]
+    np.testing.assert_allclose(
+        nearest_distances(X, X, objects, objects), looped, rtol=1e-6
+    )
+    new = made(2, seed=1)[0]
+    looped = [min(np.sqrt(np.mean((x - z) ** 2)) for z in X) for x in new]
+    np.testing.assert_allclose(nearest_distances(new, X), looped, rtol=1e-6)
+
+
+def test_p_values_equal_a_loop():
+    rng = np.random.default_rng(0)
+    known, objects = rng.integers(0, 9, 20) / 3, np.arange(20) % 6
+    new = np.r_[rng.integers(0, 9, 8) / 3, 99, -1]
+    looped = [
+        (1 + sum(np.mean(known[objects == o] >= d) for o in range(6))) / 7 for d in new
+    ]
+    np.testing.assert_allclose(conformal_p_values(new, known, objects), looped)
+
+
+def test_p_values_of_objects_of_the_same_kind_are_valid():
+    """Over many draws, p is at most a with a probability of about a, or below."""
+    p = []
+    for seed in range(60):
+        X, counts, objects = made(20, 2, seed=2 * seed)
+        model = guard(cv=2).fit(X, counts, groups=objects)
+        p.append(model.p_values(made(20, 1, seed=2 * seed + 1)[0]))
+    for a in (0.05, 0.1, 0.25, 0.5):
+        assert np.mean(np.concatenate(p) <= a) == pytest.approx(a, abs=0.04)
+
+
+def test_belief_is_the_best_falling_function():
+    rng = np.random.default_rng(0)
+    n = 6
+    distance, weight = np.sort(rng.uniform(size=n)), rng.uniform(0.5, 1, size=n)
+    move = rng.normal(size=(n, 3))
+    departure = -np.linspace(1.2, -0.3, n)[:, None] * move
+    departure += 0.7 * rng.normal(size=(n, 3))
+    belief = fit_belief(departure, move, distance, weight).predict(distance)
+
+    def score(w):
+        return weight @ ((departure + w[:, None] * move) ** 2).sum(axis=1)
+
+    assert (np.diff(belief) <= 0).all() and 0 <= belief.min() <= belief.max() <= 1
+    found = score(belief)
+    for _ in range(3000):
+        other = np.sort(np.clip(belief + 0.2 * rng.normal(size=n), 0, 1))[::-1]
+        assert score(other) >= found - 1e-12
+
+
+def test_beyond_the_furthest_belief_falls_in_proportion():
+    move = np.ones((3, 1))
+    belief = fit_belief(-0.8 * move, move, np.array([1.0, 2.0, 4.0]), np.ones(3))
+    np.testing.assert_allclose(
+        belief_at(belief, np.array([0.0, 4.0, 8.0, 40.0])), [0.8, 0.8, 0.4, 0.08]
+    )
+
+
+def test_predictions_equal_the_steps():
+    X, counts, objects = made()
+    model = guard(cv=4).fit(X, counts, groups=objects)
+    new = made(10, seed=1)[0]
+    plain = clone(model.estimator).fit(X, counts)
+    share = belief_at(model.belief_, model.distances(new))[:, None]
+    marginal = (counts / counts.sum(axis=1, keepdims=True)).mean(axis=0)
+    expected = share * plain.predict_proba(new) + (1 - share) * marginal
+    np.testing.assert_allclose(model.predict_proba(new), expected, rtol=1e-9)
+    rows = StandardScaler().fit_transform(X)
+    proba = np.empty(counts.shape)
+    for train, test in GroupKFold(4).split(X, groups=objects):
+        fitted = NNPOM(0).fit(rows[train], counts[train])
+        proba[test] = fitted.predict_proba(rows[test])
+    kept = model.belief_.predict(model.distances_)
+    assert ranked_probability_score(counts, proba) < 0.7
+    assert kept.mean() > 0.7
+
+
+def test_far_touches_are_found_and_hardly_believed():
+    X, counts, objects = made(60)
+    model = guard().fit(X, counts, groups=objects)
+    near, far = made(40, seed=1), made(40, seed=1, shift=[0, 60, 0, 0])
+    assert (model.p_values(far[0]) <= 1 / 61 + 1e-9).all()
+    assert np.mean(model.p_values(near[0]) < 0.05) < 0.2
+    away = np.abs(model.predict_proba(far[0]) - model.shares_).max()
+    assert away < 0.1
+    plain = clone(model.estimator).fit(X, counts)
+    for X_new, true, limit in ((near[0], near[1], 0.01), (far[0], far[1], 0.01)):
+        mine, other = (
+            ranked_probability_score(true, each.predict_proba(X_new))
+            for each in (model, plain)
+        )
+        assert mine < other + limit
+
+
+def test_labels_without_an_order():
+    X, counts, objects = made()
+    labels = np.array(["cork", "felt", "wood", "zinc"])[counts.argmax(axis=1)]
+    model = NoveltyGuard(make_pipeline(StandardScaler(), LogisticRegression()))
+    model.fit(X, labels, groups=objects)
+    assert model.score(X, labels) == np.mean(model.predict(X) == labels) > 0.5

@@ -1,0 +1,351 @@
+"""Pools of touches, against plain loops and direct minimisation."""
+
+from itertools import permutations
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.optimize import minimize
+from sklearn.base import clone
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import GroupKFold
+
+from sklearn_haptic import (
+    NNPOM,
+    DummyDistribution,
+    TouchPool,
+    make_haptic_pipeline,
+)
+from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.metrics import dispersion, ranked_probability_score
+from sklearn_haptic.models._pool_moments import error_moments, pairs_of, pool_weights
+
+N_LEVELS = 4
+MEMBERS = [("a", NNPOM(0), ["a0", "a1"]), ("b", NNPOM(0), ["b"])]
+
+
+def made(n_objects=30, n_touches=3, seed=0, noise=(0.5, 0.5)):
+    """Features of two procedures; touches of an object share a part of the noise."""
+    rng = np.random.default_rng(seed)
+    objects = np.repeat(np.arange(n_objects), n_touches)
+    latent = rng.normal(size=n_objects)
+    felt = {}
+    for name, size in zip(("a0", "a1", "b"), (noise[0], 1.0, noise[1])):
+        own = latent + size * rng.normal(size=n_objects)
+        felt[name] = own[objects] + size * rng.normal(size=len(objects))
+    cuts = latent[:, None] + rng.normal(size=(n_objects, 15))
+    level = np.digitize(cuts, [-1, 0, 1])
+    counts = np.stack([(level == k).sum(axis=1) for k in range(N_LEVELS)], axis=1)
+    return pd.DataFrame(felt), counts[objects].astype(float), objects
+
+
+def lacking(X, seed=0):
+    """Rows of which many lack a column or two."""
+    X = X.copy()
+    gone = np.random.default_rng(seed).random(X.shape) < 0.25
+    return X.mask(gone)
+
+
+# How errors go together -----------------------------------------------------
+
+
+def looped_moments(departure, objects):
+    """Mean products over pairs of rows, one pair at a time."""
+    n = departure.shape[1]
+    same, other = np.full((2, n, n), np.nan)
+    for i in range(n):
+        for j in range(n):
+            of_same, of_other = [], []
+            for each in np.unique(objects):
+                rows = np.flatnonzero(objects == each)
+                one = [departure[r, i] @ departure[r, j] for r in rows]
+                two = [
+                    departure[r, i] @ departure[s, j]
+                    for r in rows
+                    for s in rows
+                    if r != s
+                ]
+                one, two = (np.array(x)[np.isfinite(x)] for x in (one, two))
+                of_same += [np.mean(one)] if len(one) else []
+                of_other += [np.mean(two)] if len(two) else []
+            same[i, j], other[i, j] = np.mean(of_same), np.mean(of_other)
+    return same, other
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_moments_equal_a_loop_over_pairs_of_rows(seed):
+    rng = np.random.default_rng(seed)
+    objects = rng.integers(0, 5, size=24)
+    _, objects = np.unique(objects, return_inverse=True)
+    departure = rng.normal(size=(24, 3, 2))
+    departure[rng.random((24, 3)) < 0.2] = np.nan
+    moments = error_moments(departure, objects)
+    for mine, looped in zip(moments, looped_moments(departure, objects)):
+        np.testing.assert_allclose(mine, looped, atol=1e-12)
+
+
+def test_what_never_occurred_together_is_taken_to_err_together():
+    departure = np.array([[[3.0], [np.nan]], [[np.nan], [2.0]]])
+    moments = error_moments(departure, np.array([0, 1]))
+    np.testing.assert_allclose(moments.same, [[9, 6], [6, 4]])
+    np.testing.assert_allclose(moments.other, moments.same)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_weights_minimise_the_score_of_the_pool(seed):
+    """Of one object's touches, the mean of each member's predictions, weighted."""
+    rng = np.random.default_rng(seed)
+    n_touches, n_members = 3, 3
+    there = np.array([[1, 1], [1, 0], [1, 1]], dtype=bool)
+    # Many objects, each touched so: the score of a pool is a plain mean.
+    shared = rng.normal(size=(200, 1, n_members, 2)) * [[[[1], [1.5], [1.2]]]]
+    own = rng.normal(size=(200, n_touches, n_members, 2))
+    departure = 1.0 * shared + own + 0.3
+    departure[:, :, 2] = departure[:, :1, 2]  # the marginal
+    objects = np.repeat(np.arange(200), n_touches)
+    moments = error_moments(departure.reshape(-1, n_members, 2), objects)
+    share, score = pool_weights(moments, pairs_of(there))
+
+    def of_pool(w):
+        """Expected by exchanging touches: mean over which touch is which."""
+        total = []
+        for order in permutations(range(n_touches)):
+            d = departure[:, order]
+            a = d[:, :, 0].mean(axis=1)
+            b = d[:, [0, 2], 1].mean(axis=1)
+            total.append(((w[0] * a + w[1] * b + w[2] * d[:, 0, 2]) ** 2).sum(axis=1))
+        return np.mean(total)
+
+    assert score == pytest.approx(of_pool(share), rel=1e-9)
+    found = minimize(
+        of_pool,
+        np.full(3, 1 / 3),
+        bounds=[(0, 9), (0, 9), (-9, 9)],
+        constraints={"type": "eq", "fun": lambda w: w.sum() - 1},
+        method="SLSQP",
+    )
+    assert score <= found.fun + 1e-7
+    np.testing.assert_allclose(share, found.x, atol=1e-3)
+
+
+def test_touches_that_err_together_are_worth_one():
+    d = np.random.default_rng(0).normal(size=(40, 2, 3))
+    objects = np.repeat(np.arange(20), 2)
+    d[1::2] = d[::2]
+    moments = error_moments(d, objects)
+    one, five = (pool_weights(moments, pairs_of(np.ones((n, 1), bool))) for n in (1, 5))
+    np.testing.assert_allclose(one[0], five[0])
+    assert one[1] == pytest.approx(five[1])
+
+
+# The estimator ---------------------------------------------------------------
+
+
+def test_predictions_equal_a_plain_loop():
+    X, counts, objects = made()
+    X = lacking(X)
+    pool = TouchPool(MEMBERS, cv=4).fit(X, counts, groups=objects)
+    new, _, new_objects = made(8, 3, seed=1)
+    new = lacking(new, 1)
+    proba = pool.predict_proba(new, groups=new_objects)
+    truth = counts / counts.sum(axis=1, keepdims=True)
+    members = {
+        name: clone(model).fit(
+            X[columns].dropna(), counts[X[columns].notna().all(axis=1)]
+        )
+        for name, model, columns in MEMBERS
+    }
+    for each in np.unique(new_objects):
+        rows = new[new_objects == each]
+        touches = [
+            [name for name, _, columns in MEMBERS if row[columns].notna().all()]
+            for _, row in rows.iterrows()
+        ]
+        weights = pool.weights(touches)
+        expected = weights["marginal"] * truth.mean(axis=0)
+        for name, _, columns in MEMBERS:
+            felt = rows[columns].dropna()
+            if len(felt):
+                expected = expected + weights[name] * members[name].predict_proba(
+                    felt
+                ).mean(axis=0)
+            else:
+                assert weights[name] == 0
+        below = np.sort(np.clip(np.cumsum(expected)[:-1], 0, 1))
+        for row in proba[new_objects == each]:
+            np.testing.assert_allclose(np.cumsum(row)[:-1], below, atol=1e-12)
+
+
+def test_predictions_out_of_fold_are_of_models_without_the_object():
+    X, counts, objects = made()
+    X = lacking(X)
+    pool = TouchPool(MEMBERS, cv=3).fit(X, counts, groups=objects)
+    for i, (_, model, columns) in enumerate(MEMBERS):
+        there = X[columns].notna().all(axis=1).to_numpy()
+        assert np.isnan(pool.oof_proba_[~there, i]).all()
+        for train, test in GroupKFold(3).split(X, groups=objects):
+            train, test = train[there[train]], test[there[test]]
+            fitted = clone(model).fit(X[columns].iloc[train], counts[train])
+            np.testing.assert_array_equal(
+                pool.oof_proba_[test, i], fitted.predict_proba(X[columns].iloc[test])
+            )
+
+
+def test_a_row_without_anything_gets_the_mean_distribution():
+    X, counts, objects = made()
+    pool = TouchPool(MEMBERS).fit(X, counts, groups=objects)
+    nothing = X.iloc[:2].mask(np.ones((2, 3), bool))
+    marginal = DummyDistribution().fit(X, counts).proba_
+    np.testing.assert_allclose(pool.predict_proba(nothing), [marginal] * 2)
+    assert pool.weights([[]]) == {"a": 0, "b": 0, "marginal": 1}
+
+
+def test_more_is_never_expected_to_be_worse():
+    X, counts, objects = made()
+    pool = TouchPool(MEMBERS).fit(X, counts, groups=objects)
+    excess = pool.expected_excess
+    assert excess([["a", "b"]]) <= min(excess([["a"]]), excess([["b"]])) <= excess([])
+    one, ten = excess([["a"]]), excess([["a"]] * 10)
+    assert 0.3 * one < ten < one
+
+
+def test_pools_score_better_and_are_calibrated():
+    X, counts, objects = made(300)
+    pool = TouchPool(MEMBERS).fit(X, counts, groups=objects)
+    new, true, groups = made(300, seed=1)
+    scores = [
+        ranked_probability_score(true, proba)
+        for proba in (
+            pool.predict_proba(new, groups),
+            pool.predict_proba(new),
+            pool.predict_proba(new.assign(b=np.nan)),
+            pool.predict_proba(new.assign(a0=np.nan, b=np.nan)),
+        )
+    ]
+    assert (np.diff(scores) > 0.005).all()
+    assert dispersion(true, pool.predict_proba(new, groups)) == pytest.approx(
+        1, abs=0.1
+    )
+
+
+def test_forms_of_input_agree():
+    X, counts, objects = made()
+    by_index = [("a", NNPOM(0), [0, 1]), ("b", NNPOM(0), [2])]
+    one = TouchPool(MEMBERS).fit(X, counts, groups=objects).predict_proba(X)
+    two = TouchPool(by_index).fit(X.to_numpy(), counts, groups=objects)
+    np.testing.assert_array_equal(one, two.predict_proba(X.to_numpy()))
+    np.testing.assert_array_equal(one, two.predict_proba(X.to_numpy().tolist()))
+
+
+def test_labels_without_an_order():
+    X, counts, objects = made()
+    names = np.array(["felt", "cork", "wood", "steel"])
+    labels = names[counts.argmax(axis=1)]
+    members = [(n, LogisticRegression(), columns) for n, _, columns in MEMBERS]
+    pool = TouchPool(members).fit(X, labels, groups=objects)
+    assert pool.classes_.tolist() == sorted(names)
+    assert pool.score(X, labels) == np.mean(pool.predict(X) == labels) > 0.4
+    truth = labels[:, None] == pool.classes_
+    marginal = np.full(truth.shape, np.nan)
+    for train, test in GroupKFold(5).split(X, groups=objects):
+        marginal[test] = truth[train].mean(axis=0)
+    brier = ((marginal - truth) ** 2).sum(axis=1).mean()
+    assert pool.expected_excess([]) == pytest.approx(brier)
+
+
+def test_a_fold_may_lack_a_class():
+    X, _, objects = made()
+    labels = np.where(objects == 3, 9, objects % 2)
+    members = [(n, LogisticRegression(), columns) for n, _, columns in MEMBERS]
+    pool = TouchPool(members).fit(X, labels, groups=objects)
+    assert (pool.oof_proba_[objects == 3][..., 2] == 0).all()
+
+
+def test_parameters_of_members():
+    pool = TouchPool(MEMBERS).set_params(a__alpha=7.0, b=NNPOM(0, alpha=2.0))
+    assert pool.get_params()["a__alpha"] == 7
+    assert [(n, m.alpha, c) for n, m, c in pool.estimators] == [
+        ("a", 7, ["a0", "a1"]),
+        ("b", 2, ["b"]),
+    ]
+
+
+def test_equal_for_any_number_of_jobs():
+    X, counts, objects = made()
+    one, two = (
+        TouchPool(MEMBERS, n_jobs=n).fit(X, counts, groups=objects).predict_proba(X)
+        for n in (1, 2)
+    )
+    np.testing.assert_array_equal(one, two)
+
+
+def test_many_rows():
+    X, counts, objects = made()
+    pool = TouchPool(MEMBERS).fit(X, counts, groups=objects)
+    many = lacking(pd.concat([X] * 1112, ignore_index=True))
+    groups = np.arange(len(many)) // 3
+    proba = pool.predict_proba(many, groups=groups)
+    assert len(proba) == 100_080
+    np.testing.assert_allclose(
+        proba[-3:], pool.predict_proba(many[-3:], groups[-3:]), atol=1e-12
+    )
+
+
+# The next touch ----------------------------------------------------------------
+
+
+def test_expected_gains_equal_a_plain_loop():
+    X, counts, objects = made()
+    pool = TouchPool(MEMBERS, cv=3).fit(lacking(X), counts, groups=objects)
+    truth = counts / counts.sum(axis=1, keepdims=True)
+    alone, both = pool.weights([["a"]]), pool.weights([["a", "b"]])
+    marginal = np.empty_like(truth)
+    for train, test in GroupKFold(3).split(X, groups=objects):
+        marginal[test] = truth[train].mean(axis=0)
+    proba, gain, distance = np.array([0.1, 0.2, 0.3, 0.4]), [], []
+    for row, true, mean in zip(pool.oof_proba_, truth, marginal):
+        if np.isnan(row).any():
+            continue
+        before = alone["a"] * row[0] + alone["marginal"] * mean
+        after = both["a"] * row[0] + both["b"] * row[1] + both["marginal"] * mean
+        before, after = (
+            np.sort(np.clip(np.cumsum(each)[:3], 0, 1)) for each in (before, after)
+        )
+        true = np.cumsum(true)[:3]
+        gain.append(((before - true) ** 2).sum() - ((after - true) ** 2).sum())
+        distance.append(((before - np.cumsum(proba)[:3]) ** 2).sum())
+    found = pool.expected_gains(["a"])
+    assert found == {"b": pytest.approx(np.mean(gain))}
+    nearest = np.argsort(distance)[:7]
+    found = pool.expected_gains(["a"], proba, n_neighbors=7)
+    assert found == {"b": pytest.approx(np.mean(np.array(gain)[nearest]))}
+    assert pool.expected_gains(["a", "b"]) == {}
+
+
+# Recordings --------------------------------------------------------------------
+
+
+def test_recordings_of_which_some_are_missing():
+    corpus = make_haptic_corpus(
+        8, 2, ["squeeze", "fast_slide"], sensors=["pdc", "tdc"], random_state=0
+    )
+    both = list(corpus.trials.columns)
+    members = [
+        (name, make_haptic_pipeline(columns, random_state=0), columns)
+        for name, columns in {
+            "squeeze": both[:2],
+            "fast_slide": both[2:],
+            "all": both,
+        }.items()
+    ]
+    y = corpus.ratings["hard"]
+    trials = corpus.trials.copy()
+    trials.loc[trials.index[:5], "squeeze_tdc"] = None
+    pool = TouchPool(members, cv=2).fit(trials, y, groups=corpus.objects)
+    assert np.isnan(pool.oof_proba_[:5, [0, 2]]).all()
+    proba = pool.predict_proba(trials)
+    alone = pool.estimators_["fast_slide"].predict_proba(trials[both[2:]][:5])
+    weight = pool.weights([["fast_slide"]])
+    pooled = weight["fast_slide"] * alone + weight["marginal"] * pool.shares_
+    below = np.sort(np.clip(np.cumsum(pooled, axis=1), 0, 1), axis=1)
+    np.testing.assert_allclose(np.cumsum(proba[:5], axis=1), below, atol=1e-12)
