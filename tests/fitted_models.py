@@ -14,6 +14,8 @@ from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import (
     NNPOM,
+    AnytimeRegressor,
+    ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DistributionBlend,
     DummyDistribution,
@@ -131,6 +133,21 @@ MODELS = {
         COUNTS,
     ),
     "guard": (NoveltyGuard(make_pipeline(StandardScaler(), _NETWORK)), TABLE, COUNTS),
+    "sliders": (
+        ContinuousRatingsRegressor(NNPOM(0, tol=1e-2), n_cells=4),
+        TABLE,
+        TABLE[:, 0],
+    ),
+    "touches of any length": (
+        AnytimeRegressor(
+            make_haptic_pipeline(["pdc"], random_state=0),
+            durations=[0.6, 1.2],
+            sampling_rates={"pdc": 100},
+            cv=2,
+        ),
+        CORPUS.trials,
+        CORPUS.ratings["hard"],
+    ),
     "pipeline": (
         make_haptic_pipeline(["pdc", "electrodes"], random_state=0),
         CORPUS.trials,

@@ -53,9 +53,12 @@ from sklearn_haptic import (
     make_haptic_pipeline,
     metrics,
     model_selection,
+    pairs,
     plotting,
+    raters,
     ratings,
     resample_trials,
+    streaming,
     study,
 )
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
@@ -670,7 +673,8 @@ SEARCH = {
 def public_functions():
     """Every public function and display, by name."""
     public = {name: getattr(sklearn_haptic, name) for name in sklearn_haptic.__all__}
-    for module in (datasets, metrics, model_selection, plotting, ratings, study):
+    modules = datasets, metrics, model_selection, pairs, plotting, raters, ratings
+    for module in (*modules, streaming, study):
         public |= {name: getattr(module, name) for name in module.__all__}
     displays = {name for name in public if name.endswith("Display")}
     return displays | {name for name in public if inspect.isfunction(public[name])}
@@ -682,6 +686,13 @@ def _full_name(function):
     return (
         function.__name__ if owner is None else f"{owner.__name__}.{function.__name__}"
     )
+
+
+def answered():
+    """Answers of three people about four objects."""
+    objects, people = np.repeat([*"abcd"], 3), [*"xyz"] * 4
+    answers = [1, 2, 1, 2, 3, 2, 4, 5, 4, 3, 3, 5]
+    return ratings.rating_counts(answers, objects, people)
 
 
 def calls_of_functions(folder):
@@ -707,6 +718,19 @@ def calls_of_functions(folder):
         ratings.inverse_cdf: (COUNTS, [0.1, 0.5]),
         ratings.interrater_agreement: (COUNTS,),
         ratings.adjective_correlation: ([[1, 5], [2, 4], [4, 3], [5, 1]],),
+        ratings.rating_mean: (COUNTS,),
+        ratings.outlying_raters: (
+            [[1], [2], [2], [1], [5], [1]],
+            [0, 0, 0, 1, 1, 1],
+            [*"abc"] * 2,
+        ),
+        metrics.crps: ([1.0, 2.0], [0.0, 0.5, 1.0], [0.0, 1.0, 3.0]),
+        metrics.noise_ceiling: (COUNTS, metrics.ranked_probability_score),
+        pairs.probability_of_superiority: (COUNTS, proba),
+        pairs.pairwise_scale: (["a", "b", "a"], ["b", "c", "c"]),
+        raters.shrinkage_strength: (COUNTS,),
+        raters.shrink_counts: (COUNTS,),
+        raters.rater_effects: (answered(),),
         make_haptic_pipeline: (["pdc"],),
         resample_trials: ([[0.0, 1.0, 3.0]], [[0.0, 0.1, 0.3]], 10),
         make_haptic_corpus: (2, 1),
@@ -741,6 +765,11 @@ def calls_of_functions(folder):
         plotting.ReliabilityDisplay.from_predictions: (COUNTS, proba),
         plotting.ReliabilityDisplay.from_estimator: (model, NAMED, COUNTS),
         plotting.SensorContributionsDisplay.from_scores: (scores,),
+        plotting.TouchTimeDisplay.from_predictions: (
+            COUNTS,
+            np.stack([proba, proba], axis=1),
+            [1.0, 2.0],
+        ),
     }
     calls = {
         _full_name(function): partial(function, *arguments)

@@ -303,7 +303,7 @@ class AnytimeRegressor(
             for of_branch in zip(*blocks)
         ]
         widths = [features[0].shape[1] if features else 0 for features in found]
-        ends = np.cumsum(widths)
+        ends = np.cumsum(widths).tolist()  # of slices that skops can write
         self._columns = [slice(end - n, end) for n, end in zip(widths, ends)]
         dtype = np.result_type(*(f.dtype for features in found for f in features))
         self._means = np.zeros((len(blocks), ends[-1]), dtype)
