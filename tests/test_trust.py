@@ -609,12 +609,18 @@ def methods_of(model, X, y):
         for name in (
             *("transform", "fit_transform", "predict", "predict_proba"),
             *("predict_cdf", "predict_latent", "hidden_activations"),
+            *("predict_when_done", "distances", "p_values"),
         )
     }
     calls |= {
         "predict_quantile": lambda: model.predict_quantile(X, [0.1, 0.5]),
         "predict_rating": lambda: model.predict_rating(X, [0.1, 0.5]),
+        "predict_proba_over_time": lambda: model.predict_proba_over_time(X, [0.5, 2]),
+        "start": lambda: model.start(),
         "sample": lambda: model.sample(X, 2, random_state=0),
+        "weights": lambda: model.weights([["a"]]),
+        "expected_excess": lambda: model.expected_excess([["a"]]),
+        "expected_gains": lambda: model.expected_gains(["a"]),
         "score": lambda: model.score(X, y),
         "get_params": lambda: model.get_params(),
         "set_params": lambda: model.set_params(),
@@ -626,6 +632,8 @@ def methods_of(model, X, y):
         calls["faults"] = lambda: model.faults(X)
     if hasattr(model, "transform"):
         calls["get_feature_names_out"] = lambda: model.get_feature_names_out()
+    if isinstance(getattr(model, "weights", None), str):  # a choice of a blend
+        del calls["weights"]
     return {name: call for name, call in calls.items() if hasattr(model, name)}
 
 
