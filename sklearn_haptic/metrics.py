@@ -699,8 +699,8 @@ def noise_ceiling(
     Parameters
     ----------
     y_true : array-like of shape (n_trials, n_levels)
-        How many people chose each level, two people or more per trial. For
-        :func:`crps` their ratings, as it takes them.
+        How many people chose each level, two people or more per trial; the labels of
+        columns are levels. For :func:`crps` their ratings, as it takes them.
     score : callable, default=ranked_probability_score
         A score of this module, or ``functools.partial(score, units="scale")``.
     sample_weight : array-like of shape (n_trials,), default=None
@@ -754,7 +754,9 @@ def noise_ceiling(
         truth = half_mean_difference(answers)
         raters = truth * (1 + 1 / n)
     else:
-        counts, _ = check_ratings(y_true, name="y_true")
+        levels = getattr(score, "keywords", {}).get("levels")
+        counts, levels = check_ratings(y_true, levels, name="y_true")
+        score = partial(score, levels=levels)
         n = counts.sum(axis=1)
         _refuse_single_ratings(n)
         if function is ranked_probability_score:

@@ -19,6 +19,7 @@ from sklearn.utils.validation import check_consistent_length
 
 from ._check_ratings import check_counts
 from ._distributions import cdf, shares
+from ._levels import levels_of_columns
 from ._sklearn import Interval, StrOptions, validate_params
 from ._validation import check_objects, check_weights, rows_of_objects
 
@@ -45,7 +46,8 @@ def probability_of_superiority(
     ----------
     first, second : array-like of shape (n_pairs, n_levels) or (1, n_levels)
         Distributions of the ratings of the two objects of each pair, as predicted, or
-        counts of people. A single row is compared with every row of the other.
+        counts of people. A single row is compared with every row of the other. Labelled
+        columns are put in the order of the levels, which both must share.
     ties : {"split", "apart"}, default="split"
         Whether two equal ratings count half, or are told apart.
 
@@ -58,7 +60,7 @@ def probability_of_superiority(
     Raises
     ------
     ValueError
-        If a row is no distribution and no counts, or the shapes differ.
+        If a row is no distribution and no counts, or the shapes or labels differ.
 
     Notes
     -----
@@ -86,8 +88,11 @@ def probability_of_superiority(
     >>> probability_of_superiority(sandpaper, cork, ties="apart")
     array([[0.875, 0.125, 0.   ]])
     """
-    first, _ = check_counts(first, name="first")
-    second, _ = check_counts(second, name="second")
+    levels, _ = levels_of_columns(first, None, "first")
+    if levels is None:
+        levels, _ = levels_of_columns(second, None, "second")
+    first, _ = check_counts(first, levels, name="first")
+    second, _ = check_counts(second, levels, name="second")
     if first.shape[1] != second.shape[1]:
         raise ValueError(
             f"first has {first.shape[1]} levels, but second has {second.shape[1]}; "

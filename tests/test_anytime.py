@@ -282,3 +282,25 @@ def test_a_preset_learns_from_generated_touches():
         for each in proba.swapaxes(0, 1)
     )
     assert max(later) < guess
+
+
+@pytest.mark.parametrize("seconds", [0.7, 0.71, 1.3])
+def test_a_duration_is_complete_with_the_whole_samples_in_it(seconds):
+    """0.7 s at 44.1 samples per second are 30.87, which no recording has."""
+    rates = {"fast": 44.1, "slow": 12.5}
+    model = make_model(sharing=0, cv=2, sampling_rates=rates, durations=[0.7, 1.3]).fit(
+        TOUCHES, COUNTS, groups=OBJECTS
+    )
+    short = pd.DataFrame(
+        {
+            s: TOUCHES[s].map(lambda x, n=int(seconds * r): x[:n])
+            for s, r in rates.items()
+        }
+    )
+    expected = model.predict_proba(short)
+    over_time = model.predict_proba_over_time(TOUCHES, [seconds])[:, 0]
+    np.testing.assert_array_equal(over_time, expected)
+    assert (model.predict_when_done(short)[1] == (0.7 if seconds < 1 else 1.3)).all()
+    touch = model.start().update({s: short[s][0] for s in rates})
+    np.testing.assert_allclose(touch.predict_proba(), expected[0], atol=1e-12)
+    assert touch.done == (seconds == 1.3)

@@ -240,6 +240,13 @@ def test_regressor_in_searches_pipelines_and_with_ragged_answers():
     np.testing.assert_array_equal(search.predict(X), other.predict(X))
 
 
+@pytest.mark.parametrize("grid", ["quantile", "even", [0, 2, 4, 8]])
+def test_trials_of_weight_zero_do_not_make_ratings_differ(grid):
+    model = ContinuousRatingsRegressor(NNPOM(0), grid=grid)
+    with pytest.raises(ValueError, match=r"All ratings in y are 1\.0 \(n_samples=2\)"):
+        model.fit([[0], [1], [2]], [1, 5, 1], sample_weight=[1, 0, 1])
+
+
 @pytest.mark.slow
 def test_regressor_of_many_trials():
     X, y = crowd(5_000, 3)

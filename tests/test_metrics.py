@@ -4,6 +4,7 @@ from functools import partial
 from itertools import combinations_with_replacement, product
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.stats import multinomial, wasserstein_distance
 from sklearn.base import BaseEstimator, ClassifierMixin
@@ -502,6 +503,22 @@ def test_noise_ceiling_is_what_the_truth_and_other_people_score(n_raters):
     assert few.truth == pytest.approx(expected, rel=0.1)
     expected = earth_movers_distance(counts, others / n_raters)
     assert few.raters == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize("score", [ranked_probability_score, earth_movers_distance])
+def test_noise_ceiling_counts_in_the_numbers_that_label_the_columns(score):
+    counts = np.array([[4, 1, 0], [2, 2, 3], [0, 1, 5]])
+    on_scale = partial(score, units="scale")
+    labelled = pd.DataFrame(counts, columns=[-10, 0, 3])[[3, -10, 0]]
+    expected = noise_ceiling(
+        counts, partial(on_scale, levels=[-10, 0, 3]), random_state=0
+    )
+    for asked in (on_scale, partial(on_scale, levels=[-10, 0, 3])):
+        assert noise_ceiling(labelled, asked, random_state=0) == expected
+    words = pd.DataFrame(counts, columns=["low", "mid", "high"])[["mid", "high", "low"]]
+    in_order = partial(score, levels=["low", "mid", "high"])
+    expected = noise_ceiling(counts, score, random_state=0)
+    assert noise_ceiling(words, in_order, random_state=0) == expected
 
 
 def test_noise_ceiling_of_people_who_agree_is_zero():

@@ -16,6 +16,19 @@ from sklearn_haptic.pairs import pairwise_scale, probability_of_superiority
 # Probability of superiority
 
 
+def test_superiority_compares_levels_by_their_labels():
+    words = pd.DataFrame([[1, 2, 5]], columns=["low", "mid", "high"])
+    array, swapped = words.to_numpy(), words[["high", "low", "mid"]]
+    expected = probability_of_superiority(array, [[3, 1, 1]])
+    others = pd.DataFrame([[1, 3, 1]], columns=["high", "low", "mid"])
+    assert probability_of_superiority(words, others) == expected
+    assert probability_of_superiority(words, swapped) == pytest.approx(0.5)
+    numbers = pd.DataFrame([[5, 1, 2]], columns=[3, 1, 2])
+    assert probability_of_superiority(array, numbers) == pytest.approx(0.5)
+    with pytest.raises(ValueError, match=r"columns of second are .*levels are"):
+        probability_of_superiority(numbers, numbers.rename(columns={1: 4}))
+
+
 def test_superiority_counts_pairs_of_people():
     rng = np.random.default_rng(0)
     first, second = rng.integers(0, 5, size=(2, 20, 5)) + np.eye(5, dtype=int)[0]

@@ -46,8 +46,14 @@ def mixed(sensor):
     return make_pipeline(coded(sensor), PCA(3, random_state=0))
 
 
+def shares_and_means(sensor):
+    coder = coded(sensor)[0]
+    return make_pipeline(coder, TemporalMaxPool((2, 1), statistics=("share", "mean")))
+
+
 PIPELINES = {
     "package": lambda: make_pipeline(features(), StandardScaler(), HEAD),
+    "other statistics": lambda: make_pipeline(features(shares_and_means), HEAD),
     "mixed": lambda: make_pipeline(features(mixed), HEAD),
     "joint": lambda: make_pipeline(FunctionTransformer(both_statistics), HEAD),
 }

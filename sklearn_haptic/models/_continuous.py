@@ -188,10 +188,11 @@ class ContinuousRatingsRegressor(
 
     def _make_grid(self, answers, weight):
         lowest, highest = np.nanmin(answers), np.nanmax(answers)
-        if lowest == highest:
+        used = answers[weight > 0]
+        if (least := np.nanmin(used)) == np.nanmax(used):
             raise ValueError(
-                f"All ratings in y are {lowest} (n_samples={len(answers)}); a grid "
-                "needs at least two different ones."
+                f"All ratings in y are {least} (n_samples={len(used)}); a grid needs "
+                "at least two different ones."
             )
         if isinstance(self.grid, str):
             return make_grid(answers, weight, self.grid, self.n_cells)

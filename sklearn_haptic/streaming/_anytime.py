@@ -32,7 +32,7 @@ from .._validation import check_groups, check_numbers
 from ..metrics import neg_rps_scorer
 from ._branches import fit_features, used_sensors
 from ._heads import best_power, fit_heads, predict_head, predict_out_of_fold, temper
-from ._prefixes import durations_complete, samples_in, seconds_felt
+from ._prefixes import durations_complete, samples_in
 from ._touch import TouchInProgress, check_limits
 from ._touches import ONLY_SENSOR, check_touches
 
@@ -207,7 +207,7 @@ class AnytimeRegressor(
         self._needed = samples_in(durations[:, np.newaxis], self._rates)
         self._max_delay = self.max_delay
         self.durations_ = durations
-        n_reached = self._durations_reached(touches)
+        n_reached = self._durations_reached(touches.lengths())
         reached = n_reached[:, np.newaxis] > np.arange(len(durations))
         self._check_reached(reached)
         self._branches, n_steps = fit_features(steps, touches, y)
@@ -259,12 +259,9 @@ class AnytimeRegressor(
                     "training touches are so long; leave this duration out."
                 )
 
-    def _durations_reached(self, touches):
-        """Return how many durations each touch has completed."""
-        seconds = touches.lengths() / self._rates
-        return durations_complete(
-            seconds_felt(seconds, self._max_delay), self.durations_
-        )
+    def _durations_reached(self, lengths):
+        """Return how many durations touches of so many samples have completed."""
+        return durations_complete(lengths, self._rates, self._needed, self._max_delay)
 
     def _blocks(self, touches, which, k):
         """Return each branch's features of some prefixes, and which touches have it.
@@ -359,7 +356,7 @@ class AnytimeRegressor(
             duration gets `shares_`.
         """
         touches = self._touches(X)
-        n_reached = self._durations_reached(touches)
+        n_reached = self._durations_reached(touches.lengths())
         proba = np.tile(self.shares_, (len(touches), *[1] * self.shares_.ndim))
         for k in np.unique(n_reached[n_reached > 0]) - 1:
             which = np.flatnonzero(n_reached == k + 1)
@@ -386,11 +383,13 @@ class AnytimeRegressor(
             adjectives of shape (n_trials, n_times, n_adjectives, n_levels).
         """
         touches, times = self._touches(X), _check_times(times)
-        seconds = touches.lengths() / self._rates
-        felt = seconds_felt(
-            np.minimum(seconds[:, np.newaxis], times[:, np.newaxis]), self._max_delay
+        lengths = touches.lengths()
+        # At most so many seconds, because times may be infinite.
+        end = lengths.max(initial=0) / self._rates.min()
+        at_times = samples_in(np.minimum(times, end)[:, np.newaxis], self._rates)
+        n_reached = self._durations_reached(
+            np.minimum(lengths[:, np.newaxis], at_times)
         )
-        n_reached = durations_complete(felt, self.durations_)
         proba = np.empty((*n_reached.shape, *self.shares_.shape))
         proba[n_reached == 0] = self.shares_
         for k in np.unique(n_reached[n_reached > 0]) - 1:
@@ -420,7 +419,7 @@ class AnytimeRegressor(
             This duration; 0 for a touch shorter than the first.
         """
         touches = self._touches(X)
-        n_reached = self._durations_reached(touches)
+        n_reached = self._durations_reached(touches.lengths())
         index = n_reached - 1
         path = np.full(
             (len(touches), len(self.durations_), *self.shares_.shape), np.nan

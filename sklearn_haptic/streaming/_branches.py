@@ -47,23 +47,22 @@ class Branch(NamedTuple):
         return as_rows(self.transformer.transform(prefixes))
 
     def incremental(self):
-        """Return the coder, the pooling and later steps; None for foreign steps."""
+        """Return the coder, the maxima and later steps; None for other steps."""
         steps = _flat(self.transformer)
         if (
             len(self.sensors) == 1
             and len(steps) >= 2
             and isinstance(steps[0], (KSVDTransformer, STHMPTransformer))
             and isinstance(steps[1], TemporalMaxPool)
+            and steps[1].statistics_ == ("max",)
         ):
             return steps[0], steps[1], steps[2:]
         return None
 
     def least_samples(self):
         """Return the fewest samples that the branch can code."""
-        steps = self.incremental()
-        if steps is None or not isinstance(steps[0], KSVDTransformer):
-            return 1
-        return steps[0].components_.shape[1]
+        coder = _flat(self.transformer)[0]
+        return coder.components_.shape[1] if isinstance(coder, KSVDTransformer) else 1
 
 
 def fit_features(steps, touches, y):

@@ -44,18 +44,39 @@ def seconds_felt(seconds, max_delay):
     >>> seconds_felt(np.array([[2.0, 1.9], [2.0, 0.0]]), 0.5)
     array([1.9, 2. ])
     """
-    left_behind = seconds < seconds.max(axis=-1, keepdims=True) - max_delay - _ROUNDING
-    return np.where(left_behind, np.inf, seconds).min(axis=-1)
+    return np.where(_left_behind(seconds, max_delay), np.inf, seconds).min(axis=-1)
 
 
-def durations_complete(seconds, durations):
-    """Return how many of the durations, in ascending order, are complete.
+def durations_complete(n_samples, rates, needed, max_delay):
+    """Return how many durations all sensors have completed that are not left behind.
+
+    Parameters
+    ----------
+    n_samples : ndarray of int of shape (..., n_sensors)
+        What each sensor has recorded.
+    rates : ndarray of shape (n_sensors,)
+    needed : ndarray of int of shape (n_durations, n_sensors)
+        Samples of each sensor in each duration, ascending.
+    max_delay : float
+        As in :func:`seconds_felt`.
+
+    Returns
+    -------
+    n_complete : ndarray of int of shape (...)
 
     Examples
     --------
+    >>> import numpy as np
     >>> from sklearn_haptic.streaming._prefixes import durations_complete
-    >>> durations_complete([0.4, 0.5, 9.0], [0.5, 1.0])
-    array([0, 1, 2])
+    >>> needed = np.array([[5, 50], [11, 100]])
+    >>> n_samples = np.array([[5, 50], [11, 99], [0, 100]])
+    >>> durations_complete(n_samples, np.array([22, 200]), needed, 0.1)
+    array([1, 1, 2])
     """
-    seconds = np.asarray(seconds) + _ROUNDING
-    return np.searchsorted(durations, seconds, side="right")
+    complete = (n_samples[..., np.newaxis, :] >= needed).sum(axis=-2)
+    left_behind = _left_behind(n_samples / rates, max_delay)
+    return np.where(left_behind, len(needed), complete).min(axis=-1)
+
+
+def _left_behind(seconds, max_delay):
+    return seconds < seconds.max(axis=-1, keepdims=True) - max_delay - _ROUNDING

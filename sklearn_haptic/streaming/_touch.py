@@ -175,7 +175,12 @@ class TouchInProgress:
         return self._predict_at(n_complete - 1).copy()
 
     def _n_complete(self):
-        return int(durations_complete(self.seconds, self._model.durations_))
+        model = self._model
+        return int(
+            durations_complete(
+                self._n_samples, model._rates, model._needed, model._max_delay
+            )
+        )
 
     def _predict_at(self, k):
         """Predict from the k-th duration, once for each set of sensors that have it."""
