@@ -662,6 +662,7 @@ def dispersion(
     """
     counts, proba, levels = check_distributions(y_true, y_proba, levels)
     values = level_values(levels, units)
+    values = np.ldexp(values, -np.frexp(np.abs(values).max())[1])  # squares stay finite
     squares = (values - (proba @ values)[:, None]) ** 2
     spread = _mean((proba * squares).sum(axis=1), sample_weight)
     scatter = _mean((shares(counts) * squares).sum(axis=1), sample_weight)

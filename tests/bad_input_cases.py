@@ -465,6 +465,9 @@ def fusion(sensors=SENSORS, held_out=None):
 
 CROSS_VALIDATION = direct(model_selection.cross_val_predict_proba,
     estimator=DummyDistribution(), X=X, y=COUNTS)
+ask(CROSS_VALIDATION,
+    check("a model of sliders", estimator=ContinuousRatingsRegressor(), y=X[:, 0],
+        says="^ContinuousRatingsRegressor has no predict_proba, from which method"))
 CONTRIBUTIONS = direct(model_selection.sensor_contributions,
     model=fusion(), X=X, y=COUNTS)
 CALIBRATION = direct(plotting.PITHistogramDisplay.from_predictions,

@@ -18,14 +18,19 @@ from short_touches import (
     statistics,
 )
 from sklearn.base import clone
+from sklearn.compose import make_column_transformer
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
-from sklearn.pipeline import make_pipeline
+from sklearn.pipeline import make_pipeline, make_union
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from sklearn_haptic import (
     NNPOM,
+    AnytimeRegressor,
     DistributionalOrdinalRegressor,
+    KSVDTransformer,
+    SignalStatistics,
+    TemporalMaxPool,
     make_haptic_pipeline,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
@@ -304,3 +309,37 @@ def test_a_duration_is_complete_with_the_whole_samples_in_it(seconds):
     touch = model.start().update({s: short[s][0] for s in rates})
     np.testing.assert_allclose(touch.predict_proba(), expected[0], atol=1e-12)
     assert touch.done == (seconds == 1.3)
+
+
+@pytest.mark.parametrize("of_sensor", ["fast", None])
+def test_a_union_has_what_fits_the_duration(of_sensor):
+    """Half a second is too short for a window of 0.75 s: it knows the levels alone."""
+    levels = SignalStatistics(("mean",))
+    codes = make_pipeline(
+        KSVDTransformer(3, 2, window=30, random_state=0), TemporalMaxPool()
+    )
+
+    def fitted(transformer):
+        trials, rates = list(TOUCHES["fast"]), RATES["fast"]
+        if of_sensor is not None:
+            transformer = make_column_transformer((transformer, "fast"))
+            trials, rates = TOUCHES[["fast"]], {"fast": rates}
+        return AnytimeRegressor(
+            make_pipeline(transformer, clone(HEAD)),
+            durations=[0.5, 2],
+            sampling_rates=rates,
+            sharing=0,
+            cv=3,
+        ).fit(trials, COUNTS, groups=OBJECTS), trials
+
+    united, trials = fitted(make_union(codes, levels))
+    short = [x[: int(0.5 * RATES["fast"])] for x in TOUCHES["fast"]]
+    whole = united.predict_proba(trials)
+    if of_sensor is not None:
+        short = pd.DataFrame({"fast": short})
+    alone = fitted(levels)[0].predict_proba(short)
+    np.testing.assert_allclose(united.predict_proba(short), alone, atol=1e-6)
+    touch = united.start()
+    for part in np.array_split(TOUCHES["fast"][0], 7):
+        touch.update({of_sensor: part} if of_sensor else part)
+    np.testing.assert_allclose(touch.predict_proba(), whole[0], atol=1e-12)

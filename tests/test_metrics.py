@@ -482,6 +482,14 @@ def test_scores_in_units_of_the_scale_are_their_definitions():
     )
 
 
+@pytest.mark.parametrize("unit", [1e-300, 1e-150, 1e150, 1e300])
+def test_dispersion_does_not_depend_on_the_unit(unit):
+    counts, proba, levels = [[1, 4, 2]], [[0.2, 0.5, 0.3]], np.array([-1, 0, 3])
+    expected = dispersion(counts, proba, levels=levels, units="scale")
+    scaled = dispersion(counts, proba, levels=levels * unit, units="scale")
+    assert scaled == pytest.approx(expected, rel=1e-12)
+
+
 @pytest.mark.parametrize("score", [ranked_probability_score, earth_movers_distance])
 def test_a_scale_of_equal_steps_multiplies_the_score(score):
     counts, proba = [[1, 4, 2]], [[0.2, 0.5, 0.3]]

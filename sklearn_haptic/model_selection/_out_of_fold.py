@@ -99,8 +99,8 @@ def cross_val_predict_proba(
     ------
     ValueError
         If the folds do not test each trial exactly once, or train on a trial that they
-        test; a trial has no group; or the estimator predicts one array for each column
-        of the counts.
+        test; a trial has no group; or the estimator predicts no distribution, or one
+        array for each column of the counts.
 
     See Also
     --------
@@ -182,6 +182,11 @@ def _predict_fold(model, X, y, train, test, params, method):
     X_test = _safe_indexing(X, test)
     if method == "predict":
         return model.predict(X_test), None
+    if not hasattr(model, "predict_proba"):
+        raise ValueError(
+            f"{type(model).__name__} has no predict_proba, from which method="
+            f"{method!r} is computed; set method='predict', or give a classifier."
+        )
     proba = model.predict_proba(X_test)
     if isinstance(proba, list):
         raise ValueError(

@@ -2,9 +2,10 @@
 
 A pipeline of trials has steps that turn recordings into a row of features per touch,
 and behind them a *head* that learns from the rows. The features divide into *branches*:
-the transformers of a `ColumnTransformer`, each with its sensors, or all steps as one
-branch. A branch is felt at a duration when all of its sensors have completed it and it
-can code so little; else the means of its training features stand for it.
+the transformers of a `ColumnTransformer`, each with its sensors, and those of a
+`FeatureUnion`; or all steps are one branch. A branch is felt at a duration when all of
+its sensors have completed it and it can code so little; else the means of its training
+features stand for it.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
-from sklearn.pipeline import Pipeline
+from sklearn.pipeline import FeatureUnion, Pipeline
 
 from .._check_trials import is_table
 from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
@@ -101,7 +102,7 @@ def fit_features(steps, touches, y):
         X = step.fit_transform(X, y)
         fitted.append((name, step))
         if is_table(X):
-            parts = _parts(step) if len(fitted) == 1 else None
+            parts = _parts(step, columns) if len(fitted) == 1 else None
             return parts or [Branch(Pipeline(fitted), columns)], i + 1
     raise ValueError(
         "estimator has no step before its last that turns each touch into a row of "
@@ -140,8 +141,10 @@ def used_sensors(steps, named):
     return [sensor for sensor in named if sensor in taken]
 
 
-def _parts(step):
-    """Return the branches of a fitted ColumnTransformer, None if it cannot be cut."""
+def _parts(step, columns):
+    """Return the branches of a fitted step, None if it cannot be divided."""
+    if isinstance(step, FeatureUnion):
+        return _united(step, columns)
     if (
         not isinstance(step, ColumnTransformer)
         or step.remainder != "drop"
@@ -156,8 +159,16 @@ def _parts(step):
             return None
         if not all(isinstance(column, str) for column in columns):
             return None
-        branches.append(Branch(transformer, columns))
+        branches += _united(transformer, columns)
     return branches
+
+
+def _united(transformer, columns):
+    """Return the transformers of a union as branches, any other as one."""
+    if not isinstance(transformer, FeatureUnion) or transformer.transformer_weights:
+        return [Branch(transformer, columns)]
+    parts = [part for _, part in transformer.transformer_list if part != "drop"]
+    return [branch for part in parts for branch in _united(part, columns)]
 
 
 def _flat(transformer):
