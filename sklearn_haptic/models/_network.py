@@ -588,8 +588,7 @@ class NetworkLoss:
         for head in heads:
             g_output = self.output_alpha * head.output
             square += self.output_alpha * (head.output @ head.output)
-            zeros = np.zeros(1), np.zeros(len(head.raw_gaps))
-            g_heads.append(Head(g_output, *zeros))
+            g_heads.append(Head(g_output, np.zeros(1), np.zeros(len(head.raw_gaps))))
         loss, g_shared = 0.0, None if shared is None else np.zeros(shared.shape)
         for rows, losses in self.blocks:
             if shared is None:
@@ -608,8 +607,7 @@ class NetworkLoss:
                 g_coef[n_features:] += g_position_coef
                 for total, term in zip(g_heads[i], g_head):
                     total += term
-            if len(bias):
-                g_bias += g_trials.sum(axis=0)
+            g_bias += g_trials.sum(axis=0)
             if shared is None:
                 g_coef[:n_features] += (g_trials.T @ self.X[rows]).T  # the faster order
         if shared is not None:
