@@ -91,6 +91,7 @@ def probability_of_superiority(
     levels, _ = levels_of_columns(first, None, "first")
     if levels is None:
         levels, _ = levels_of_columns(second, None, "second")
+        second, _ = check_counts(second, levels, name="second")  # whose levels they are
     first, _ = check_counts(first, levels, name="first")
     second, _ = check_counts(second, levels, name="second")
     if first.shape[1] != second.shape[1]:

@@ -15,7 +15,7 @@ from sklearn_haptic.raters import (
     shrink_counts,
     shrinkage_strength,
 )
-from sklearn_haptic.ratings import RatingTable, rating_counts
+from sklearn_haptic.ratings import RatingTable, rating_counts, rating_mean
 
 # Tables
 
@@ -252,6 +252,9 @@ def test_panel_without_raters_is_refused():
 
 @pytest.mark.slow
 def test_panel_of_many_answers():
+    """Six answers leave an error of 0.7 beside a spread of 2, a correlation of 0.94."""
     table, location, *_ = panel(5_000, 100, 6)
     effects = rater_effects(table)
-    assert np.corrcoef(effects.location, location)[0, 1] > 0.95
+    found = np.corrcoef(effects.location, location)[0, 1]
+    assert found > 0.9
+    assert found > np.corrcoef(rating_mean(table.counts), location)[0, 1] + 0.02

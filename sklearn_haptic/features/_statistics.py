@@ -137,7 +137,8 @@ def signal_statistics(signals, statistics, edges, scale):
     units = np.ldexp(
         signals.dtype.type(1), np.clip(exponents, limits.minexp, limits.maxexp - 1)
     )
-    signals = signals * (1 / units)[:, np.newaxis]
+    # Sums are rounded alike, however the recording lies in memory.
+    signals = np.multiply(signals, (1 / units)[:, np.newaxis], order="C")
     mean = signals.mean(axis=1)
     centred = signals - mean[:, np.newaxis]
 
