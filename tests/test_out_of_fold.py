@@ -427,7 +427,7 @@ def test_progress_is_that_of_the_callbacks_of_the_estimator():
 @pytest.mark.parametrize(
     "arguments, message",
     [
-        ((Ridge(), X, COUNTS), "'Ridge' object has no attribute 'predict_proba'"),
+        ((Ridge(), X, COUNTS), "Ridge has no predict_proba, from which method="),
         ((REGRESSOR, X[1:], COUNTS), "inconsistent numbers of samples"),
         ((object(), X, COUNTS), "The 'estimator' parameter of cross_val_predict_proba"),
         ((REGRESSOR, X, None), "The 'y' parameter of cross_val_predict_proba"),
