@@ -101,4 +101,5 @@ TouchTimeDisplay.from_predictions(
 # object is known hardly differs between objects, and that people disagree is not
 # mended by touching on. Where one of several classes is right the rule gains more.
 _, stopped_at = model.predict_when_done(touches[held_out])
-print(dict(zip(*np.unique(stopped_at, return_counts=True))))
+for seconds, n in zip(*np.unique(stopped_at, return_counts=True)):
+    print(f"{n} touches are done after {seconds:g} s")
