@@ -43,7 +43,7 @@ RULES = {
 
 def pipeline(head=None):
     """The preset "fast", with windows short enough for a quarter of a second."""
-    model = make_haptic_pipeline(RATES, random_state=0)
+    model = make_haptic_pipeline(list(RATES), random_state=0)
     for sensor in ("pdc", "tac", "tdc"):
         model.set_params(**{f"features__{sensor}__ksvdtransformer__window": 20})
     model.set_params(features__electrodes__sthmptransformer__spatial_cells=(1,))

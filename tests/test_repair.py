@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import polars as pl
 import pytest
 from scipy import signal
 from scipy.interpolate import interp1d
@@ -11,7 +12,9 @@ from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import (
     RepairTrials,
+    SensorFeatures,
     TaxelGrid,
+    infer_rate,
     make_haptic_pipeline,
     resample_trials,
 )
@@ -193,6 +196,45 @@ def test_several_sensors_in_a_data_frame():
     ] * 2
 
 
+@pytest.mark.parametrize("cells", ["lists", "objects"])
+def test_several_sensors_in_a_frame_of_polars(cells):
+    skin, force = recordings(seed=1), [t[:, 0] for t in recordings(seed=2)]
+    skin[3][4] = np.nan
+    force[2] = None
+    expected = pd.DataFrame({"skin": skin, "force": force, "speed": np.arange(20.0)})
+    if cells == "lists":
+        skin = [trial.tolist() for trial in skin]
+        force = [None if trial is None else trial.tolist() for trial in force]
+    kind = {} if cells == "lists" else {"dtype": pl.Object}
+    trials = pl.DataFrame(
+        {
+            "skin": pl.Series(skin, **kind),
+            "force": pl.Series(force, **kind),
+            "speed": np.arange(20.0),
+        }
+    )
+    repair = RepairTrials(rest={"force": 3}, limits={"skin": (-99, 99)}).fit(trials)
+    same = clone(repair).fit(expected)
+    pd.testing.assert_frame_equal(repair.faults_, same.faults_)
+    assert set(repair.faults_["fault"]) > {"dropped frames", "missing sensor"}
+    assert repair.feature_names_in_.tolist() == trials.columns
+    repaired, wanted = repair.transform(trials), same.transform(expected)
+    assert isinstance(repaired, pl.DataFrame) and repaired.columns == trials.columns
+    assert repaired["speed"].equals(trials["speed"])
+    for sensor in ("skin", "force"):
+        for one, other in zip(repaired[sensor], wanted[sensor], strict=True):
+            np.testing.assert_array_equal(one, other)
+    # What comes out goes into a model, and a column alone is a sensor.
+    sensors = {"skin": None, "force": None}
+    counts = np.random.default_rng(0).multinomial(9, [0.3, 0.3, 0.4], size=20)
+    model = make_pipeline(clone(repair), make_haptic_pipeline(sensors, random_state=0))
+    proba = [model.fit(X, counts).predict_proba(X) for X in (trials, expected)]
+    np.testing.assert_array_equal(*proba)
+    alone = RepairTrials(limits=(-99, 99)).fit(trials["skin"])
+    assert alone.faults_["fault"].tolist() == ["dropped frames"]
+    assert alone.transform(trials["skin"])[3].shape == wanted["skin"][3].shape
+
+
 def test_images_and_single_precision():
     rng = np.random.default_rng(0)
     images = [rng.normal(size=(9, 2, 3)).astype(np.float32) for _ in range(12)]
@@ -301,6 +343,90 @@ def test_decimation_is_that_of_scipy(factor):
     resampled = resample_trials([trial], [times], 1000 / factor)[0]
     expected = signal.resample_poly(trial, 1, factor, padtype="line")
     np.testing.assert_allclose(resampled, expected, atol=1e-9)
+
+
+def stamped(times, kind, frame=pd.DataFrame):
+    """A recording whose index has the times of its samples."""
+    seconds = pd.to_timedelta(times, unit="s")
+    index = {
+        "seconds": times,
+        "durations": seconds,
+        "dates": pd.Timestamp("2026-11-22", tz="UTC") + seconds,
+    }[kind]
+    trial = pd.DataFrame(waves(times), index)
+    return trial if frame is pd.DataFrame else trial[0]
+
+
+KINDS = ["seconds", "durations", "dates"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("frame", [pd.DataFrame, pd.Series])
+def test_the_rate_is_that_of_the_index(kind, frame):
+    rng = np.random.default_rng(0)
+    times = [
+        np.delete(np.arange(n) / 35, [5, 6, 9]) + rng.uniform(-1e-3, 1e-3, n - 3)
+        for n in (40, 60)
+    ]
+    trials = [stamped(each, kind, frame) for each in times]
+    steps = np.concatenate([np.diff(each) for each in times])
+    expected = 1 / np.sort(steps)[len(steps) // 2 - 1 :][:2].mean()  # of even number
+    assert infer_rate([*trials, None]) == pytest.approx(expected, rel=1e-6)
+    assert infer_rate(trials, times) == pytest.approx(expected, rel=1e-9)
+    assert expected == pytest.approx(35, rel=0.05)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_resampling_by_the_index_is_that_by_its_seconds(kind):
+    times = [np.delete(np.arange(n) / 10, [5, 6]) for n in (20, 31)]
+    trials = [stamped(each, kind) for each in times]
+    by_index = resample_trials([*trials, None])
+    by_times = resample_trials([waves(each) for each in times], times, 10)
+    for one, other in zip(by_index[:2], by_times, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-9)
+    assert by_index[2] is None
+
+
+@pytest.mark.parametrize("library", [pd, pl])
+def test_stamps_may_be_a_column(library):
+    times = np.arange(20) / 10
+    a, b = waves(times).T
+    trial = library.DataFrame({"a": a, "when": times, "b": b})
+    assert infer_rate([trial], "when") == pytest.approx(10)
+    resampled = resample_trials([trial], "when", 20)[0]
+    expected = resample_trials([waves(times)], [times], 20)[0]
+    np.testing.assert_allclose(resampled, expected, atol=1e-12)
+    with pytest.raises(ValueError, match=r"^Trial 0 has no column 'at'; name the"):
+        infer_rate([trial], "at")
+
+
+def test_a_rate_that_cannot_be_inferred_is_refused():
+    times = np.arange(20) / 10
+    with pytest.raises(ValueError, match=r"^Trials are sampled at 10 to 20 Hz; bring"):
+        infer_rate([waves(times)] * 2, [times, times / 2])
+    with pytest.raises(ValueError, match=r"^No trial has two samples, whose time"):
+        infer_rate([waves(times[:1])], [times[:1]])
+    for trial in (waves(times), pd.DataFrame(waves(times))):  # an index that counts
+        with pytest.raises(ValueError, match=r"^Trial 0 has no index of time stamps"):
+            resample_trials([trial])
+
+
+def test_a_sensor_that_nobody_described_knows_its_rate():
+    trials = [stamped(np.arange(n) / 100, "durations") for n in (60, 70, 80)]
+    features = SensorFeatures().fit(trials)
+    assert features.rate_ == pytest.approx(100)
+    plain = SensorFeatures().fit([trial.to_numpy() for trial in trials])
+    assert plain.rate_ is None
+    rows = features.transform(trials)
+    np.testing.assert_array_equal(rows, plain.transform(trials))
+    slower = [stamped(np.arange(60) / 50, "dates")]
+    with pytest.raises(ValueError, match=r"^X is sampled at 50 Hz, but 100 Hz is"):
+        features.transform(slower)
+    even = resample_trials(slower, rate=features.rate_)
+    assert features.transform(even).shape == (1, rows.shape[1])
+    model = make_haptic_pipeline({"skin": None}, random_state=0)
+    model.fit(pd.DataFrame({"skin": trials}), [1, 2, 3])
+    assert model[0].named_transformers_["skin"].rate_ == pytest.approx(100)
 
 
 def test_no_vibration_comes_out_as_a_slower_one():

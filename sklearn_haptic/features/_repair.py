@@ -19,7 +19,7 @@ from .._sklearn import (
     _fit_context,
     _wrap_data_with_container,
 )
-from .._validation import check_table, is_missing
+from .._validation import check_table, column_of, is_missing
 from ._resample import as_floats
 
 _ALL = "all"  # the channel of a fault of them all
@@ -178,22 +178,49 @@ def trial_columns(X, names=None):
 
     `names` are those to return; by default all columns that hold trials.
     """
-    if not isinstance(X, pd.DataFrame):
+    if not _is_frame(X):
         if names not in (None, [_ALONE]):
             raise ValueError(
                 f"X is a {type(X).__name__}, but fit was given a DataFrame; give the "
                 f"columns {names} again."
             )
-        return {_ALONE: X}
+        return {_ALONE: column_of(X, 0) if hasattr(X, "shape") else X}
+    columns = {name: column_of(X, i) for i, name in enumerate(X.columns)}
     if names is None:
-        names = [name for name in X if any(np.ndim(cell) >= 1 for cell in X[name])]
-    absent = [name for name in names if name not in X.columns]
+        names = [
+            name
+            for name, cells in columns.items()
+            if any(np.ndim(cell) >= 1 for cell in cells)
+        ]
+    absent = [name for name in names if name not in columns]
     if absent:
         raise ValueError(
             f"X has no column {absent[0]!r}, which fit was given; give the same "
             "sensors, with None where a trial has none."
         )
-    return {name: X[name] for name in names}
+    return {name: columns[name] for name in names}
+
+
+def _is_frame(X):
+    """Whether X is a DataFrame of pandas or polars."""
+    return hasattr(X, "columns") and hasattr(X, "dtypes")
+
+
+def _names_of(X):
+    return np.asarray(X.columns, dtype=object)
+
+
+def _with_columns(X, columns):
+    """Return a copy of a data frame with other trials in some columns."""
+    if hasattr(X, "to_series"):  # polars
+        series = type(X.to_series(0))
+        return X.with_columns(
+            *(series(name, cells, dtype=object) for name, cells in columns.items())
+        )
+    X = X.copy()
+    for name, cells in columns.items():
+        X[name] = pd.Series(cells, index=X.index, dtype=object)
+    return X
 
 
 def as_cells(column, name, shape=None, names=None):
@@ -335,9 +362,9 @@ class TrialRepair:
             for name, column in trial_columns(X).items():
                 cells[name], samples[name] = as_cells(column, name)
             vars(self).pop("feature_names_in_", None)
-            if isinstance(X, pd.DataFrame):
-                self.feature_names_in_ = np.asarray(X.columns, dtype=object)
-                self.n_features_in_ = X.shape[1]
+            if _is_frame(X):
+                self.feature_names_in_ = _names_of(X)
+                self.n_features_in_ = len(self.feature_names_in_)
         else:
             cells = {_ALONE: self._rows(X, reset=True)}
             samples = {_ALONE: ((1,), None)}
@@ -349,7 +376,7 @@ class TrialRepair:
             name: usual_trials(each, samples[name], *self._settings[name])
             for name, each in cells.items()
         }
-        if self.takes_trials_ and not isinstance(X, pd.DataFrame):
+        if self.takes_trials_ and not _is_frame(X):
             self.n_features_in_ = len(self._usual[_ALONE].mean)
         self._faults = self._rows_of_faults(X)
         return self
@@ -366,8 +393,9 @@ class TrialRepair:
         Returns
         -------
         repaired : DataFrame, Series, list of ndarray, or ndarray
-            A DataFrame or a Series if `X` is one, with the same index, an array for a
-            table, and a list for other collections of trials.
+            A DataFrame (of pandas or polars) or a pandas Series if `X` is one, with the
+            same index, an array for a table, and a list for other collections of
+            trials.
 
         Raises
         ------
@@ -384,11 +412,8 @@ class TrialRepair:
             ]
             for name, pairs in self._repair(X).items()
         }
-        if isinstance(X, pd.DataFrame):
-            X = X.copy()
-            for name, cells in repaired.items():
-                X[name] = pd.Series(cells, index=X.index, dtype=object)
-            return X
+        if _is_frame(X):
+            return _with_columns(X, repaired)
         if isinstance(X, pd.Series):
             return pd.Series(repaired[_ALONE], X.index, dtype=object, name=X.name)
         return repaired[_ALONE]
