@@ -1,6 +1,6 @@
 """What several touches are worth, what a lost sensor costs, and touches unlike others.
 
-    python benchmarks/several_touches.py [SEED]
+    python benchmarks/several_touches.py [SEED] [--parts pools sensors faults]
 
 Forty-eight generated objects are touched five times each by four procedures. Features
 are those of the preset "fast"; dictionaries are learned from other objects, and all
@@ -11,10 +11,11 @@ difference, over objects. It takes about three minutes of one core. Seed 1 was u
 choose how pools are weighted, so report another.
 """
 
-import sys
+import argparse
 import time
 
 import numpy as np
+from sklearn.frozen import FrozenEstimator
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
@@ -45,6 +46,10 @@ FAULTS = {
 }
 
 
+# A sensor whose signal may come in the place of another's.
+OTHER = {"pac": "pdc", "pdc": "tac", "tac": "tdc", "tdc": "pdc"}
+
+
 def rotated(rows):
     """The same distances and penalty in no more columns than rows."""
     rows = StandardScaler().fit_transform(rows.astype(np.float64))
@@ -57,8 +62,8 @@ def head():
 
 
 def features(seed):
-    """Rows of each procedure, of each sensor of the slow slide, and of its faults."""
-    parts, faulty = {}, {}
+    """Rows of each procedure and sensor of the slow slide, its trials and coder."""
+    parts = {}
     for procedure in PROCEDURES:
         of_others = make_haptic_corpus(16, 2, procedure, random_state=100)
         coder = make_haptic_pipeline(random_state=0)["features"].fit(of_others.trials)
@@ -69,12 +74,9 @@ def features(seed):
             continue
         for sensor in SENSORS:
             parts[f"slow_{sensor}"] = rows[:, coder.output_indices_[sensor]]
-            one = coder.named_transformers_[sensor]
-            for fault, spoil in FAULTS.items():
-                signals = corpus.trials[sensor][::N_TOUCHES].map(spoil)
-                faulty[sensor, fault] = one.transform(signals)
+        slide = corpus.trials, coder.named_transformers_
     parts["joined"] = np.hstack([parts[each] for each in PROCEDURES])
-    return corpus, parts, faulty
+    return corpus, parts, slide
 
 
 def table(parts):
@@ -140,34 +142,40 @@ def compare(X, columns, corpus, names, lost, against):
     print(f"({time.process_time():.0f} s)", flush=True)
 
 
-def novelty(parts, faulty, corpus):
+def novelty(trials, coders, corpus):
     """Print how often faults are found, and what they cost with and without care."""
     fold = np.random.default_rng(0).permutation(N_OBJECTS).repeat(N_TOUCHES) % N_FOLDS
     y, objects = corpus.ratings["hard"], corpus.objects
-    print("| sensor | false alarms |" + "".join(f" {f} |" for f in FAULTS))
+    print("| sensor | false alarms |" + "".join(f" {f} |" for f in [*FAULTS, "other"]))
     for sensor in SENSORS:
-        rows = parts[f"slow_{sensor}"].astype(np.float64)
-        alarms, caught = [], {fault: [] for fault in FAULTS}
+        touches = list(trials[sensor])
+        faulty = {
+            fault: [spoil(x) for x in touches[::N_TOUCHES]]
+            for fault, spoil in FAULTS.items()
+        }
+        if sensor in OTHER:
+            faulty["other"] = list(trials[OTHER[sensor]][::N_TOUCHES])
+        alarms, caught = [], {fault: [] for fault in faulty}
         scores = {way: [] for way in ("plain", "guarded")}
         broken = {way: [] for way in scores}
         for k in range(N_FOLDS):
-            train, test = fold != k, fold == k
-            model = NoveltyGuard(make_pipeline(StandardScaler(), head()))
-            model.fit(rows[train], y[train], groups=objects[train])
+            train, test = np.flatnonzero(fold != k), np.flatnonzero(fold == k)
+            coder = FrozenEstimator(coders[sensor])
+            model = NoveltyGuard(make_pipeline(coder, StandardScaler(), head()))
+            model.fit([touches[i] for i in train], y[train], groups=objects[train])
             models = {"plain": model.estimator_, "guarded": model}
-            alarms.append(model.p_values(rows[test]) <= 0.05)
-            first = test[::N_TOUCHES]
+            whole = [touches[i] for i in test]
+            alarms.append(model.p_values(whole) <= 0.05)
             for way, each in models.items():
-                scores[way].append(
-                    ranked_probability_score(y[test], each.predict_proba(rows[test]))
-                )
-            for fault in FAULTS:
-                bad = faulty[sensor, fault][first].astype(np.float64)
+                proba = each.predict_proba(whole)
+                scores[way].append(ranked_probability_score(y[test], proba))
+            first = test[::N_TOUCHES]
+            for fault, signals in faulty.items():
+                bad = [signals[i // N_TOUCHES] for i in first]
                 caught[fault].append(model.p_values(bad) <= 0.05)
                 for way, each in models.items():
                     proba = each.predict_proba(bad)
-                    true = y[::N_TOUCHES][first]
-                    broken[way].append(ranked_probability_score(true, proba))
+                    broken[way].append(ranked_probability_score(y[first], proba))
         rates = "".join(f" {np.concatenate(c).mean():.2f} |" for c in caught.values())
         print(f"| {sensor} | {np.concatenate(alarms).mean():.2f} |{rates}")
         print(
@@ -175,15 +183,14 @@ def novelty(parts, faulty, corpus):
             + ", ".join(
                 f"{way} {np.mean(scores[way]):.3f} {np.mean(broken[way]):.3f}"
                 for way in scores
-            ),
+            )
+            + f" ({time.process_time():.0f} s)",
             flush=True,
         )
 
 
-def main(seed):
-    corpus, parts, faulty = features(seed)
-    X, columns = table(parts)
-    print("| | RPS | difference | | dispersion |\n|---|---|---|---|---|")
+def pools(X, columns, corpus):
+    """Print what procedures and touches are worth."""
     some, every = [*PROCEDURES], [*PROCEDURES, "joined"]
     rows = [(f"{name}, {n} touches", [name], n) for name in some for n in (1, 2, 5)]
     rows += [
@@ -196,6 +203,10 @@ def main(seed):
         ("all of these, 5 touches", every, 5),
     ]
     compare(X, columns, corpus, every, rows, "hold, 1 touches")
+
+
+def sensors(X, columns, corpus):
+    """Print what a lost sensor costs."""
     names = [*(f"slow_{s}" for s in SENSORS), "slow_slide"]
     rows = [("all sensors", names, 1), ("joined alone", names[-1:], 1)]
     rows += [
@@ -203,8 +214,25 @@ def main(seed):
         for s in SENSORS
     ]
     compare(X, columns, corpus, names, rows, "all sensors")
-    novelty(parts, faulty, corpus)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("seed", type=int, nargs="?", default=2)
+    every = ["pools", "sensors", "faults"]
+    parser.add_argument("--parts", nargs="+", default=every, choices=every)
+    arguments = parser.parse_args()
+    corpus, parts, slide = features(arguments.seed)
+    X, columns = table(parts)
+    if {"pools", "sensors"} & {*arguments.parts}:
+        print("| | RPS | difference | | dispersion |\n|---|---|---|---|---|")
+    if "pools" in arguments.parts:
+        pools(X, columns, corpus)
+    if "sensors" in arguments.parts:
+        sensors(X, columns, corpus)
+    if "faults" in arguments.parts:
+        novelty(*slide, corpus)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 2)
+    main()

@@ -38,6 +38,7 @@ from sklearn_haptic.metrics import (
     log_score,
     macro_mae,
     neg_rps_scorer,
+    noise_ceiling,
     ranked_probability_score,
 )
 from sklearn_haptic.plotting import InverseCDFDisplay
@@ -86,7 +87,8 @@ say(f"{features[0].get_feature_names_out().size} features per trial.")
 # 3. One model per adjective
 # --------------------------
 # The penalty is chosen by cross-validation over training objects, which keeps all
-# trials of an object together. The two baselines ignore the features.
+# trials of an object together. The two baselines ignore the features. The ceiling is
+# what the distribution in the whole population is expected to score.
 search = GridSearchCV(
     pipeline["model"].set_params(levels=corpus.levels),
     {"estimator__alpha": [1, 3, 10, 30, 100]},
@@ -104,20 +106,24 @@ scores = {
     "log": log_score,
 }
 
-header = "".join(f"{name:>8}{'marg.':>7}{'bary.':>7}" for name in scores)
-say("Scores on test objects, lower is better: model, marginal, W1 barycentre")
+header = "".join(f"{name:>8}{'marg.':>6}{'bary.':>6}{'ceil.':>6}" for name in scores)
+say("Scores on test objects, lower is better: model, marginal, W1 barycentre, ceiling")
 print(f"{'adjective':<12}{header}")
-predictions, results = {}, []
+predictions, results, line = {}, [], "{:8.3f}{:6.3f}{:6.3f}{:6.3f}"
+of_each = test[np.unique(corpus.objects[test], return_index=True)[1]]
 for adjective, counts in corpus.ratings.items():
     fitted = [search.fit(X_train, counts[train], groups=groups).best_estimator_]
     fitted += [model.fit(X_train, counts[train]) for model in baselines.values()]
     proba = [model.predict_proba(X_test) for model in fitted]
     row = [[score(counts[test], p) for p in proba] for score in scores.values()]
-    cells = "".join(f"{m:8.3f}{a:7.3f}{b:7.3f}" for m, a, b in row)
+    for score, cells in zip(scores.values(), row):
+        ceiling = noise_ceiling(counts[of_each], score, n_draws=30, random_state=0)
+        cells.append(ceiling.truth)
+    cells = "".join(line.format(*each) for each in row)
     print(f"{adjective:<12}{cells}", flush=True)
     predictions[adjective] = proba[0]
     results.append(row)
-cells = "".join(f"{m:8.3f}{a:7.3f}{b:7.3f}" for m, a, b in np.mean(results, axis=0))
+cells = "".join(line.format(*each) for each in np.mean(results, axis=0))
 print(f"{'mean':<12}{cells}")
 
 # %%

@@ -127,11 +127,28 @@ def test_a_channel_that_often_rests_is_not_dead():
     assert repair.faults_.empty
 
 
-def test_without_other_channels_a_dead_one_has_the_mean():
-    trials = [trial[:, :1] for trial in recordings()]
-    mean = np.concatenate(trials).mean()
-    dead = RepairTrials().fit(trials).transform([np.zeros((7, 1))])[0]
-    np.testing.assert_allclose(dead, np.full((7, 1), mean), rtol=1e-12)
+@pytest.mark.parametrize("channels", [[0], [0, 1, 2, 3]])
+def test_a_dead_sensor_has_the_most_typical_trial(channels):
+    trials = [trial[:, channels] for trial in recordings()]
+    repair = RepairTrials().fit([*trials, None])
+    typical = repair.transform([None])[0]
+    dead = np.full((7, len(channels)), 3.0)
+    with_gaps = dead.copy()
+    with_gaps[2, 0] = np.nan
+    for touch in (dead, with_gaps):
+        np.testing.assert_array_equal(repair.transform([touch])[0], typical)
+        assert faults_of(repair, [touch]) == [(0, "all", "dead sensor", len(typical))]
+
+
+def test_a_sensor_of_which_one_channel_lives_is_not_dead():
+    trials = recordings()
+    touch = trials[4].copy()
+    touch[:, :3] = 0.0
+    repair = RepairTrials().fit(trials)
+    assert [row[:3] for row in faults_of(repair, [touch])] == [
+        (0, i, "dead") for i in range(3)
+    ]
+    np.testing.assert_array_equal(repair.transform([touch])[0][:, 3], touch[:, 3])
 
 
 @pytest.mark.parametrize("nothing", [None, np.nan, pd.NA, [], np.full((3, 4), np.nan)])

@@ -92,7 +92,7 @@ def estimate_channels(trial, dead, mean, covariance):
     Returns
     -------
     estimated : ndarray of shape (n_times, n_dead)
-        The regression of each dead channel on all others; their means if all are dead.
+        The regression of each dead channel on all others.
 
     Examples
     --------
@@ -130,12 +130,12 @@ def repair_trial(cell, usual, limits, rest):
         What was wrong, and what was done about it.
     """
     if cell is None:
-        repaired = usual.trial.copy()
-        fault = (_ALL, "missing sensor", len(repaired), "typical trial", np.nan)
-        return repaired, [fault]
+        return _typical(usual, "missing sensor")
+    rests = usual.varies & ~_varies(cell) & (len(cell) > 1)
+    dead = rests | np.isnan(cell).all(axis=0)
+    if rests.any() and dead[usual.varies].all():
+        return _typical(usual, "dead sensor")
     repaired, faults = repair_channels(cell, limits, rest)
-    dead = usual.varies & ~_varies(cell) & (len(cell) > 1)
-    dead |= np.isnan(cell).all(axis=0)
     if dead.any():
         repaired[:, dead] = estimate_channels(
             repaired, dead, usual.mean, usual.covariance
@@ -145,6 +145,12 @@ def repair_trial(cell, usual, limits, rest):
             for i in np.flatnonzero(dead)
         ]
     return repaired, faults
+
+
+def _typical(usual, fault):
+    """Return the most typical trial, and what it stands for."""
+    repaired = usual.trial.copy()
+    return repaired, [(_ALL, fault, len(repaired), "typical trial", np.nan)]
 
 
 def repair_channels(cell, limits, rest):
@@ -512,8 +518,9 @@ class RepairTrials(
     saturated        at or beyond `limits`            kept at the limit, the nearest
                                                       value that is known
     dead             constant in the trial, in a      estimated from the other channels
-                     channel that varies in nine      by linear regression; the mean if
-                     trials of ten                    there are none
+                     channel that varies in nine      by linear regression
+                     trials of ten
+    dead sensor      all such channels are dead       the most typical trial of `fit`
     missing sensor   None, NaN or no samples in       the most typical trial of `fit`
                      place of the trial
     rest level       `rest` is given                  the median of the first `rest`
