@@ -74,6 +74,7 @@ def features(seed):
             continue
         for sensor in SENSORS:
             parts[f"slow_{sensor}"] = rows[:, coder.output_indices_[sensor]]
+        parts["slow_others"] = np.hstack([parts[f"slow_{s}"] for s in SENSORS[1:]])
         slide = corpus.trials, coder.named_transformers_
     parts["joined"] = np.hstack([parts[each] for each in PROCEDURES])
     return corpus, parts, slide
@@ -207,11 +208,15 @@ def pools(X, columns, corpus):
 
 def sensors(X, columns, corpus):
     """Print what a lost sensor costs."""
-    names = [*(f"slow_{s}" for s in SENSORS), "slow_slide"]
-    rows = [("all sensors", names, 1), ("joined alone", names[-1:], 1)]
+    alone = [f"slow_{s}" for s in SENSORS]
+    names = [*alone, "slow_slide", "slow_others"]
+    rows = [
+        ("all sensors", names[:-1], 1),
+        ("joined alone", ["slow_slide"], 1),
+        ("joined without pac, alone", ["slow_others"], 1),
+    ]
     rows += [
-        (f"without {s}", [n for n in names[:-1] if n != f"slow_{s}"], 1)
-        for s in SENSORS
+        (f"without {s}", [n for n in alone if n != f"slow_{s}"], 1) for s in SENSORS
     ]
     compare(X, columns, corpus, names, rows, "all sensors")
 

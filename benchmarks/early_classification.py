@@ -1,0 +1,133 @@
+"""When to stop a touch: rules of this package beside early classifiers of aeon.
+
+    python benchmarks/early_classification.py biotac_slides.npz
+
+Which of twenty materials does one BioTac slide over? Models learn from runs 1 to 10 and
+are tested on runs 11 to 15, in the first six seconds of every slide. The classifiers of
+aeon, TEASER and a threshold on probability, stop at the same durations as those of
+`AnytimeRegressor`. They classify by MiniRocket features of all 44 channels at 100 Hz.
+The rows are means over the 100 test slides; the error is that of a share of errors.
+Needs the extra `aeon`. Five minutes on one core, most of them TEASER's.
+"""
+
+import sys
+import time
+import warnings
+from tempfile import TemporaryDirectory
+
+import numba
+import numpy as np
+import pandas as pd
+from aeon.classification.early_classification import (
+    TEASER,
+    ProbabilityThresholdEarlyClassifier,
+)
+from aeon.transformations.collection.convolution_based import MiniRocket
+from sklearn.decomposition import PCA
+from sklearn.linear_model import LogisticRegression
+from sklearn.pipeline import Pipeline
+from sklearn.preprocessing import StandardScaler
+from streaming import RATES, pipeline
+
+from sklearn_haptic import AnytimeRegressor
+from sklearn_haptic.streaming import CertaintyThreshold, ExpectedGain
+
+FRAMES = [10, 25, 50, 100, 200, 400, 599]  # of 10 ms
+THRESHOLDS = [0.3, 0.5, 0.7, 0.8, 0.9, 0.97]
+PRICES = [0.1, 0.03, 0.01, 0.003, 0.001]
+LATER = 10  # runs behind this are for the test
+
+
+def read(path):
+    """Frames of shape (n_slides, n_frames, n_channels), materials, later runs."""
+    with np.load(path) as arrays:
+        frames = np.split(
+            arrays["frames"].astype(np.float64), np.cumsum(arrays["length"])[:-1]
+        )
+        frames = np.stack([each[: FRAMES[-1]] for each in frames])
+        return frames, arrays["material"], arrays["run"]
+
+
+def rockets(memory):
+    """A classifier by MiniRocket features; equal fits are remembered."""
+    return Pipeline(
+        [
+            ("rocket", MiniRocket(random_state=0)),
+            ("scale", StandardScaler()),
+            ("rotate", PCA(random_state=0)),
+            ("model", LogisticRegression(C=0.1, max_iter=500)),
+        ],
+        memory=memory,
+    )
+
+
+def show(name, right, seconds):
+    error = 1 - np.mean(right)
+    spread = np.sqrt(error * (1 - error) / len(right))
+    print(
+        f"| {name} | {np.mean(seconds):.2f} | {error:.2f} ± {spread:.2f} |", flush=True
+    )
+
+
+def of_aeon(frames, y, train):
+    X = frames.swapaxes(1, 2).astype(np.float32)
+    with TemporaryDirectory() as memory:
+        fitted = ProbabilityThresholdEarlyClassifier(
+            rockets(memory), classification_points=FRAMES, random_state=0
+        ).fit(X[train], y[train])
+        for k, (n, each) in enumerate(zip(FRAMES, fitted.estimators_)):
+            right = each.predict(X[~train, :, :n]) == y[~train]
+            show(f"MiniRocket, fixed {n / 100:g} s", right, FRAMES[k] / 100)
+        for threshold in THRESHOLDS:
+            fitted.probability_threshold = threshold
+            rule(f"aeon, probability {threshold:g}", fitted, X[~train], y[~train])
+        print(f"({time.process_time():.0f} s)", flush=True)
+        teaser = TEASER(rockets(memory), classification_points=FRAMES, random_state=0)
+        rule("aeon, TEASER", teaser.fit(X[train], y[train]), X[~train], y[~train])
+
+
+def rule(name, fitted, X, y):
+    predicted, _ = fitted.predict(X)
+    show(name, predicted == y, np.take(FRAMES, fitted.state_info[:, 0]) / 100)
+
+
+def of_this_package(frames, y, train, run):
+    columns = {"tdc": [0], "tac": [1], "pdc": [2], "electrodes": [*range(25, 44)]}
+    touches = {s: [x[:, c] for x in frames] for s, c in columns.items()}
+    touches["pac"] = [x[:, 3:25].reshape(-1, 1) for x in frames]
+    touches = pd.DataFrame(touches)
+    durations = [n / 100 for n in FRAMES]
+    model = AnytimeRegressor(
+        pipeline(LogisticRegression(C=0.1, max_iter=500)),
+        durations=durations,
+        sampling_rates=RATES,
+    ).fit(touches[train], y[train], groups=run[train])
+    path = model.predict_proba_over_time(touches[~train], durations)
+    right = model.classes_[path.argmax(axis=2)] == y[~train, None]
+    for k, seconds in enumerate(durations):
+        show(f"AnytimeRegressor, fixed {seconds:g} s", right[:, k], seconds)
+    one_hot = y[train, None] == model.classes_
+    rules = {f"probability {t:g}": CertaintyThreshold(t) for t in THRESHOLDS}
+    rules |= {f"expected gain, price {p:g}": ExpectedGain(p) for p in PRICES}
+    for name, each in rules.items():
+        each.fit(model.oof_proba_, one_hot, durations=durations, ordered=False)
+        at = each.stop_at(path)
+        stopped = right[np.arange(len(at)), at]
+        show(f"AnytimeRegressor, {name}", stopped, np.take(durations, at))
+    print(f"({time.process_time():.0f} s)", flush=True)
+
+
+def main(path):
+    frames, y, run = read(path)
+    train = run <= LATER
+    print("| rule | seconds, mean | share of errors |\n|---|---|---|")
+    of_this_package(frames, y, train, run)
+    of_aeon(frames, y, train)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("Name the file of biotac_slides.")
+    numba.set_num_threads(1)
+    warnings.filterwarnings("ignore")  # of aeon
+    main(sys.argv[1])
