@@ -4,11 +4,15 @@
     python benchmarks/streaming.py hold
     python benchmarks/streaming.py squeeze
     python benchmarks/streaming.py slow_slide
+    python benchmarks/streaming.py halves
     python benchmarks/streaming.py biotac_slides.npz
 
 The first streams a minute of five sensors in updates of 10 ms and prints milliseconds
 of processor time, beside those of recomputing from all samples so far (half a minute).
-The others print the loss at each duration: the RPS of three adjectives on 24 generated
+`halves` prints why half of a slow slide costs something: the loss by the first two
+seconds, the next two, and all four, and by heads that share more or less with their
+neighbours, beside their loss out of fold on the training objects. The others print the
+loss at each duration: the RPS of three adjectives on 24 generated
 objects, with models fitted to 48 others, or the share of errors of twenty materials on
 later runs of slides. Below are dispersion and the outer tenths of the PIT histogram of
 each duration, and the mean seconds and loss of rules of stopping (one to two minutes
@@ -174,6 +178,51 @@ def accuracy(what):
             )
 
 
+def halves():
+    corpus, train = generated("slow_slide")
+    units = corpus.objects[~train]
+    losses, inner = {}, {}
+    for name, (start, end) in {
+        "0–2 s": (0, 2),
+        "2–4 s": (2, 4),
+        "0–4 s": (0, 4),
+    }.items():
+        cut = pd.DataFrame(
+            {
+                s: [x[start * r : end * r] for x in corpus.trials[s]]
+                for s, r in RATES.items()
+            }
+        )
+        for sharing in (0, 0.5, 1) if start == 0 else (0,):
+            durations = [1, 2, 4] if end == 4 and start == 0 else [1, 2]
+            model = AnytimeRegressor(
+                pipeline(),
+                durations=durations,
+                sampling_rates=RATES,
+                cv=3,
+                sharing=sharing,
+            )
+            label = f"{name}, sharing {sharing}"
+            for adjective in ("hard", "cold", "slippery"):
+                y = corpus.ratings[adjective]
+                model.fit(cut[train], y[train], groups=corpus.objects[train])
+                for k, seconds in enumerate(durations[1:], 1):
+                    proba = model.predict_proba_over_time(cut[~train], [seconds])[:, 0]
+                    key = f"{label}, {seconds} s"
+                    losses[key] = (
+                        losses.get(key, 0) + loss_of(y[~train], proba, None) / 3
+                    )
+                    oof = model.oof_proba_[:, k]
+                    inner[key] = inner.get(key, 0) + loss_of(y[train], oof, None) / 3
+    best = losses["0–4 s, sharing 0.5, 4 s"]
+    for key, loss in losses.items():
+        mean, se = mean_and_se(loss - best, units)
+        print(
+            f"{key:28s} {loss.mean():.3f}  {mean:+.4f} ± {se:.4f}  out of fold "
+            f"{inner[key].mean():.3f}"
+        )
+
+
 def calibration(y, proba):
     spread = [dispersion(y, p) for p in proba.swapaxes(0, 1)]
     print(f"{'  dispersion':22s}", *(f"{x:7.2f}" for x in spread))
@@ -185,4 +234,7 @@ def calibration(y, proba):
 if __name__ == "__main__":
     if len(sys.argv) != 2:
         sys.exit(__doc__)
-    latency() if sys.argv[1] == "latency" else accuracy(sys.argv[1])
+    if sys.argv[1] in ("latency", "halves"):
+        {"latency": latency, "halves": halves}[sys.argv[1]]()
+    else:
+        accuracy(sys.argv[1])

@@ -620,6 +620,7 @@ def methods_of(model, X, y):
         "start": lambda: model.start(),
         "sample": lambda: model.sample(X, 2, random_state=0),
         "weights": lambda: model.weights([["a"]]),
+        "blur": lambda: model.blur([["a"]]),
         "expected_excess": lambda: model.expected_excess([["a"]]),
         "expected_gains": lambda: model.expected_gains(["a"]),
         "score": lambda: model.score(X, y),
