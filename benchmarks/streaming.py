@@ -193,8 +193,8 @@ def halves():
                 for s, r in RATES.items()
             }
         )
-        for sharing in (0, 0.5, 1) if start == 0 else (0,):
-            durations = [1, 2, 4] if end == 4 and start == 0 else [1, 2]
+        for sharing in (0, 0.5, 1) if end - start == 4 else (0,):
+            durations = [1, 2, 4] if end - start == 4 else [1, 2]
             model = AnytimeRegressor(
                 pipeline(),
                 durations=durations,

@@ -13,6 +13,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn_haptic import (
     RepairTrials,
     SensorFeatures,
+    Signal,
     TaxelGrid,
     infer_rate,
     make_haptic_pipeline,
@@ -305,6 +306,79 @@ def test_faulty_touches_are_predicted_as_whole_ones():
     np.testing.assert_allclose(model.predict_proba(faulty), expected, atol=0.3)
     with pytest.raises(ValueError, match="contains NaN or infinity"):
         model[1:].predict(faulty)
+
+
+def two_sensors(seed):
+    """Touches of two kinds, which either sensor can tell."""
+    rng = np.random.default_rng(seed)
+    kinds = np.arange(36) % 2
+    skin = [
+        1 + kind + 0.1 * rng.normal(size=(60, 1)) + 0.3 * rng.normal(size=(60, 4))
+        for kind in kinds
+    ]
+    force = [(1.0 + kind) * rng.normal(size=(60, 2)) for kind in kinds]
+    for trial in [*skin, *force]:
+        trial[:5] *= 0.01  # at rest
+    return pd.DataFrame({"skin": skin, "force": force}), kinds
+
+
+@pytest.fixture(scope="module")
+def repairing():
+    """A model of two sensors that repairs both."""
+    sensors = {"skin": Signal(100), "force": Signal(100)}
+    repair = RepairTrials(limits={"skin": (-9, 9)}, rest={"skin": 5})
+    model = make_pipeline(repair, make_haptic_pipeline(sensors, random_state=0))
+    return model.fit(*two_sensors(0))
+
+
+def _without(trial, where):
+    trial[where] = np.nan
+    return trial
+
+
+def _masked(trial):
+    mask = np.zeros(trial.shape, dtype=bool)
+    mask[20:30, 1] = True
+    return np.ma.array(trial, mask=mask)
+
+
+def _with(trial, where, value):
+    trial[where] = value
+    return trial
+
+
+ON_REAL_HANDS = {
+    "NaN": ("missing samples", lambda x: _without(x, (slice(20, 30), 1))),
+    "infinite": ("missing samples", lambda x: _with(x, (slice(20, 22), 1), np.inf)),
+    "masked": ("missing samples", _masked),
+    "dropped frames": ("dropped frames", lambda x: _without(x, slice(20, 26))),
+    "saturated": ("saturated", lambda x: _with(x, (slice(20, 22), 2), 9.0)),
+    "dead channel": ("dead", lambda x: _with(x, (slice(None), 3), 0.7)),
+    "dead sensor": ("dead sensor", lambda x: 0 * x + 2),
+    "missing sensor": ("missing sensor", lambda x: None),
+    "drift of the rest level": ("rest level", lambda x: x + 3.0),
+}
+
+
+@pytest.mark.parametrize("name", ON_REAL_HANDS)
+def test_a_model_predicts_from_faulty_touches_and_names_the_fault(repairing, name):
+    trials, kinds = two_sensors(1)
+    fault, spoil = ON_REAL_HANDS[name]
+    whole = repairing.predict_proba(trials)
+    faulty = trials.assign(skin=[spoil(trial.copy()) for trial in trials["skin"]])
+    proba = repairing.predict_proba(faulty)
+    assert np.mean(whole.argmax(axis=1) == kinds) == 1
+    if fault.endswith("sensor"):  # the other one is left
+        sure = [proba[kinds == kind, 1].mean() for kind in (0, 1)]
+        assert sure[1] > sure[0] + 0.1
+    else:
+        assert np.mean(proba.argmax(axis=1) == kinds) >= 0.95
+        assert np.abs(proba - whole).mean() < 0.15
+    found = repairing[0].faults(faulty)
+    named = found[(found["sensor"] == "skin") & (found["fault"] == fault)]
+    assert set(named["trial"]) == set(range(len(trials)))
+    if fault == "rest level":
+        assert (named["offset"] > 2.5).all()
 
 
 @pytest.mark.parametrize(
