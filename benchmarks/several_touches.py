@@ -1,14 +1,14 @@
 """What several touches are worth, what a lost sensor costs, and touches unlike others.
 
-    python benchmarks/several_touches.py [SEED] [--parts pools sensors faults]
+    python benchmarks/several_touches.py [SEED] [--parts pools sensors faults ten]
 
 Forty-eight generated objects are touched five times each by four procedures. Features
 are those of the preset "fast"; dictionaries are learned from other objects, and all
 features are standardised and rotated together, without the ratings. Objects are
 held out in six folds; weights, beliefs and p-values are learned within the training
 objects. Scores are means over three adjectives; the error is that of the paired
-difference, over objects. It takes about three minutes of one core. Seed 1 was used to
-choose how pools are weighted, so report another.
+difference, over objects. It takes about three minutes of one core. Seeds 1 and 3 were
+used to choose how pools are weighted and blurred, so report another.
 """
 
 import argparse
@@ -94,7 +94,8 @@ def table(parts):
 def fold_predictions(X, columns, corpus, adjective, names, lost):
     """Predict each object, held out, in every way that the tables compare."""
     y, objects = corpus.ratings[adjective], corpus.objects
-    fold = np.random.default_rng(0).permutation(N_OBJECTS).repeat(N_TOUCHES) % N_FOLDS
+    n_each = len(y) // N_OBJECTS
+    fold = np.random.default_rng(0).permutation(N_OBJECTS).repeat(n_each) % N_FOLDS
     out = {}
     for k in range(N_FOLDS):
         train, test = fold != k, fold == k
@@ -104,10 +105,10 @@ def fold_predictions(X, columns, corpus, adjective, names, lost):
             felt = X[test].copy()
             gone = [c for name in names if name not in kept for c in columns[name]]
             felt[:, gone] = np.nan
-            run = np.arange(test.sum()) % N_TOUCHES
+            run = np.arange(test.sum()) % n_each
             block = run // n_touches
             groups = objects[test] * 10 + block
-            used = block < N_TOUCHES // n_touches
+            used = block < n_each // n_touches
             proba = pool.predict_proba(felt[used], groups=groups[used])
             out.setdefault(label, []).append((test.nonzero()[0][used], proba))
     return {
@@ -128,7 +129,7 @@ def compare(X, columns, corpus, names, lost, against):
         found = fold_predictions(X, columns, corpus, adjective, names, lost)
         for label, (which, proba) in found.items():
             each = ranked_probability_score(y[which], proba, average=False)
-            of_object = which // N_TOUCHES
+            of_object = which // (len(y) // N_OBJECTS)
             mean = np.bincount(of_object, each) / np.bincount(of_object)
             scores[label] += mean / len(ADJECTIVES)
             spread[label] += dispersion(y[which], proba) / len(ADJECTIVES)
@@ -206,6 +207,17 @@ def pools(X, columns, corpus):
     compare(X, columns, corpus, every, rows, "hold, 1 touches")
 
 
+def ten_touches(seed):
+    """Print what ten touches by one procedure are worth."""
+    for procedure in ("hold", "slow_slide"):
+        others = make_haptic_corpus(16, 2, procedure, random_state=100)
+        coder = make_haptic_pipeline(random_state=0)["features"].fit(others.trials)
+        corpus = make_haptic_corpus(N_OBJECTS, 10, procedure, random_state=seed)
+        X, columns = table({procedure: coder.transform(corpus.trials)})
+        rows = [(f"{procedure}, {n} touches", [procedure], n) for n in (1, 2, 5, 10)]
+        compare(X, columns, corpus, [procedure], rows, f"{procedure}, 1 touches")
+
+
 def sensors(X, columns, corpus):
     """Print what a lost sensor costs."""
     alone = [f"slow_{s}" for s in SENSORS]
@@ -224,13 +236,17 @@ def sensors(X, columns, corpus):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("seed", type=int, nargs="?", default=2)
-    every = ["pools", "sensors", "faults"]
+    every = ["pools", "sensors", "faults", "ten"]
     parser.add_argument("--parts", nargs="+", default=every, choices=every)
     arguments = parser.parse_args()
+    if {*arguments.parts} != {"faults"}:
+        print("| | RPS | difference | | dispersion |\n|---|---|---|---|---|")
+    if "ten" in arguments.parts:
+        ten_touches(arguments.seed)
+    if {*arguments.parts} == {"ten"}:
+        return
     corpus, parts, slide = features(arguments.seed)
     X, columns = table(parts)
-    if {"pools", "sensors"} & {*arguments.parts}:
-        print("| | RPS | difference | | dispersion |\n|---|---|---|---|---|")
     if "pools" in arguments.parts:
         pools(X, columns, corpus)
     if "sensors" in arguments.parts:
