@@ -8,12 +8,13 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, ClassifierMixin, MetaEstimatorMixin
+from sklearn.base import BaseEstimator, MetaEstimatorMixin
 from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from .._distributions import shares
 from .._folds import make_splitter
+from .._perhaps_ordered import PerhapsOrderedMixin
 from .._sklearn import (
     CrossValidator,
     DocumentedEstimator,
@@ -23,7 +24,6 @@ from .._sklearn import (
     _safe_indexing,
 )
 from .._validation import check_groups, check_names, column_of, is_missing
-from ..metrics import neg_rps_scorer
 from ._held_out import (
     at_classes,
     compared,
@@ -40,7 +40,7 @@ MARGINAL = "marginal"
 
 
 class TouchPool(
-    DocumentedEstimator, MetaEstimatorMixin, ClassifierMixin, _BaseComposition
+    DocumentedEstimator, MetaEstimatorMixin, PerhapsOrderedMixin, _BaseComposition
 ):
     """Pool the predictions of several models over the touches of an object.
 
@@ -437,24 +437,6 @@ class TouchPool(
         predicted : ndarray of shape (n_trials,)
         """
         return self.classes_[self.predict_proba(X, groups).argmax(axis=1)]
-
-    def score(self, X: Trials, y: ArrayLike) -> float:
-        """Score predictions of single rows; higher is better.
-
-        Parameters
-        ----------
-        X, y
-            As for `fit`.
-
-        Returns
-        -------
-        score : float
-            The negative ranked probability score if the members know an order of
-            levels, else the accuracy.
-        """
-        if self._ordered:
-            return neg_rps_scorer(self, X, y)
-        return float(np.mean(self.predict(X) == np.asarray(y)))
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
