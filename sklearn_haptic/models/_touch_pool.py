@@ -23,7 +23,7 @@ from .._sklearn import (
     _fit_context,
     _safe_indexing,
 )
-from .._validation import check_groups, check_names, column_of, is_missing
+from .._validation import check_groups, check_names, column_of, has_no_samples
 from ._held_out import (
     at_classes,
     compared,
@@ -173,7 +173,8 @@ class TouchPool(
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_trials, n_columns)
-            A row per touch. NaN or None stands for what was not felt.
+            A row per touch. NaN, None or an array of no samples stands for what was
+            not felt.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
             Counts of ratings or labels, whatever the members take.
         groups : array-like of shape (n_trials,), default=None
@@ -265,8 +266,8 @@ class TouchPool(
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_trials, n_columns)
-            A row per touch, with all columns of `fit`. NaN or None stands for what was
-            not felt.
+            A row per touch, with all columns of `fit`; what was not felt is missing as
+            there.
         groups : array-like of shape (n_trials,), default=None
             The object of each row. All rows of one object get the same prediction, from
             all of them. By default each row is predicted from itself alone.
@@ -459,7 +460,7 @@ def _has_values(table):
     for i in range(n_columns):
         column = np.asarray(column_of(table, i))
         if column.dtype.kind == "O":
-            there &= [not is_missing(value) for value in column]
+            there &= [not has_no_samples(value) for value in column]
         elif column.dtype.kind == "f":
             there &= ~np.isnan(column)
     return there

@@ -95,7 +95,8 @@ class AnytimeRegressor(
         The head of each duration.
     powers_ : ndarray of shape (n_durations,)
         Power to which the probabilities of each duration are raised. Below 1 the head
-        was too sure.
+        was too sure. The limits are 0.22, at which the last step needs a stronger
+        penalty or more objects to learn from, and 4.5, at which it needs a weaker one.
     shares_ : ndarray of shape (n_levels,) or (n_adjectives, n_levels)
         Mean distribution of the training touches, which is predicted before the first
         duration is complete.
@@ -346,7 +347,8 @@ class AnytimeRegressor(
         Parameters
         ----------
         X : DataFrame with a column per sensor, or collection of trials
-            Touches of any length, ended or not. None stands for a missing sensor.
+            Touches of any length, ended or not. None, or an array of no samples, stands
+            for a missing sensor.
 
         Returns
         -------
