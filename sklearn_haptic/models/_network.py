@@ -43,7 +43,17 @@ _LARGEST_LATENT = 1e300
 # Thresholds -----------------------------------------------------------------
 def softplus(x):
     """Return log(1 + exp(x)) without overflow."""
-    return -log_expit(-x)
+    return softplus_and_derivative(x)[0]
+
+
+def softplus_and_derivative(x):
+    """Return log(1 + exp(x)) and sigma(x), by the exponential that both need.
+
+    This takes a quarter of the time of `log_expit` and `expit` where numpy has
+    vectorised exponentials and logarithms.
+    """
+    odds = np.exp(-np.abs(x))  # at most 1
+    return np.maximum(x, 0) + np.log1p(odds), np.where(x < 0, odds, 1) / (1 + odds)
 
 
 class SoftplusGaps:
@@ -153,11 +163,11 @@ def ordinal_loss(latent, level, weight, first, raw_gaps, gaps=SoftplusGaps):
     above = latent - padded[1:][level]  # how far f lies above the upper threshold
     below = padded[level] - latent
     inner = np.bincount(level, weight, minlength=n_levels)[1:-1]
-    loss = weight @ (softplus(above) + softplus(below))
-    loss -= inner @ gaps.forward(raw_gaps)[1]
-
-    push_up = weight * expit(above)  # of the upper threshold, and of f downwards
-    push_down = weight * expit(below)
+    of_above, push_up = softplus_and_derivative(above)
+    of_below, push_down = softplus_and_derivative(below)
+    loss = weight @ (of_above + of_below) - inner @ gaps.forward(raw_gaps)[1]
+    push_up *= weight  # of the upper threshold, and of f downwards
+    push_down *= weight
     grad_thresholds = (
         np.bincount(level, push_down, minlength=n_levels)[1:]
         - np.bincount(level, push_up, minlength=n_levels)[:-1]
@@ -468,7 +478,7 @@ class _AdjectiveLoss:
         else:
             latent = shared[self.trial] + self.positions * position_coef
 
-        loss, g_row, g_first, g_raw_gaps = ordinal_loss(
+        loss, g_latent, g_first, g_raw_gaps = ordinal_loss(
             latent[self.trial] if self.positions is None else latent,
             self.level,
             self.weight,
@@ -476,19 +486,25 @@ class _AdjectiveLoss:
             head.raw_gaps,
             self.gaps,
         )
+        if layer is None or self.positions is None:
+            g_shared = np.bincount(self.trial, g_latent, len(shared))
+        if layer is None:
+            g_head = Head(head.output, [g_first], g_raw_gaps)
+            if self.positions is None:
+                return loss, g_shared, 0.0, g_head
+            return loss, g_shared, self.positions @ g_latent, g_head
+
+        slope = np.subtract(1, layer, out=self.buffers[1])
+        slope *= layer
         if self.positions is None:
-            g_row = self.sum_by_trial @ g_row
-        g_output = head.output
-        if layer is not None:
-            g_output, g_latent = g_row @ layer, g_row
-            g_row = np.subtract(1, layer, out=self.buffers[1])
-            g_row *= layer
-            g_row *= g_latent[:, None]
-            g_row *= head.output
-        g_head = Head(g_output, [g_first], g_raw_gaps)
-        if self.positions is None:
-            return loss, g_row, 0.0, g_head
-        return loss, self.sum_by_trial @ g_row, self.positions @ g_row, g_head
+            g_head = Head(g_shared @ layer, [g_first], g_raw_gaps)
+            slope *= g_shared[:, None]
+            return loss, slope * head.output, 0.0, g_head
+        g_head = Head(g_latent @ layer, [g_first], g_raw_gaps)
+        self.sum_by_trial.data[:] = g_latent  # each row times its derivative
+        g_shared = (self.sum_by_trial @ slope) * head.output
+        g_position_coef = (self.positions * g_latent) @ slope * head.output
+        return loss, g_shared, g_position_coef, g_head
 
     def _activate(self, shared, position_coef):
         """Activations of the hidden units, in the first of the buffers."""
@@ -579,16 +595,15 @@ class NetworkLoss:
     def __call__(self, params):
         """Return the cost and its gradient."""
         n_features = self.X.shape[1]
+        grad = np.zeros(len(params))
         coef, bias, heads = self.layout.split(params)
+        g_coef, g_bias, g_heads = self.layout.split(grad)
         shared = None if self.matrix is None else self.matrix.times(coef[:n_features])
-        g_coef = (self.input_alpha * coef.T).T
+        np.multiply(self.input_alpha, coef.T, out=g_coef.T)
         square = np.vdot(g_coef, coef)
-        g_bias = np.zeros(len(bias))
-        g_heads = []
-        for head in heads:
-            g_output = self.output_alpha * head.output
-            square += self.output_alpha * (head.output @ head.output)
-            g_heads.append(Head(g_output, np.zeros(1), np.zeros(len(head.raw_gaps))))
+        for head, g_head in zip(heads, g_heads):
+            np.multiply(self.output_alpha, head.output, out=g_head.output)
+            square += g_head.output @ head.output
         loss, g_shared = 0.0, None if shared is None else np.zeros(shared.shape)
         for rows, losses in self.blocks:
             if shared is None:
@@ -612,7 +627,6 @@ class NetworkLoss:
                 g_coef[:n_features] += (g_trials.T @ self.X[rows]).T  # the faster order
         if shared is not None:
             self.matrix.add_transposed_times(g_shared, g_coef[:n_features])
-        grad = self.layout.join(g_coef, g_bias, g_heads)
         grad /= self.total
         return (loss + 0.5 * square) / self.total, grad
 
