@@ -36,6 +36,11 @@ def run_together(functions: Sequence[Callable[[], _Result]]) -> list[_Result]:
     -------
     results : list
         What each of them returns.
+
+    Raises
+    ------
+    Exception
+        The first function's, in their order, that raised one, once all have ended.
     """
     turns, config = _Turns(len(functions)), get_config()
 
@@ -45,7 +50,9 @@ def run_together(functions: Sequence[Callable[[], _Result]]) -> list[_Result]:
             return functions[i]()
 
     with ThreadPoolExecutor(len(functions)) as threads:
-        return list(threads.map(call, range(len(functions))))
+        # Not by `map`: an error would cancel what has not begun, for which others wait.
+        results = [threads.submit(call, i) for i in range(len(functions))]
+    return [each.result() for each in results]
 
 
 class _Turns:
@@ -81,7 +88,10 @@ class _Turns:
         self.factors[i] = factor
         self._pass_on(product)
         self.gates[i].acquire()
-        return self.products.pop(i)
+        columns = self.products.pop(i)
+        if isinstance(columns, Exception):
+            raise columns
+        return columns
 
     def _pass_on(self, product):
         if product is not None:
@@ -90,7 +100,10 @@ class _Turns:
             self.ready.extend(sorted(self.factors))
             factors = [self.factors.pop(i) for i in self.ready]
             ends = np.cumsum([factor.shape[1] for factor in factors])
-            columns = np.split(self.product(np.hstack(factors)), ends[:-1], axis=1)
+            try:
+                columns = np.split(self.product(np.hstack(factors)), ends[:-1], axis=1)
+            except Exception as error:  # for each of those who wait to raise
+                columns = [error] * len(factors)
             self.products = dict(zip(self.ready, columns))
         if self.ready:
             self.gates[self.ready.popleft()].release()
