@@ -7,6 +7,8 @@ levels: neighbours are 1 apart whatever their labels. Where the levels are numbe
 mean something, as -3 … 3 or 0 … 100 do, ``units="scale"`` counts in these numbers.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from functools import partial
 from numbers import Integral

@@ -5,6 +5,8 @@ People rate an object on an ordered scale, so the ratings of objects are a table
 columns of a labelled table are put in the order of the levels.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any, Self

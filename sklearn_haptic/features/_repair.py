@@ -1,5 +1,7 @@
 """Repair of what is wrong with real recordings, with a record of what was done."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from numbers import Integral
 from typing import Any, NamedTuple, Self

@@ -1,5 +1,7 @@
 """Resampling of trials whose samples have time stamps."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from numbers import Real
 
