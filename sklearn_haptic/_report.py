@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from html import escape
+from textwrap import fill
 from typing import NamedTuple
 
 import pandas as pd
 from sklearn.utils import Bunch
+
+_WIDTH = 88  # of lines of text
 
 # Colours are those of the page, or lie thinly over them, so that dark pages work too.
 _STYLE = """
@@ -83,9 +86,9 @@ def as_texts(frame, formats):
 
 def _as_text(part):
     if isinstance(part, str):
-        return part
-    table = part.cells.to_string() if len(part.cells.columns) else ""
-    return "\n".join(filter(None, [part.caption, table, part.note]))
+        return fill(part, _WIDTH)
+    note = fill(part.note, _WIDTH)
+    return "\n".join(filter(None, [part.caption, part.cells.to_string(), note]))
 
 
 def _as_html(part):
