@@ -35,6 +35,7 @@ from sklearn_haptic import (
     DummyDistribution,
     KSVDTransformer,
     NoveltyGuard,
+    ProgressLine,
     RegressedDistribution,
     RepairTrials,
     SensorFeatures,
@@ -819,6 +820,7 @@ ask(direct(make_haptic_corpus),
 ask(fitting(DUMMY),
     check("trials of another number than ratings", TRIALS,
         r"inconsistent numbers of samples: \[4, 12\]"))
+ask(direct(ProgressLine), *wrong(n_fits=0, max_propagation_depth=-1))
 ask(direct(Sequences),
     check("a number in place of trials", 3, ["x0"], error=(TypeError, ValueError),
         says="^trials|is not iterable"))
