@@ -25,23 +25,27 @@ _PAUSE = 0.1  # seconds between two drawings
 class ProgressLine:
     """Callback that shows the progress of a fit on one line, with one bar per level.
 
-    A search, for instance, has a bar of its fits and one of the steps of the pipeline
-    that is being fitted. scikit-learn's :class:`~sklearn.callback.ProgressBar` shows a
-    bar for every fit instead, below each other, and requires the package rich. The line
-    is written to the standard error and erased at the end.
+    A search, for instance, has a bar of its fits and, if wanted, one of the steps of
+    the pipeline that is being fitted. scikit-learn's
+    :class:`~sklearn.callback.ProgressBar` shows a bar for every fit, below each other,
+    and requires the package rich. The line is written to the standard error and erased
+    at the end.
 
     Parameters
     ----------
     n_fits : int, default=1
         How many fits there will be, such as one per fold of a cross-validation of the
         estimator. If there are several, they are counted by a bar of their own.
-    max_propagation_depth : int or None, default=1
-        How many levels of estimators within estimators are shown; None means all.
+    max_propagation_depth : int or None, default=0
+        How many levels of estimators within the outermost one are shown: with 0, the
+        fits of a search or the steps of a pipeline; with 1, also the steps of the
+        pipeline that a search fits; None means all.
 
     Notes
     -----
     `n_fits` counts right where the fits are made by one job. The fits within a search
-    may be made by any number.
+    may be made by any number. scikit-learn warns where it cannot show a level that is
+    asked for, such as what is within a :class:`~sklearn.compose.ColumnTransformer`.
 
     Examples
     --------
@@ -51,7 +55,7 @@ class ProgressLine:
     >>> search.set_callbacks(ProgressLine()).fit([[0], [1], [2], [3]], [1, 1, 2, 2])
     GridSearchCV(...)
 
-    While it runs, the line looks like this::
+    While it runs with ``max_propagation_depth=1``, the line looks like this::
 
         GridSearchCV ░░░░░░░░ 0/2  search ██████░░ 3/4  NNPOM ░░░░░░░░ 15/500
     """
@@ -64,7 +68,7 @@ class ProgressLine:
         prefer_skip_nested_validation=True,
     )
     def __init__(
-        self, n_fits: int = 1, *, max_propagation_depth: int | None = 1
+        self, n_fits: int = 1, *, max_propagation_depth: int | None = 0
     ) -> None:
         self.n_fits = n_fits
         self.max_propagation_depth = max_propagation_depth

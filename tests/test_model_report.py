@@ -39,14 +39,12 @@ FUNCTIONS = {
 
 @pytest.fixture(scope="module")
 def report():
-    y = {"first": COUNTS, "noise": np.roll(COUNTS, 5, axis=0)}
+    y = {"first": COUNTS, 2: np.roll(COUNTS, 5, axis=0)}
     return model_report(LINEAR, X, y, groups=OBJECTS, cv=3)
 
 
 def test_scores_of_the_model_and_of_both_baselines(report):
-    assert report.scores.index.get_level_values(0).unique().tolist() == [
-        *("first", "noise")
-    ]
+    assert report.scores.index.get_level_values(0).unique().tolist() == [*("first", 2)]
     models = {
         "model": LINEAR,
         "marginal": DummyDistribution(),
@@ -82,8 +80,9 @@ def test_gains_are_paired_over_objects(report):
 
 
 def test_the_conclusion_names_what_is_no_better(report):
-    assert report.gains.at["noise", "verdict"] != "better"
-    assert report.conclusion.endswith("no better than guessing on: noise.")
+    assert report.gains["verdict"].tolist() == ["better", "not shown"]
+    told = "It is better on: first. It is not shown to be better on: 2."
+    assert report.conclusion.endswith(told)
     assert report.conclusion in re.sub(r"\s+", " ", repr(report))
     gains = report.gains[["rps", "rps_guess"]].mean()
     text = f"its RPS is {gains['rps']:.3f} where guessing has {gains['rps_guess']:.3f}"
@@ -133,7 +132,7 @@ def test_a_baseline_is_no_better_than_itself():
         OBJECTS[:, None] == 0
     )
     report = model_report(DummyDistribution(), X, counts, groups=OBJECTS, cv=3)
-    assert report.gains["verdict"].tolist() == ["no better"]
+    assert report.gains["verdict"].tolist() == ["not shown"]
     assert "0%" not in report.conclusion
     assert report.conclusion.startswith("The model is not shown to be better than")
     assert "∞" in repr(report) and "ruled out" in repr(report)
@@ -148,7 +147,10 @@ def test_given_test_trials_and_labels():
     found = report.predicted["ratings"][:, : len(model.classes_)]
     np.testing.assert_allclose(found, model.predict_proba(X[test]))
     assert f"in {len(test)} trials of 3 objects" in report.summary
-    assert f"learned from {len(train)} trials of 9 objects. Learning" in report.summary
+    assert (
+        f"learned from {len(train)} trials of 9 objects, given as features."
+        in report.summary
+    )
     rows = model_report(REGRESSOR, X, labels, groups=OBJECTS, cv=[(train, test[::-1])])
     np.testing.assert_allclose(rows.predicted["ratings"], report.predicted["ratings"])
 

@@ -10,7 +10,8 @@ from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic import NNPOM, ProgressLine, _progress
+from sklearn_haptic import NNPOM, ProgressLine, _progress, make_haptic_pipeline
+from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.model_selection import cross_val_predict_proba
 
 X, Y = np.arange(12.0)[:, None], np.arange(12) % 3
@@ -48,8 +49,8 @@ def bars(frame):
 
 @pytest.mark.parametrize("n_jobs", [1, 2])
 def test_one_bar_per_level_of_a_search(frames, n_jobs):
-    search = clone(SEARCH).set_params(n_jobs=n_jobs).set_callbacks(ProgressLine())
-    search.fit(X, Y)
+    line = ProgressLine(max_propagation_depth=1)
+    search = clone(SEARCH).set_params(n_jobs=n_jobs).set_callbacks(line).fit(X, Y)
     seen = [bars(frame) for frame in frames()]
     for frame in seen:
         names = [name for name, *_ in frame]
@@ -63,6 +64,21 @@ def test_one_bar_per_level_of_a_search(frames, n_jobs):
         assert sorted(done) == done and max(done) == total
     plain = clone(SEARCH).fit(X, Y)
     np.testing.assert_array_equal(plain.predict_proba(X), search.predict_proba(X))
+
+
+def test_by_default_the_outermost_level_alone(frames):
+    clone(SEARCH).set_callbacks(ProgressLine()).fit(X, Y)
+    seen = [bars(frame) for frame in frames()]
+    assert {name for frame in seen for name, *_ in frame} == {"GridSearchCV", "search"}
+
+
+def test_a_whole_model(frames):
+    """Without a warning that a ColumnTransformer hands no callbacks on."""
+    corpus = make_haptic_corpus(4, 1, sensors=["tdc"], random_state=0)
+    model = make_haptic_pipeline(["tdc"], random_state=0).set_callbacks(ProgressLine())
+    model.fit(corpus.trials, corpus.ratings["hard"])
+    seen = [bars(frame) for frame in frames()]
+    assert {name for frame in seen for name, *_ in frame} == {"Pipeline"}
 
 
 def test_deeper_levels_count_iterations(frames):
@@ -96,7 +112,8 @@ def test_an_error_leaves_no_line_behind(frames):
 
 def test_a_narrow_terminal_and_few_drawings(frames, monkeypatch):
     monkeypatch.setenv("COLUMNS", "30")
-    clone(SEARCH).set_callbacks(ProgressLine()).fit(X, Y)
+    line = ProgressLine(max_propagation_depth=1)
+    clone(SEARCH).set_callbacks(line).fit(X, Y)
     assert max(map(len, frames())) == 29
     monkeypatch.setattr(_progress, "_PAUSE", 1000)
     clone(SEARCH).set_callbacks(ProgressLine()).fit(X, Y)

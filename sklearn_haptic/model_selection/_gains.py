@@ -77,7 +77,7 @@ def summarise_gains(gains, objects):
         sums = np.bincount(which, gains - gain)
         error = np.sqrt(len(ids) / (len(ids) - 1) * (sums**2).sum()) / len(gains)
     margin = error * student.ppf(0.975, max(len(ids) - 1, 1))
-    verdict = "no better"
+    verdict = "not shown"
     if abs(gain) > margin:
         verdict = "better" if gain > 0 else "worse"
     return {
@@ -95,7 +95,7 @@ def conclude(table: pd.DataFrame, overall: dict[str, Any], n_objects: int) -> st
     said = {
         "better": "The model is better than guessing",
         "worse": "The model is worse than guessing",
-        "no better": "The model is not shown to be better than guessing",
+        "not shown": "The model is not shown to be better than guessing",
     }[overall["verdict"]]
     rps, guess, gain = overall["rps"], overall["rps_guess"], overall["gain"]
     on_average = f"on average over {len(table)} adjectives " * (len(table) > 1)
@@ -110,7 +110,14 @@ def conclude(table: pd.DataFrame, overall: dict[str, Any], n_objects: int) -> st
     text += f" over {n_objects} object{'s' * (n_objects != 1)}."
     if len(table) == 1:
         return text
-    doubtful = table.index[table["verdict"] != "better"].tolist()
-    if not doubtful:
-        return f"{text} It is better on every adjective."
-    return f"{text} It is no better than guessing on: {', '.join(doubtful)}."
+    named = {
+        verdict: ", ".join(map(str, table.index[table["verdict"] == verdict]))
+        for verdict in ("better", "not shown", "worse")
+    }
+    if named["better"]:
+        text += f" It is better on: {named['better']}."
+    if named["not shown"]:
+        text += f" It is not shown to be better on: {named['not shown']}."
+    if named["worse"]:
+        text += f" It is worse on: {named['worse']}."
+    return text

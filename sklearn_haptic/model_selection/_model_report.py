@@ -15,7 +15,7 @@ from sklearn.utils import Bunch, indexable
 from sklearn.utils.parallel import Parallel, delayed
 
 from .._check_ratings import check_adjectives
-from .._check_trials import count
+from .._check_trials import count, is_table
 from .._folds import make_splitter, route
 from .._recordings import trial_columns
 from .._report import Report, Table, as_texts
@@ -138,7 +138,7 @@ def model_report(
             one of the two baselines; their difference ``gain``, positive if the model
             is better, and its ``standard_error``, paired over objects; ``verdict``:
             "better" or "worse" if the 95% interval of the gain, by Student's t, has
-            only positive or only negative values, else "no better".
+            only positive or only negative values, else "not shown".
         seconds_to_learn : float
             Mean duration of a fit.
         seconds_per_touch : float
@@ -183,7 +183,7 @@ def model_report(
     >>> report.gains["verdict"]
     adjective
     cold         better
-    sticky    no better
+    sticky    not shown
     Name: verdict, dtype: ...
     """
     targets = dict(y) if isinstance(y, Mapping) else {"ratings": y}
@@ -225,7 +225,7 @@ def model_report(
         predicted=predicted,
         conclusion=conclusion,
     )
-    result["summary"] = _summary(result, folds, groups, sensors_of(model, X), scales)
+    result["summary"] = _summary(result, folds, groups, _by_what(model, X), scales)
     return result
 
 
@@ -292,7 +292,7 @@ def sensors_of(model, X):
     return [name for name in names if name in taken] or names or None
 
 
-def _summary(result, folds, groups, sensors, scales):
+def _summary(result, folds, groups, by, scales):
     """Say what was learned from, what was predicted, and how long that took."""
     it = f"In each of {len(folds)} folds it" if len(folds) > 1 else "It"
     n_train = [len(train) for train, _ in folds]
@@ -301,7 +301,6 @@ def _summary(result, folds, groups, sensors, scales):
         tested += f" of {count(len(np.unique(groups[result.tested])), 'objects')}"
         n_objects = [len(np.unique(groups[train])) for train, _ in folds]
         learned += f" of {_range(*n_objects, unit='objects')}"
-    by = f" by {', '.join(sensors)}" if sensors else ""
     each = " per adjective" * (len(scales) > 1)
     scale = " or ".join(dict.fromkeys(scales))
     text = (
@@ -311,6 +310,14 @@ def _summary(result, folds, groups, sensors, scales):
         f"{1e3 * result.seconds_per_touch:.3g} ms per touch."
     )
     return text + _overlap(folds, groups)
+
+
+def _by_what(model, X):
+    """Say which sensors recorded what a model takes, or that it takes features."""
+    if is_table(X):
+        return ", given as features"
+    sensors = sensors_of(model, X)
+    return f" by {', '.join(sensors)}" if sensors else ""
 
 
 def _range(*values, unit="trials"):
