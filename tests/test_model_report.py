@@ -182,7 +182,7 @@ def test_sensors_times_and_html():
     y = {"<b>hard</b>": corpus.ratings["hard"]}
     report = model_report(model, corpus.trials, y, groups=corpus.objects, cv=2)
     assert (
-        "In each of 2 folds it had learned from 6 trials of 3 objects by pdc, tdc."
+        "it had learned from 6 trials of 3 objects, recorded by pdc, tdc."
         in report.summary
     )
     assert report.seconds_to_learn > report.seconds_per_touch > 0

@@ -30,7 +30,6 @@ from .._sklearn import (
 from .._validation import check_groups
 from ._cost import predictor, seconds_per_trial, timed
 from ._gains import (
-    ERRORS,
     GUESSES,
     MODEL,
     compare_with_guesses,
@@ -47,11 +46,13 @@ _SCORES = {
     "log_score": "log score",
     "dispersion": "spread",
 }
+_ANSWERS = {"better": "yes", "not shown": "not shown", "worse": "worse"}
 _NOTE = (
-    "RPS, EMD, MAE^M and the log score are errors: lower is better. The spread is 1 if "
-    "predictions are as broad as ratings scatter about them, less if they are too "
-    "narrow. Guessing ignores the touch: it predicts the mean of the training objects' "
-    "distributions, or the median of their cumulative ones."
+    "RPS, EMD, MAE^M and the log score are errors of a predicted distribution, the "
+    "first three in levels: lower is better. The spread is 1 if predictions are as "
+    "broad as ratings scatter about them, less if they are too narrow. Guessing "
+    "ignores the touch: it predicts the mean of the training objects' distributions, "
+    "or the median of their cumulative ones; by RPS the better one counts."
 )
 _INFINITE = " ∞: a rating that people gave had been ruled out."
 
@@ -61,14 +62,15 @@ class _Model(Report):
 
     def _parts(self):
         yield self.summary
-        note = _NOTE + _INFINITE * bool(np.isinf(self.scores.to_numpy()).any())
-        title = "Scores on the test trials"
-        if len(self.gains) == 1:
-            title += f", {self.gains.index[0]}" * (self.gains.index[0] != "ratings")
-            table = _score_texts(self.scores.droplevel(0))
-        else:
-            table = _table_of_adjectives(self.scores, self.gains)
-        yield Table(title, table, note=note)
+        names, title = self.gains.index, "Scores on the test trials"
+        if len(names) > 1:
+            yield Table("RPS on the test trials", _gain_texts(self.gains))
+            title += f", averaged over {len(names)} adjectives"
+        elif names[0] != "ratings":
+            title += f", {names[0]}"
+        table = self.scores.groupby(level=1, sort=False).mean()
+        note = _NOTE + _INFINITE * bool(np.isinf(table.to_numpy()).any())
+        yield Table(title, _score_texts(table), note=note)
         yield self.conclusion
 
 
@@ -317,7 +319,7 @@ def _by_what(model, X):
     if is_table(X):
         return ", given as features"
     sensors = sensors_of(model, X)
-    return f" by {', '.join(sensors)}" if sensors else ""
+    return f", recorded by {', '.join(sensors)}" if sensors else ""
 
 
 def _range(*values, unit="trials"):
@@ -356,17 +358,16 @@ def _number(value):
     return "∞" if np.isinf(value) else f"{value:.3f}"
 
 
-def _table_of_adjectives(scores, gains):
-    """Return the errors of the model and of the better guess on each adjective."""
-    model = scores.xs(MODEL, level=1)
-    guess = scores.drop(MODEL, level=1).groupby(level=0, sort=False).min()
-    columns = []
-    for name in ERRORS:
-        columns += [(_SCORES[name], model[name]), ("guess", guess[name])]
-    columns.append((_SCORES["dispersion"], model["dispersion"]))
-    table = pd.concat([values.map(_number) for _, values in columns], axis=1)
-    table.columns = [title for title, _ in columns]
-    pairs = zip(gains["gain"], gains["standard_error"])
-    table["RPS gained"] = [f"{gain:.3f} ± {error:.3f}" for gain, error in pairs]
-    table["verdict"] = gains["verdict"]
-    return table.loc[gains.index]
+def _gain_texts(gains):
+    """Return what is gained on each adjective as text."""
+    number = "{:.3f}".format
+    return as_texts(
+        gains,
+        {
+            "rps": ("the model", number),
+            "rps_guess": ("guessing", number),
+            "gain": ("lower by", number),
+            "standard_error": ("standard error", number),
+            "verdict": ("better than guessing?", _ANSWERS.get),
+        },
+    )
