@@ -94,11 +94,16 @@ def test_all_forms_of_trials_are_described_alike():
     images = describe_corpus(trials.reshape(6, 5, 4, 2)).sensors
     assert images.loc["", ["n_channels", "median"]].tolist() == [8, 5]
     alone = describe_corpus(trials[:1])
+    rated = describe_corpus({"trials": trials, "ratings": np.ones((6, 3))})
+    assert rated.summary == "6 trials; 1 sensor; ratings on 1 adjective."
+    assert describe_corpus({"trials": trials, "ratings": {}}).ratings is None
     assert alone.summary == "1 trial; 1 sensor."
     assert (alone.objects, alone.ratings, alone.rated) == (None, None, None)
     some = describe_corpus([{"acc": trials[0]}, {"acc": None, "skin": trials[1]}])
     assert some.sensors["n_missing_trials"].tolist() == [1, 1]
-    gone = describe_corpus(frame.assign(skin=[[]] * 6)).sensors
+    gone = describe_corpus(frame.assign(skin=[[]] * 6))
+    assert re.search(r"^skin +0 +6 +0 +– +– +– +0$", repr(gone), re.M)
+    gone = gone.sensors
     assert gone.loc["skin", ["n_trials", "n_channels", "n_samples"]].tolist() == [0] * 3
 
 
@@ -144,7 +149,10 @@ def test_trials_of_each_procedure():
         4, 2, procedure=["hold", "slow_slide"], sensors=["tdc"], random_state=0
     )
     corpus.trials.iloc[0, 1] = None
-    objects = describe_corpus(corpus).objects
+    description = describe_corpus(corpus)
+    told = "8 trials of 4 objects, 2 of each; 1 sensor in 2 procedures; ratings on"
+    assert description.summary.startswith(told)
+    objects = description.objects
     assert objects["trials"].tolist() == objects["hold"].tolist() == [2] * 4
     assert objects["slow_slide"].tolist() == [1, 2, 2, 2]
     assert objects["name"].tolist() == corpus.object_names[::2].tolist()
@@ -222,6 +230,7 @@ def test_bad_trials(arguments, message):
         ({"ratings": [[1, 2]]}, "inconsistent numbers of samples"),
         ({"ratings": {"hard": [[1, -2], [1, 2]]}}, "ratings['hard'] has a negative"),
         ({"ratings": {"hard": [[0, 0], [0, 0]]}}, "ratings['hard'] has no ratings"),
+        ({"ratings": {"hard": [[0, 1], [2]]}}, "ratings['hard'] is no array of one"),
         ({"ratings": [1, 2], "levels": [1, 3]}, "ratings['ratings'] has the rating 2"),
         ({"limits": (3, 2)}, "limits=(3, 2) must be the lowest and the highest"),
         ({"limits": {"acc": (3, 2)}}, "limits names the sensor 'acc'"),

@@ -19,7 +19,7 @@ from .._distributions import shares
 from .._recordings import ALONE, USUAL, iter_cells, trial_columns
 from .._report import Report, Table, as_texts
 from .._sklearn import Trials, _safe_indexing, validate_params
-from .._validation import check_objects
+from .._validation import check_objects, check_regular
 from ..ratings import interrater_agreement
 
 _CHUNK = 2**20  # values that are looked at in one go
@@ -181,7 +181,7 @@ def describe_corpus(
         objects, given.get("object_names"), _procedures(procedures, there, n_trials)
     )
     if ratings is None:
-        ratings = given.get("ratings") or None
+        ratings = given.get("ratings")
     if levels is None:
         levels = given.get("levels")
     rated = _ratings(ratings, objects, levels, n_trials)
@@ -310,10 +310,18 @@ def _procedures(procedures, there, n_trials):
         return {each: procedures == each for each in np.unique(procedures).tolist()}
     masks: dict[str, np.ndarray] = {}
     for name, mask in there.items():
-        of_name = [each for each in PROCEDURES if str(name).startswith(f"{each}_")]
-        if of_name:
-            masks[of_name[0]] = masks.get(of_name[0], False) | mask
+        procedure, _ = _split(name)
+        if procedure:
+            masks[procedure] = masks.get(procedure, False) | mask
     return masks
+
+
+def _split(name):
+    """Split the name of a column into a procedure, or "", and a sensor."""
+    for procedure in PROCEDURES:
+        if str(name).startswith(f"{procedure}_"):
+            return procedure, name.removeprefix(f"{procedure}_")
+    return "", name
 
 
 def _objects(objects, names, procedures):
@@ -330,7 +338,7 @@ def _objects(objects, names, procedures):
 
 def _ratings(ratings, objects, levels, n_trials):
     """Return the tables of ratings, and what was rated."""
-    if ratings is None:
+    if ratings is None or (isinstance(ratings, Mapping) and not ratings):
         return {"ratings": None, "shares": None, "rated": None}
     if not isinstance(ratings, Mapping):
         ratings = {"ratings": ratings}
@@ -358,7 +366,7 @@ def _ratings(ratings, objects, levels, n_trials):
 
 def _counts(y, levels, name):
     """Return counts of shape (n_trials, n_levels), 0 where unrated, and the levels."""
-    values = np.asarray(y)
+    values = check_regular(y, name)
     if values.ndim > 1 and values.shape[1:] != (1,):
         given = np.flatnonzero((values != 0).any(axis=1))
     else:
@@ -396,7 +404,10 @@ def _summary(n_trials, objects, sensors, ratings):
         each = f"{fewest}" if fewest == most else f"{fewest} to {most}"
         parts[0] += f" of {count(len(objects), 'objects')}"
         parts[0] += f", {each} of each" * (len(objects) < n_trials)
-    parts.append(count(len(sensors), "sensors"))
+    procedures, names = map(set, zip(*map(_split, sensors.index)))
+    parts.append(count(len(names), "sensors"))
+    if len(procedures) > 1:
+        parts[-1] += f" in {count(len(procedures), 'procedures')}"
     if ratings is not None:
         parts.append(f"ratings on {count(len(ratings), 'adjectives')}")
     return "; ".join(parts) + "."
@@ -425,9 +436,12 @@ def _sensor_table(sensors):
         "constant": ("channels never moved", "{:,}".format),
     }
     hints = []
-    for column, argument in (("rate", "sampling_rates"), ("saturated", "limits")):
+    for column, hint in (
+        ("rate", "Durations in seconds are not known without sampling_rates=."),
+        ("saturated", "Which channels are saturated is not known without limits=."),
+    ):
         if shown[column].isna().all():
-            hints.append(f"Without {argument}= nothing is known of {texts[column][0]}.")
+            hints.append(hint)
             del texts[column]
     return Table("Recordings", as_texts(shown, texts), note=" ".join(hints))
 
