@@ -25,6 +25,7 @@ import sys
 
 import matplotlib
 import matplotlib.pyplot as plt
+import numpy as np
 from sklearn.decomposition import PCA
 from sklearn.model_selection import GridSearchCV, GroupKFold, GroupShuffleSplit
 from sklearn.pipeline import make_pipeline
@@ -68,8 +69,10 @@ progress = ProgressLine(len(transformers), max_propagation_depth=2)
 for _, transformer, _ in transformers:
     transformer.set_callbacks(progress)
 features = make_pipeline(pipeline["features"], pipeline["scale"], PCA())
-features.fit(corpus.trials.iloc[train])
-X = features.transform(corpus.trials)
+X_train = features.fit_transform(corpus.trials.iloc[train])
+X_test = features.transform(corpus.trials.iloc[test])
+X = np.empty((len(corpus.trials), X_train.shape[1]))
+X[train], X[test] = X_train, X_test
 
 # %%
 # 3. One model per adjective
