@@ -27,7 +27,7 @@ _STYLE = """
   font-weight: normal; }
 .sklearn-haptic-report tbody th { text-align: left; font-weight: normal;
   white-space: nowrap; }
-.sklearn-haptic-report p { margin: 0.3em 0; }
+.sklearn-haptic-report p { margin: 0.3em 0; max-width: 50em; }
 """
 
 
