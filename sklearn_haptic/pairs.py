@@ -211,6 +211,9 @@ def pairwise_scale(
     centred values: the uncertainty that the judgements leave, if they are independent
     of each other. Several judgements by one person seldom are.
 
+    The covariance is a dense matrix, and the fit holds five of its size: for 5,000
+    objects 200 MB remain of 1 GB.
+
     References
     ----------
     L. L. Thurstone, "A law of comparative judgment", Psychological Review 34,

@@ -346,9 +346,8 @@ class TrialRepair:
 
         Parameters
         ----------
-        X : DataFrame with columns of trials, collection of trials, or array-like of \
-                shape (n_trials, n_times)
-            Trials of the sensors seen in `fit`.
+        X
+            As for `transform`.
 
         Returns
         -------
