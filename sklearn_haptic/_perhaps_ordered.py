@@ -1,5 +1,7 @@
 """Mixin of models around others, which may know an order of the levels or not."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import ClassifierMixin

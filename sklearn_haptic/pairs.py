@@ -5,6 +5,8 @@ of the one is above a rating of the other. Where people gave no ratings but only
 which of two objects feels, say, rougher, `pairwise_scale` places them on a line.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from numbers import Real
 from typing import Literal

@@ -5,6 +5,8 @@ each. A trial is a group ``<object>_<id>_<run>`` at the root of the file; the st
 the robot's controller marks which rows belong to which exploratory procedure.
 """
 
+from __future__ import annotations
+
 import os
 import re
 from collections.abc import Mapping, Sequence

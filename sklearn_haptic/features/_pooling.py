@@ -1,5 +1,7 @@
 """Temporal pyramid: statistics of every column in every cell of time."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Literal, Self
 

@@ -1,5 +1,7 @@
 """Features of a sensor that nobody has described."""
 
+from __future__ import annotations
+
 from typing import Any, Self
 
 from numpy.typing import NDArray

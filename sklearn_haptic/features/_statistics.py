@@ -1,5 +1,7 @@
 """Statistics and spectral bands of the channels of trials."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from itertools import groupby
 from numbers import Integral

@@ -1,5 +1,7 @@
 """What the transformers share that turn each trial into one row of features."""
 
+from __future__ import annotations
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray

@@ -1,5 +1,7 @@
 """Whether predicted distributions are as wide as ratings scatter about them."""
 
+from __future__ import annotations
+
 from numbers import Integral
 from typing import Literal
 

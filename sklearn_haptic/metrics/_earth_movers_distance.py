@@ -1,5 +1,7 @@
 """Earth mover's distance of distributions."""
 
+from __future__ import annotations
+
 from typing import Literal
 
 import numpy as np

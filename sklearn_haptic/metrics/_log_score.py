@@ -1,5 +1,7 @@
 """Logarithmic score of distributions."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import xlogy

@@ -1,5 +1,7 @@
 """Macro-averaged error, of distributions and of ratings predicted one by one."""
 
+from __future__ import annotations
+
 from numbers import Integral
 from typing import Literal
 

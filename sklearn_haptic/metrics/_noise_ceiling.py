@@ -1,5 +1,7 @@
 """How good a prediction of finitely many people's ratings can be."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from functools import partial
 from numbers import Integral

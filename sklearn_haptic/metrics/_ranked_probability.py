@@ -1,5 +1,7 @@
 """Ranked probability scores, of levels and of ratings that are numbers."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Literal
 

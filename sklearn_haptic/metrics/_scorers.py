@@ -1,5 +1,7 @@
 """Scorers of fitted estimators, for searches."""
 
+from __future__ import annotations
+
 from functools import partial
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The neural-network proportional odds model as an estimator."""
 
+from __future__ import annotations
+
 import warnings
 from numbers import Integral, Real
 from typing import Literal, Self

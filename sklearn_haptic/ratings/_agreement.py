@@ -1,5 +1,7 @@
 """Agreement of the people who rated an object."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

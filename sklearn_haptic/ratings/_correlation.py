@@ -1,5 +1,7 @@
 """Correlation of the ratings of adjectives: synonyms and antonyms."""
 
+from __future__ import annotations
+
 from numbers import Real
 
 import numpy as np

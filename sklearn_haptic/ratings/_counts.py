@@ -1,5 +1,7 @@
 """Count the ratings of people: a table of counts per object and level."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any, Self
 

@@ -1,5 +1,7 @@
 """What counts say of each object: shares, CDF, inverse CDF and mean."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,5 +1,7 @@
 """People whose ratings lie further from other people's than is usual."""
 
+from __future__ import annotations
+
 from numbers import Real
 
 import numpy as np
