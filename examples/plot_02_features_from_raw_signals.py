@@ -84,9 +84,10 @@ axes[0].legend()
 
 # %%
 # The transformer reports the root mean square error over the training windows, in the
-# unit of the signal. It falls with every atom that a code may use, by less each time. A
-# small error says that the codes keep the windows. It does not say that what they keep
-# tells how objects feel: only the scores of a model on unseen objects can decide that.
+# unit of the signal. Each further atom that a code may use lowers the error, by less
+# each time. A small error says that the codes keep the windows. It does not say that
+# what they keep tells how objects feel: only the scores of a model on unseen objects
+# can decide that.
 spread = np.sqrt(
     np.mean(
         [
@@ -106,9 +107,9 @@ for n_nonzero_coefs in (1, 2, 4, 8):
 # %%
 # 5. Means
 # --------
-# By default each window's mean is removed, for in vibration it is a nuisance. Windows
-# that differ in the mean alone are then the same to the coder. Pressure and temperature
-# say much by their mean, so for these ``remove_mean=False`` keeps it.
+# By default each window's mean is removed, because in vibration it is a nuisance. Two
+# windows that differ only in their mean then have the same code. In pressure and
+# temperature the mean is information, and ``remove_mean=False`` keeps it.
 pressure = corpora["fast_slide"].trials["pdc"]
 for remove_mean in (True, False):
     of_pressure = KSVDTransformer(
