@@ -85,6 +85,9 @@ html_theme_options = {
     "show_toc_level": 2,
 }
 html_context = {"default_mode": "auto"}
+html_sidebars = {  # of pages without pages below them
+    name: [] for name in ("index", "install", "real_data", "changelog", "contributing")
+}
 html_math_renderer = "mathml"  # browsers draw it, with no script and no network
 
 

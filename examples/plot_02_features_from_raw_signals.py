@@ -125,14 +125,21 @@ for remove_mean in (True, False):
 # Trials differ in length. `TemporalMaxPool` takes the maximum of each code in four
 # quarters, two halves and the whole of the recording, so that every trial has the same
 # number of features. It keeps that an atom appeared, how strongly and in which quarter;
-# it drops how often, and when exactly. Below the codes, the maxima lie where their
-# cells are.
+# it drops how often, and when exactly.
 coder.set_params(n_nonzero_coefs=4)
 pipeline = make_pipeline(coder, TemporalMaxPool((4, 2, 1)))
 features = pipeline.fit_transform(trials)
 print(f"{features.shape[0]} trials, {features.shape[1]} features each, such as")
 print(pipeline.get_feature_names_out()[[0, 200, -1]])
-display = FeatureMapDisplay.from_estimator(pipeline, trial, sampling_rate=rate)
-display.figure_.suptitle("Codes of one trial, and the maxima that are its features")
+
+# %%
+# The figure shows this for one finger and ten atoms, so that single codes can be seen.
+# Below the codes, the maxima lie where their cells are.
+few = make_pipeline(
+    KSVDTransformer(n_atoms=10, window=22, n_nonzero_coefs=2, random_state=0),
+    TemporalMaxPool((4, 2, 1)),
+).fit([each[:, :1] for each in trials])
+display = FeatureMapDisplay.from_estimator(few, trial[:, :1], sampling_rate=rate)
+display.figure_.suptitle("Codes of one finger, and the maxima that are its features")
 if matplotlib.get_backend().lower() != "agg":
     plt.show()

@@ -1,7 +1,8 @@
 """What scikit-learn does with counts: each row of the guide's table, by a plain loop.
 
 The table of docs/scikit_learn.md names functions and classes, and says of each that it
-takes counts, refuses them or goes wrong. The function of that name in `CHECKS` shows it.
+takes counts, refuses them or goes wrong. The function of that name in `CHECKS` shows
+it.
 """
 
 import re
