@@ -7,8 +7,8 @@ is predicted out of fold: films, objects, materials, forces or runs are left out
 The upper panel shows predictions. The lower panel shows how much worse (to the right)
 or better (to the left) each rival is than the default, with intervals of 95 % over
 films, objects, materials, forces and speeds, or runs. Settings that rivals have are
-chosen inside the training folds. The random kernels of MiniRocket (extra `aeon`) are
-drawn from all trials. Some minutes on one core; one thread.
+chosen inside the training folds. The random kernels of MiniRocket are drawn from
+all trials. Needs the extra `aeon`. Two minutes on one core; give it one thread.
 """
 
 import argparse
@@ -172,8 +172,8 @@ def films(folder):
         ax.set(yticks=[], xlabel="stars", xticks=stars)
         ax.set_title(name, size=9)
         ax.spines[["top", "right", "left"]].set_visible(False)
-    axes[0].text(0.4, 0.36, "predicted", color=BLUE, weight="bold", size=9)
-    axes[0].text(0.4, 0.41, "people", color=ORANGE, weight="bold", size=9)
+    axes[0].text(0.4, 0.24, "predicted", color=BLUE, weight="bold", size=7.5)
+    axes[0].text(0.4, 0.29, "people", color=ORANGE, weight="bold", size=7.5)
     above.suptitle("Stars of three films: predictions and people", size=11)
     beside_rivals(below.subplots(), scores, "RPS")
     return figure
@@ -203,7 +203,7 @@ def grips(folder):
     y, _, proba, scores = distributions("bolt", folder)
     figure = two_panels(
         objects_in_a_row, y, np.arange(len(y)), proba, "force, counts",
-        "74 grips of materials never touched, weakest first",
+        "74 grips, weakest first",
         scores=scores, unit="RPS", title="Predicted (blue) and true (orange) force",
     )  # fmt: skip
     figure.axes[0].set_yticks(range(3), labels=[100, 150, 200])
@@ -233,7 +233,7 @@ def slides(folder):
     y, predicted, scores = classes(others.BIOTAC, trials, frames, y, *split, run)
     return two_panels(
         confusion, y, predicted, None, scores=scores, unit="errors, %", heights=(2, 1),
-        title="Which of twenty materials, in later runs",
+        title="Which of twenty materials, in runs left out",
     )  # fmt: skip
 
 
