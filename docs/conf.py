@@ -67,7 +67,7 @@ sphinx_gallery_conf = {
     "backreferences_dir": "generated/backreferences",
     "doc_module": ("sklearn_haptic",),
     "reference_url": {"sklearn_haptic": None},
-    "capture_repr": ("_repr_html_",),  # no Text(0.5, 0.99, …) of a title
+    "capture_repr": (),  # what examples print, and no Text(0.5, 0.99, …) of a title
     "download_all_examples": False,
     "write_computation_times": False,  # of a page that asks for scripts of others
 }
