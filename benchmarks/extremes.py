@@ -35,7 +35,9 @@ from sklearn_haptic import NNPOM, KSVDTransformer
 from sklearn_haptic.metrics import ranked_probability_score
 
 # Cost, gradient and probabilities at given parameters; in public they are only fitted.
-from sklearn_haptic.models._network import Layout, NetworkLoss, level_probabilities
+from sklearn_haptic.models._network import Layout
+from sklearn_haptic.models._network_loss import NetworkLoss
+from sklearn_haptic.models._proportional_odds import level_probabilities
 
 if find_spec("spams"):
     import spams

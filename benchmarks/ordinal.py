@@ -36,7 +36,8 @@ from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
 
 # A descent from given parameters to a given cost; `NNPOM.fit` chooses both itself.
 from sklearn_haptic.models._conditioning import Conditioning
-from sklearn_haptic.models._network import Layout, NetworkLoss
+from sklearn_haptic.models._network import Layout
+from sklearn_haptic.models._network_loss import NetworkLoss
 from sklearn_haptic.models._solvers import lbfgs
 from sklearn_haptic.ratings import inverse_cdf
 

@@ -191,7 +191,7 @@ def run(choices, adjective, seed):
         ]
         X = np.hstack(blocks)
         model = fit_best(grid, X, counts, parts, **best_of)[2]
-        _, of_trials = predict_and_score(model, X[parts.test], counts[parts.test])
+        _, (of_trials,) = predict_and_score(model, X[parts.test], counts[parts.test])
         seconds[1] += process_time() - started
         tested = corpus.objects[parts.test]
         for each in np.unique(tested):

@@ -21,7 +21,7 @@ from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNN
 
 # Parts of one cost of all weights; each public network has a cost of its own.
 from sklearn_haptic.models._conditioning import EvenedFeatures, total_spread
-from sklearn_haptic.models._network import ordinal_loss, thresholds_from
+from sklearn_haptic.models._proportional_odds import ordinal_loss, thresholds_from
 
 APART, ADJECTIVES = "apart", FEW[:2]
 ALPHAS = (10.0, 30.0, 100.0)

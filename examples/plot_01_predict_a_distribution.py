@@ -22,7 +22,6 @@ or in the environment variables ``SKLEARN_HAPTIC_PHAC2`` and
 # over time. Every trial of an object carries that object's ratings.
 import os
 import sys
-import time
 
 import matplotlib
 import matplotlib.pyplot as plt
@@ -31,23 +30,11 @@ from sklearn.decomposition import PCA
 from sklearn.model_selection import GridSearchCV, GroupKFold, GroupShuffleSplit
 from sklearn.pipeline import make_pipeline
 
-from sklearn_haptic import DummyDistribution, make_haptic_pipeline
-from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
-from sklearn_haptic.metrics import (
-    earth_movers_distance,
-    log_score,
-    macro_mae,
-    neg_rps_scorer,
-    ranked_probability_score,
-)
+from sklearn_haptic import ProgressLine, make_haptic_pipeline
+from sklearn_haptic.datasets import describe_corpus, load_phac2, make_haptic_corpus
+from sklearn_haptic.metrics import neg_rps_scorer
+from sklearn_haptic.model_selection import model_report
 from sklearn_haptic.plotting import InverseCDFDisplay
-
-started = time.perf_counter()
-
-
-def say(text):
-    print(f"[{time.perf_counter() - started:5.1f} s] {text}", flush=True)
-
 
 files = sys.argv[1:3] or [
     os.environ[name]
@@ -57,11 +44,12 @@ files = sys.argv[1:3] or [
 if len(files) == 1:
     sys.exit("Name the file of ratings too: the recordings alone have none.")
 if files:
-    say(f"Reading {files[0]} …")
+    print(f"Reading {files[0]} …", flush=True)
     corpus = load_phac2(files[0], procedure="slow_slide", ratings=files[1])
 else:
-    say("Generating 60 objects × 10 trials of a slow slide …")
+    print("Generating touches of a slow slide, and ratings …", flush=True)
     corpus = make_haptic_corpus(procedure="slow_slide", random_state=0)
+print(describe_corpus(corpus).summary)
 
 # %%
 # 2. Features, learned from the training objects without their ratings
@@ -69,56 +57,46 @@ else:
 # The first steps of `make_haptic_pipeline` learn one dictionary per sensor, code
 # sliding windows or patches of electrodes sparsely over it, and take the maxima of the
 # codes over stretches of time. Rotating the features to as many axes as there are
-# trials loses nothing, and makes every later fit faster.
-pipeline = make_haptic_pipeline(random_state=0)
-features = make_pipeline(pipeline["features"], pipeline["scale"], PCA())
-
+# trials loses nothing, and makes every later fit faster. While the sensors are learned
+# one after the other, a line in the terminal says how far this has come.
 split = GroupShuffleSplit(test_size=0.2, random_state=0)
 train, test = next(split.split(corpus.trials, groups=corpus.objects))
-groups = corpus.objects[train]
-say("Learning one dictionary per sensor and coding the training trials …")
+
+print("Learning features of each sensor from the training objects …", flush=True)
+pipeline = make_haptic_pipeline(random_state=0)
+transformers = pipeline["features"].transformers
+progress = ProgressLine(len(transformers), max_propagation_depth=2)
+for _, transformer, _ in transformers:
+    transformer.set_callbacks(progress)
+features = make_pipeline(pipeline["features"], pipeline["scale"], PCA())
 X_train = features.fit_transform(corpus.trials.iloc[train])
-say("Coding the trials of the test objects …")
 X_test = features.transform(corpus.trials.iloc[test])
-say(f"{features[0].get_feature_names_out().size} features per trial.")
+X = np.empty((len(corpus.trials), X_train.shape[1]))
+X[train], X[test] = X_train, X_test
 
 # %%
 # 3. One model per adjective
 # --------------------------
 # The penalty is chosen by cross-validation over training objects, which keeps all
-# trials of an object together. The two baselines ignore the features.
+# trials of an object together. The report fits the search for each adjective, scores
+# what it predicts for the test objects, and says how much better that is than guessing.
+# In a notebook, `report` is shown as a table.
+print("Learning a model of each adjective …", flush=True)
 search = GridSearchCV(
     pipeline["model"].set_params(levels=corpus.levels),
     {"estimator__alpha": [1, 3, 10, 30, 100]},
     scoring=neg_rps_scorer,
     cv=GroupKFold(4),
 )
-baselines = {
-    name: DummyDistribution(name, levels=corpus.levels)
-    for name in ("marginal", "barycentre")
-}
-scores = {
-    "MAE^M": macro_mae,
-    "EMD": earth_movers_distance,
-    "RPS": ranked_probability_score,
-    "log": log_score,
-}
-
-header = "".join(f"{name:>8}{'marg.':>7}{'bary.':>7}" for name in scores)
-say("Scores on test objects, lower is better: model, marginal, W1 barycentre")
-print(f"{'adjective':<12}{header}")
-predictions, results = {}, []
-for adjective, counts in corpus.ratings.items():
-    fitted = [search.fit(X_train, counts[train], groups=groups).best_estimator_]
-    fitted += [model.fit(X_train, counts[train]) for model in baselines.values()]
-    proba = [model.predict_proba(X_test) for model in fitted]
-    row = [[score(counts[test], p) for p in proba] for score in scores.values()]
-    cells = "".join(f"{m:8.3f}{a:7.3f}{b:7.3f}" for m, a, b in row)
-    print(f"{adjective:<12}{cells}", flush=True)
-    predictions[adjective] = proba[0]
-    results.append(row)
-cells = "".join(f"{m:8.3f}{a:7.3f}{b:7.3f}" for m, a, b in np.mean(results, axis=0))
-print(f"{'mean':<12}{cells}")
+report = model_report(
+    search.set_callbacks(ProgressLine(len(corpus.ratings))),
+    X,
+    corpus.ratings,
+    groups=corpus.objects,
+    cv=[(train, test)],
+    params={"groups": corpus.objects},
+)
+print(f"\n{report}\n")
 
 # %%
 # 4. What the model says about one new object
@@ -127,16 +105,19 @@ print(f"{'mean':<12}{cells}")
 # the rating of the person at each quantile position of the population (Figure 11 of the
 # paper).
 adjective = "cold"
-levels_used = (corpus.ratings[adjective][test] > 0).sum(axis=1)
-unseen = corpus.objects[test][levels_used.argmax()]  # people disagree about it
-of_object = corpus.objects[test] == unseen
+counts, objects = (
+    corpus.ratings[adjective][report.tested],
+    corpus.objects[report.tested],
+)
+unseen = objects[(counts > 0).sum(axis=1).argmax()]  # people disagree about it
 display = InverseCDFDisplay.from_predictions(
-    corpus.ratings[adjective][test][of_object],
-    predictions[adjective][of_object],
+    counts[objects == unseen],
+    report.predicted[adjective][objects == unseen],
     levels=corpus.levels,
 )
 display.figure_.suptitle(f"How {adjective} is object {unseen}, never touched before?")
 display.figure_.savefig("inverse_cdf_of_an_unseen_object.png", dpi=150)
-say("Figure saved as inverse_cdf_of_an_unseen_object.png")
+print(f"How {adjective} people found object {unseen}, and what the model predicts from")
+print("each touch of it, is drawn in inverse_cdf_of_an_unseen_object.png.")
 if matplotlib.get_backend().lower() != "agg":
     plt.show()

@@ -22,10 +22,9 @@ import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 from dask.distributed import Client
-from sklearn.callback import ProgressBar
 from sklearn.model_selection import GridSearchCV, GroupKFold
 
-from sklearn_haptic import make_haptic_pipeline
+from sklearn_haptic import ProgressLine, make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_rps_scorer
 
@@ -58,10 +57,10 @@ def run(name, search):
 # %%
 # 2. Progress
 # -----------
-# The bar is scikit-learn's and needs the package rich. On the search it counts the
-# fits. A deeper bar shows the iterations of a model too, but is not handed on through a
-# `ColumnTransformer`.
-search = new_search().set_callbacks(ProgressBar(max_propagation_depth=0))
+# A line in the terminal counts the fits, and has another bar for the steps of the
+# pipeline that is being fitted. scikit-learn's `ProgressBar` would show a bar for each
+# of the 25 fits.
+search = new_search().set_callbacks(ProgressLine(max_propagation_depth=1))
 run("no cache", search)
 
 # %%

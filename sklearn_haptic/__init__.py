@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import Any
 
 from ._pipeline import make_haptic_pipeline
+from ._progress import ProgressLine
 from ._sensors import Signal, TaxelGrid
 from ._sequences import Sequences
 from .features import (
@@ -41,6 +42,7 @@ __all__ = [
     "DummyDistribution",
     "KSVDTransformer",
     "NoveltyGuard",
+    "ProgressLine",
     "RegressedDistribution",
     "RepairTrials",
     "STHMPTransformer",

@@ -1,5 +1,7 @@
 """A whole model in one call, with presets from fast to accurate."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 

@@ -15,6 +15,8 @@ from typing import Any, Protocol, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn import base, callback
+from sklearn.callback._callback_context import get_context_path
+from sklearn.callback._transport import close_listener, open_listener, send
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.model_selection._search import BaseSearchCV
 from sklearn.utils import _param_validation, _safe_indexing, parallel
@@ -60,9 +62,13 @@ __all__ = [
     "_safe_indexing",
     "_wrap_data_with_container",
     "check_matplotlib_support",
+    "close_listener",
     "fit_task",
+    "get_context_path",
     "is_pandas_na",
     "one_blas_thread",
+    "open_listener",
+    "send",
     "validate_params",
     "with_callbacks",
 ]

@@ -6,8 +6,10 @@ wherever they multiply them, and each gets its columns of one wide product.
 """
 
 import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import TypeVar
 
 import numpy as np
@@ -21,9 +23,9 @@ _this_thread = threading.local()
 def run_together(functions: Sequence[Callable[[], _Result]]) -> list[_Result]:
     """Call functions in threads of their own, one of which runs at a time.
 
-    A function runs until it needs a product of a `Matrix` that it shares with others.
-    Products are computed once all of these wait for theirs, in the order of the
-    functions, so what they return depends on nothing else.
+    A function runs until it needs a product of a `Matrix` that it shares with others;
+    then the next one does. Products are computed once all wait for theirs, in the order
+    of the functions, so what they return depends on nothing else.
 
     Parameters
     ----------
@@ -34,70 +36,81 @@ def run_together(functions: Sequence[Callable[[], _Result]]) -> list[_Result]:
     -------
     results : list
         What each of them returns.
+
+    Raises
+    ------
+    Exception
+        The first function's, in their order, that raised one, once all have ended.
     """
     turns, config = _Turns(len(functions)), get_config()
 
     def call(i):
-        with config_context(**config), turns.running:
+        with config_context(**config), turns.turn(i):
             _this_thread.turns = turns, i
-            try:
-                return functions[i]()
-            finally:
-                turns.leave(i)
+            return functions[i]()
 
     with ThreadPoolExecutor(len(functions)) as threads:
-        return list(threads.map(call, range(len(functions))))
+        # Not by `map`: an error would cancel what has not begun, for which others wait.
+        results = [threads.submit(call, i) for i in range(len(functions))]
+    return [each.result() for each in results]
 
 
 class _Turns:
-    """The functions that share a matrix, and the products that they wait for."""
+    """Whose turn it is, the matrix that functions share, and its products."""
 
     def __init__(self, n_functions):
-        self.running = threading.Condition()  # held by the function that runs
-        self.members = set(range(n_functions))
-        self.X, self.product = None, None
-        self.factors, self.products = {}, {}
+        self.X = None
+        self.ready = deque(range(n_functions))  # those that need no product to go on
+        self.factors, self.products = {}, {}  # by function: asked for, and computed
+        # Each waits for a lock of its own: passing the turn on wakes one thread.
+        self.gates = [threading.Lock() for _ in range(n_functions)]
+        for gate in self.gates:
+            gate.acquire()
+        self._pass_on(None)
 
-    def join(self, i, X):
-        """Return whether the function takes part: not if its matrix is another."""
+    @contextmanager
+    def turn(self, i):
+        """Wait for the first turn of a function; at its end, pass the turn on."""
+        self.gates[i].acquire()
+        try:
+            yield
+        finally:
+            self._pass_on(None)
+
+    def shares(self, X):
+        """Return whether a matrix is the shared one, which the first becomes."""
         if self.X is None:
-            self.X, self.used = X, np.flatnonzero(X.any(axis=0))
-            self.X_used = X[:, self.used]
-        shared = X is self.X or np.array_equal(X, self.X)
-        if not shared:
-            self.leave(i)
-        return shared
-
-    def leave(self, i):
-        """Let the others wait for this function no longer."""
-        self.members.discard(i)
-        self.factors.pop(i, None)
-        self._multiply_if_all_wait()
+            self.X = X
+        return X is self.X or np.array_equal(X, self.X)
 
     def multiply(self, i, product, factor):
         """Return the columns of ``product(factors)`` that belong to this factor."""
         self.factors[i] = factor
-        self._multiply_if_all_wait(product)
-        self.running.wait_for(lambda: i in self.products)
-        return self.products.pop(i)
+        self._pass_on(product)
+        self.gates[i].acquire()
+        columns = self.products.pop(i)
+        if isinstance(columns, Exception):
+            raise columns
+        return columns
 
-    def _multiply_if_all_wait(self, product=None):
+    def _pass_on(self, product):
         if product is not None:
             self.product = product
-        if not self.factors or self.factors.keys() != self.members:
-            return
-        factors = [self.factors[i] for i in sorted(self.factors)]
-        ends = np.cumsum([factor.shape[1] for factor in factors])
-        columns = np.split(self.product(np.hstack(factors)), ends[:-1], axis=1)
-        self.products = dict(zip(sorted(self.factors), columns))
-        self.factors = {}
-        self.running.notify_all()
+        if not self.ready and self.factors:
+            self.ready.extend(sorted(self.factors))
+            factors = [self.factors.pop(i) for i in self.ready]
+            ends = np.cumsum([factor.shape[1] for factor in factors])
+            try:
+                columns = np.split(self.product(np.hstack(factors)), ends[:-1], axis=1)
+            except Exception as error:  # for each of those who wait to raise
+                columns = [error] * len(factors)
+            self.products = dict(zip(self.ready, columns))
+        if self.ready:
+            self.gates[self.ready.popleft()].release()
 
 
 class Matrix:
     """A matrix whose products are computed together, within `run_together`.
-
-    Columns of zeros are left out of the work then.
 
     Parameters
     ----------
@@ -108,14 +121,13 @@ class Matrix:
         self._X, self._turns = X, None
         turns, i = getattr(_this_thread, "turns", (None, None))
         _this_thread.turns = None, None  # of each function the first matrix is shared
-        if turns is not None and turns.join(i, X):
+        if turns is not None and turns.shares(X):
             self._turns, self._i = turns, i
 
     def times(self, coef):
         """Return ``X @ coef``."""
         if self._turns is None:
             return self._X @ coef
-        coef = coef[self._turns.used]
         return self._turns.multiply(self._i, self._times, coef)
 
     def add_transposed_times(self, rows, out):
@@ -123,11 +135,10 @@ class Matrix:
         if self._turns is None:
             out += self._X.T @ rows
         else:
-            product = self._turns.multiply(self._i, self._transposed_times, rows)
-            out[self._turns.used] += product
+            out += self._turns.multiply(self._i, self._transposed_times, rows)
 
     def _times(self, coef):
-        return self._turns.X_used @ coef
+        return self._X @ coef
 
     def _transposed_times(self, rows):
-        return (rows.T @ self._turns.X_used).T  # takes 0.7 of the time of X.T @ rows
+        return (rows.T @ self._X).T  # takes 0.7 of the time of X.T @ rows

@@ -2,13 +2,13 @@
 
 import numpy as np
 
+from ._decided import ratings_decided_on
 from .metrics import (
     earth_movers_distance,
     log_score,
     macro_mae,
     macro_mae_at_positions,
     ranked_probability_score,
-    ratings_decided_on,
 )
 
 

@@ -207,6 +207,13 @@ def is_missing(value):
     return isinstance(differs, (bool, np.bool_)) and bool(differs)
 
 
+def has_no_samples(recording):
+    """Whether a recording is missing or an array of no samples, which says as much."""
+    if isinstance(recording, (list, tuple)):
+        return not recording
+    return getattr(recording, "shape", ())[:1] == (0,) or is_missing(recording)
+
+
 def check_names(asked, known, what, where):
     """Return the names asked for, or all that are known if ``asked`` is None.
 

@@ -6,6 +6,8 @@ who happened to rate it: how each shifts and spreads the scale, and how often ea
 answers without care.
 """
 
+from __future__ import annotations
+
 from numbers import Real
 
 import numpy as np

@@ -35,6 +35,7 @@ from sklearn_haptic import (
     DummyDistribution,
     KSVDTransformer,
     NoveltyGuard,
+    ProgressLine,
     RegressedDistribution,
     RepairTrials,
     SensorFeatures,
@@ -56,7 +57,12 @@ from sklearn_haptic import (
     resample_trials,
     streaming,
 )
-from sklearn_haptic.datasets import MatlabRatings, load_phac2, make_haptic_corpus
+from sklearn_haptic.datasets import (
+    MatlabRatings,
+    describe_corpus,
+    load_phac2,
+    make_haptic_corpus,
+)
 from sklearn_haptic.ratings import RatingTable
 from sklearn_haptic.study import (
     compare_procedures,
@@ -468,6 +474,15 @@ CROSS_VALIDATION = direct(model_selection.cross_val_predict_proba,
 ask(CROSS_VALIDATION,
     check("a model of sliders", estimator=ContinuousRatingsRegressor(), y=X[:, 0],
         says="^ContinuousRatingsRegressor has no predict_proba, from which method"))
+MODEL_REPORT = direct(model_selection.model_report,
+    model=DummyDistribution(), X=X, y=COUNTS)
+ask(MODEL_REPORT,
+    check("no adjectives", y={}, says="^y has no adjectives; give the ratings of"),
+    check("ratings of fewer trials", y={"hard": COUNTS[1:]},
+        says=r"inconsistent numbers of samples: \[12, 11\]"),
+    check("a trial tested twice", cv=RepeatedKFold(n_splits=3, n_repeats=2),
+        says="^cv tests trial 0 2 times; choose a splitter"),
+    *wrong(model=3, cv="five"))
 CONTRIBUTIONS = direct(model_selection.sensor_contributions,
     model=fusion(), X=X, y=COUNTS)
 CALIBRATION = direct(plotting.PITHistogramDisplay.from_predictions,
@@ -478,7 +493,7 @@ ask(fitting(RATED, "sample_weight")
     | fitting(BLEND, "sample_weight", groups=OBJECTS),
     *NOT_WEIGHTS, arg="sample_weight")
 ask(fitting(LABELLED | BLEND, "groups")
-    | by_name("groups", CROSS_VALIDATION | CONTRIBUTIONS | CALIBRATION),
+    | by_name("groups", CROSS_VALIDATION | MODEL_REPORT | CONTRIBUTIONS | CALIBRATION),
     *NOT_OBJECTS, arg="groups")
 ask(fitting(LABELLED | BLEND, "groups"),
     check("no groups", [], r"inconsistent numbers of samples: \[12, 0\]"),
@@ -783,6 +798,21 @@ ask({"TouchPool.weights": lambda touches: call(
         "^Unknown member 'pac'; the pool has 1, of which the closest are"),
     check("a member twice", [["linear", "linear"]],
         "^The member 'linear' is asked for twice"))
+ask(direct(describe_corpus),
+    check("no trials", [], "^corpus holds no trials; give a DataFrame or a list"),
+    check("a dict of sensors", {"pac": TRIALS}, "^corpus is a dict without 'trials'"),
+    check("a table of numbers", pd.DataFrame(X), "none of which holds arrays; give"),
+    check("trials of other channels", [np.ones((3, 1)), np.ones((3, 2))],
+        "^Trial 1 of X has time samples of shape"),
+    check("text in a trial", [np.ones((3, 1)), "rough"], "^Trial 1 of X is not an"),
+    check("a trial without an object", TRIALS, objects=["a", "b", "c", None],
+        says="^objects has no object in trial 3"),
+    check("no ratings at all", TRIALS, ratings={"hard": np.zeros((4, 3))},
+        says=r"^ratings\['hard'\] has no ratings at all; leave it out"),
+    check("limits of an unknown sensor", TRIALS, limits={"acc": (0, 1)},
+        says="^limits names the sensor 'acc', which is none of"),
+    check("limits the wrong way round", TRIALS, limits=(1, 0),
+        says=r"^limits=\(1, 0\) must be the lowest and the highest"))
 ask(direct(make_haptic_corpus),
     check("an unknown procedure of a list", procedure=["hold", "tap"],
         says="^Unknown procedure 'tap'; the corpus has 4"),
@@ -790,6 +820,7 @@ ask(direct(make_haptic_corpus),
 ask(fitting(DUMMY),
     check("trials of another number than ratings", TRIALS,
         r"inconsistent numbers of samples: \[4, 12\]"))
+ask(direct(ProgressLine), *wrong(n_fits=0, max_propagation_depth=-1))
 ask(direct(Sequences),
     check("a number in place of trials", 3, ["x0"], error=(TypeError, ValueError),
         says="^trials|is not iterable"))
@@ -928,7 +959,8 @@ ask(direct(ratings.outlying_raters),
     check("an object without a name", X[:2], [1, None], [1, 2], OBJECT_WITHOUT_NAME),
     check("a rater without a name", X[:2], [1, 1], [1, None],
         "^raters has no object in row 1"),
-    check("ratings in one dimension", [1.0, 2.0], [1, 1], [1, 2], "2D array"),
+    check("ratings in one dimension", [1.0, 2.0], [1, 1], [1, 2],
+        r"^ratings has shape \(2,\); give a table with .* one column per adjective"),
     check("one person per object", X[:2], [1, 2], [1, 2],
         "^ratings has no object that two people rated .*; give the ratings of all"))
 ask(direct(ratings.outlying_raters, ratings=X, objects=np.arange(N) // 2,

@@ -20,7 +20,9 @@ from sklearn_haptic.metrics import (
     ranked_probability_score,
 )
 from sklearn_haptic.model_selection import contribution_summary, sensor_contributions
-from sklearn_haptic.models._network import Layout, NetworkLoss, softplus
+from sklearn_haptic.models._network import Layout
+from sklearn_haptic.models._network_loss import NetworkLoss
+from sklearn_haptic.models._proportional_odds import softplus
 
 
 def touches(n_objects=12, n_trials=2, n_adjectives=3, seed=0):

@@ -102,6 +102,13 @@ def test_every_parameter_and_return_is_annotated(function, n_bound):
     assert signature.return_annotation is not signature.empty
 
 
+@pytest.mark.parametrize(("function", "n_bound"), [*public_callables()])
+def test_help_shows_the_names_of_types(function, n_bound):
+    """And not what they stand for, such as unions of NumPy's private protocols."""
+    shown = str(inspect.signature(function))
+    assert not re.search(r"\b(numpy|collections|pandas|sklearn_haptic)\.", shown)
+
+
 def validated_parameters():
     for name, each in public_objects():
         constraints = getattr(each, "_skl_parameter_constraints", None)

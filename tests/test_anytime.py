@@ -35,6 +35,7 @@ from sklearn_haptic import (
 )
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import log_score, ranked_probability_score
+from sklearn_haptic.streaming._heads import best_power
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +134,20 @@ def test_powers_have_the_best_log_score(model):
         assert np.argmin(scores) == 1 or not inside
 
 
+@pytest.mark.parametrize(
+    ("right", "sure", "power"),
+    [
+        (0.6, 0.8, np.log(0.6 / 0.4) / np.log(0.8 / 0.2)),
+        (0.7, 0.6, np.log(0.7 / 0.3) / np.log(0.6 / 0.4)),
+        (1, 0.6, np.exp(1.5)),  # the limits
+        (0.6, 0.999, np.exp(-1.5)),
+    ],
+)
+def test_the_best_power_of_two_levels_by_hand(right, sure, power):
+    proba, shares = np.array([[sure, 1 - sure]] * 5), np.array([[right, 1 - right]] * 5)
+    assert best_power(proba, shares) == pytest.approx(power, rel=1e-4)
+
+
 def test_touches_shorter_than_a_duration_do_not_teach_it():
     touches = pd.concat([make_touches(), make_touches(1, (0.85, 0.95))])
     counts, objects = np.vstack([COUNTS] * 2), np.tile(OBJECTS, 2)
@@ -165,9 +180,10 @@ def test_columns_that_the_pipeline_does_not_take_are_ignored(model):
     np.testing.assert_array_equal(proba, model.predict_proba(TOUCHES))
 
 
-def test_a_missing_sensor_has_the_mean_features(model):
+@pytest.mark.parametrize("nothing", [None, np.nan, [], np.empty(0), np.empty((0, 3))])
+def test_a_missing_sensor_has_the_mean_features(model, nothing):
     lost = TOUCHES.copy()
-    lost["slow"] = None
+    lost["slow"] = pd.Series([nothing] * len(lost), lost.index, dtype=object)
     rows = features().fit(TOUCHES).transform(cut(TOUCHES, 2))
     rows[:, 36:] = rows[:, 36:].mean(axis=0)
     head = model.heads_[2].predict_proba(rows)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from joblib.externals.loky import get_reusable_executor
 from test_annotations import public_objects
+from test_matlab_ratings import save_v7
 from test_phac2 import REST, STATES, write_trial
-from test_ratings_file import save_v7
 
 from sklearn_haptic.datasets._rated import ADJECTIVES
 

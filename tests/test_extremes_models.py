@@ -30,16 +30,13 @@ from sklearn_haptic.metrics import (
     pit_histogram,
     ranked_probability_score,
 )
-from sklearn_haptic.models._network import (
-    Layout,
-    NetworkLoss,
+from sklearn_haptic.models._network import Layout, linear_response, sigmoid_of_sums
+from sklearn_haptic.models._network_loss import NetworkLoss, initial_params
+from sklearn_haptic.models._proportional_odds import (
     SoftplusGaps,
     SquaredGaps,
-    initial_params,
     level_probabilities,
-    linear_response,
     ordinal_loss,
-    sigmoid_of_sums,
     softplus,
     thresholds_from,
 )

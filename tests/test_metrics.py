@@ -48,6 +48,13 @@ def crowd():
     return counts, proba
 
 
+@pytest.mark.parametrize("score", [*METRICS, neg_macro_mae_scorer, noise_ceiling])
+def test_scores_are_saved_by_their_public_name(score):
+    saved = pickle.dumps(score, protocol=0)  # in text
+    assert f"sklearn_haptic.metrics\n{score.__name__}\n".encode() in saved
+    assert pickle.loads(saved) is score
+
+
 # Macro-averaged error
 
 

@@ -18,16 +18,14 @@ from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNN
 from sklearn_haptic.metrics import ranked_probability_score
 from sklearn_haptic.models._conditioning import Conditioning
 from sklearn_haptic.models._early_stopping import Monitor
-from sklearn_haptic.models._network import (
+from sklearn_haptic.models._network import Layout, sigmoid_of_sums
+from sklearn_haptic.models._network_loss import NetworkLoss, initial_params
+from sklearn_haptic.models._proportional_odds import (
     GAPS,
-    Layout,
-    NetworkLoss,
     SoftplusGaps,
     SquaredGaps,
-    initial_params,
     level_probabilities,
     ordinal_loss,
-    sigmoid_of_sums,
     thresholds_from,
 )
 from sklearn_haptic.models._quantile_positions import training_observations

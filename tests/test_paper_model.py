@@ -28,7 +28,9 @@ from sklearn_haptic.metrics import (
     macro_mae_at_positions,
     neg_macro_mae_scorer,
 )
-from sklearn_haptic.models._network import GAPS, Layout, NetworkLoss
+from sklearn_haptic.models._network import Layout
+from sklearn_haptic.models._network_loss import NetworkLoss
+from sklearn_haptic.models._proportional_odds import GAPS
 from sklearn_haptic.models._solvers import irprop_plus
 
 GRID = [i / 100 for i in range(1, 100)]

@@ -9,7 +9,6 @@ from scipy.stats import rankdata, spearmanr, wasserstein_distance
 
 from sklearn_haptic._distributions import level_at
 from sklearn_haptic.ratings import (
-    _holm,
     adjective_correlation,
     interrater_agreement,
     inverse_cdf,
@@ -18,6 +17,7 @@ from sklearn_haptic.ratings import (
     rating_counts,
     rating_distribution,
 )
+from sklearn_haptic.ratings._correlation import _holm
 
 
 def exact_level(counts, p):

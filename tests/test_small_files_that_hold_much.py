@@ -14,8 +14,8 @@ import zlib
 import numpy as np
 import pytest
 from scipy.io import savemat
+from test_matlab_ratings import read_ratings, save_v73
 from test_phac2 import STATES, write_trial
-from test_ratings_file import read_ratings, save_v73
 
 from sklearn_haptic.datasets import load_phac2
 from sklearn_haptic.datasets._rated import ADJECTIVES

@@ -1,5 +1,7 @@
 """Fits that take turns, beside the same fits one after the other."""
 
+import subprocess
+import sys
 from functools import partial
 
 import numpy as np
@@ -38,20 +40,90 @@ def test_products_are_those_of_each_alone():
             )
 
 
-def test_an_error_in_one_function_stops_no_other():
-    X, done = np.eye(3), []
+@pytest.mark.parametrize("which", [(0,), (1,), (2,), (0, 2), (0, 1, 2)])
+@pytest.mark.parametrize("when", ["no matrix", 0, 1, 3, 7])
+def test_an_error_in_one_function_stops_no_other(which, when):
+    """Before the matrix, before a product of either kind, or behind the last one."""
+    rng = np.random.default_rng(0)
+    X, done = rng.normal(size=(4, 3)), {}
+
+    def fail_at(i, place):
+        if i in which and place == when:
+            raise RuntimeError(f"of {i}")
 
     def work(i):
-        matrix = Matrix(X)
+        fail_at(i, "no matrix")
+        matrix, coef = Matrix(X), np.full((3, i + 1), 1.0)
+        for k in range(4):
+            fail_at(i, 2 * k)
+            rows = matrix.times(coef)
+            fail_at(i, 2 * k + 1)
+            out = np.zeros(coef.shape)
+            matrix.add_transposed_times(rows, out)
+            coef = out / np.abs(out).max()
+        done[i] = coef
+
+    with pytest.raises(RuntimeError, match=f"of {which[0]}"):
+        run_together([partial(work, i) for i in range(3)])
+    assert done.keys() == {0, 1, 2} - {*which}
+    for i, result in done.items():
+        coef = np.full((3, i + 1), 1.0)
         for _ in range(4):
-            matrix.times(np.ones((3, 1)))
-            if i == 1:
-                raise RuntimeError("mine")
-        done.append(i)
+            coef = X.T @ (X @ coef)
+            coef /= np.abs(coef).max()
+        np.testing.assert_allclose(result, coef, rtol=1e-9)
+
+
+NONE_WAITS_FOR_EVER = """
+from functools import partial
+from itertools import product
+import numpy as np
+from sklearn_haptic._together import Matrix, run_together
+
+def work(i, failing, last_rounds):
+    matrix = Matrix(np.eye(3))
+    for k in range(last_rounds if i == 2 else 4):
+        rows = 2 if (i, k) == (failing, 1) else 3
+        try:
+            matrix.times(np.ones((rows, 1)))
+        except ValueError:
+            ended.append(i)
+            raise
+    ended.append(i)
+
+def end(functions):
+    try:
+        run_together(functions)
+    except ValueError as error:
+        print(sorted(ended))
+
+for failing, last_rounds in product([0, 1], [0, 1, 4]):
+    ended = []
+    end([partial(work, i, failing, last_rounds) for i in range(3)])
+for _ in range(300):  # others may not have begun when the first fails
+    ended = []
+    end([partial(int, "no number"), *(partial(work, i, None, 4) for i in range(2))])
+"""
+
+
+def test_an_error_leaves_none_waiting_for_ever():
+    """Neither for a product that fails nor for the turn of others; see how all end."""
+    arguments = [sys.executable, "-c", NONE_WAITS_FOR_EVER]
+    ended = subprocess.run(arguments, capture_output=True, text=True, timeout=100)
+    expected = [[0, 1, 2]] * 6 + [[0, 1]] * 300
+    assert ended.stdout.splitlines() == [*map(str, expected)], ended.stderr
+
+
+def test_calls_follow_one_another_after_an_error():
+    def fail():
+        Matrix(np.eye(2)).times(np.ones((2, 1)))
+        raise RuntimeError("mine")
 
     with pytest.raises(RuntimeError, match="mine"):
-        run_together([partial(work, i) for i in range(3)])
-    assert sorted(done) == [0, 2]
+        run_together([fail, fail])
+    products = run_together([lambda: Matrix(np.eye(2)).times(np.eye(2))] * 2)
+    np.testing.assert_array_equal(products, [np.eye(2)] * 2)
+    np.testing.assert_array_equal(Matrix(np.eye(2)).times(np.eye(2)), np.eye(2))
 
 
 def test_networks_fitted_together_are_those_fitted_apart():

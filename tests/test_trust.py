@@ -42,8 +42,8 @@ from sklearn.base import BaseEstimator, clone
 from sklearn.exceptions import InconsistentVersionWarning
 from sklearn.model_selection import GroupKFold
 from sklearn.utils import _safe_indexing
+from test_matlab_ratings import save_v7, save_v73
 from test_phac2 import write_trial
-from test_ratings_file import save_v7, save_v73
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import sklearn_haptic

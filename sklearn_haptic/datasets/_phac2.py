@@ -5,6 +5,8 @@ each. A trial is a group ``<object>_<id>_<run>`` at the root of the file; the st
 the robot's controller marks which rows belong to which exploratory procedure.
 """
 
+from __future__ import annotations
+
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -26,10 +28,10 @@ from ._hdf5 import (
     open_hdf5,
     read_rows,
 )
+from ._matlab_ratings import MatlabRatings, read_matlab
 from ._procedures import check_procedures, rates_of
 from ._rated import LEVELS, ratings_of_trials
 from ._rating_tables import collect_counts, count_answers, read_csv
-from ._ratings_file import MatlabRatings, read_matlab
 
 PROCEDURE_STATES = {
     "squeeze": b"SQUEEZE_SET_PRESSURE_SLOW",

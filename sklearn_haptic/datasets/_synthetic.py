@@ -5,6 +5,8 @@ sensors record (:mod:`._touch`) and, together with a share that no robot can fee
 people rate the objects (:mod:`._crowd`).
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from numbers import Integral
 

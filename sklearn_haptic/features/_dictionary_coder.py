@@ -1,5 +1,7 @@
 """What the transformers share that learn a dictionary by K-SVD and code over it."""
 
+from __future__ import annotations
+
 import warnings
 from functools import partial
 from numbers import Integral, Real

@@ -1,10 +1,11 @@
 """Temporal pyramid: statistics of every column in every cell of time."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted, check_memory
 
@@ -15,7 +16,6 @@ from .._sklearn import (
     FloatArray,
     HasMethods,
     Memory,
-    Names,
     StrOptions,
     Trials,
     _fit_context,
@@ -316,34 +316,15 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
         pooled = pool(sequences, self.cells_, self.split_, self.statistics_)
         return self._with_index(pooled, X)
 
-    def get_feature_names_out(
-        self, input_features: Names | None = None
-    ) -> NDArray[np.object_]:
-        """Return the names of the pooled features.
-
-        Parameters
-        ----------
-        input_features : array-like of str, default=None
-            Checked against the columns seen in `fit`; ignored if these have no names.
-
-        Returns
-        -------
-        names : ndarray of str objects
-            Names like `t3of16_ch0` and `t3of16_mean_ch0`.
-        """
-        check_is_fitted(self)
-        columns = self._columns(input_features)
+    def _names(self, columns):
         labels = ["" if name == "max" else f"{name}_" for name in self.statistics_]
-        return np.asarray(
-            [
-                f"t{i}of{n}_{label}{column}"
-                for label in labels
-                for n in self.cells_
-                for i in range(1, n + 1)
-                for column in columns
-            ],
-            dtype=object,
-        )
+        return [
+            f"t{i}of{n}_{label}{column}"
+            for label in labels
+            for n in self.cells_
+            for i in range(1, n + 1)
+            for column in columns
+        ]
 
     def __sklearn_is_fitted__(self):
         return hasattr(self, "split_")  # which is set last

@@ -1,5 +1,7 @@
 """Repair of what is wrong with real recordings, with a record of what was done."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from numbers import Integral
 from typing import Any, NamedTuple, Self
@@ -11,6 +13,7 @@ from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._check_trials import is_table
+from .._recordings import ALONE, USUAL, iter_cells, trial_columns
 from .._sklearn import (
     DocumentedEstimator,
     FloatArray,
@@ -19,12 +22,9 @@ from .._sklearn import (
     _fit_context,
     _wrap_data_with_container,
 )
-from .._validation import check_table, is_missing
-from ._resample import as_floats
+from .._validation import check_table
 
 _ALL = "all"  # the channel of a fault of them all
-_ALONE = ""  # the name of a sensor whose trials stand in no DataFrame
-_USUAL = 0.9  # share of trials in which a channel that works varies
 _COLUMNS = ["trial", "sensor", "channel", "fault", "n_samples", "answer", "offset"]
 
 
@@ -173,66 +173,14 @@ def repair_channels(cell, limits, rest):
     return repaired, faults
 
 
-def trial_columns(X, names=None):
-    """Return the columns of trials by name; one collection of trials is named "".
-
-    `names` are those to return; by default all columns that hold trials.
-    """
-    if not isinstance(X, pd.DataFrame):
-        if names not in (None, [_ALONE]):
-            raise ValueError(
-                f"X is a {type(X).__name__}, but fit was given a DataFrame; give the "
-                f"columns {names} again."
-            )
-        return {_ALONE: X}
-    if names is None:
-        names = [name for name in X if any(np.ndim(cell) >= 1 for cell in X[name])]
-    absent = [name for name in names if name not in X.columns]
-    if absent:
-        raise ValueError(
-            f"X has no column {absent[0]!r}, which fit was given; give the same "
-            "sensors, with None where a trial has none."
-        )
-    return {name: X[name] for name in names}
-
-
-def as_cells(column, name, shape=None, names=None):
-    """Return trials as arrays of shape (n_times, n_channels), None where missing.
-
-    What is masked or infinite becomes NaN. `shape` is that of a time sample, by default
-    that of the first trial, and `names` are those of the channels, in whose order the
-    columns of data frames are put. Return both too.
-    """
-    cells = []
-    where = "fit" if shape is not None else "the first trial"
-    for i, cell in enumerate(column):
-        if is_missing(cell) or (hasattr(cell, "__len__") and len(cell) == 0):
-            cells.append(None)
-            continue
-        label = f"Trial {i} of X" if name == _ALONE else f"Trial {i} of X[{name!r}]"
-        if hasattr(cell, "columns"):
-            own = list(cell.columns)
-            names = own if names is None else names
-            if sorted(own, key=str) != sorted(names, key=str):
-                raise ValueError(
-                    f"{label} has the columns {own}, but {names} are expected, as in "
-                    f"{where}."
-                )
-            cell = cell[names]
-        trial = as_floats(cell, label)
-        shape = trial.shape[1:] if shape is None else shape
-        if trial.shape[1:] != shape:
-            raise ValueError(
-                f"{label} has time samples of shape {trial.shape[1:]}, but {shape} is "
-                f"expected, as in {where}."
-            )
-        trial = trial.reshape(len(trial), -1)
-        trial = np.where(np.isfinite(trial), trial, np.nan)
-        cells.append(None if np.isnan(trial).all() else trial)
-    if shape is None:
-        sensor = "" if name == _ALONE else f"[{name!r}]"
+def _cells(column, name, *samples):
+    """Return all trials of `iter_cells`, and what their time samples are like."""
+    pairs = list(iter_cells(column, name, *samples))
+    samples = pairs[-1][1] if pairs else samples
+    if not samples or samples[0] is None:
+        sensor = "" if name == ALONE else f"[{name!r}]"
         raise ValueError(f"X{sensor} holds no samples at all; leave the sensor out.")
-    return cells, (shape, names)
+    return [cell for cell, _ in pairs], samples
 
 
 def _option(option, name, cells):
@@ -271,7 +219,7 @@ def usual_trials(cells, samples, limits, rest):
     cells = [cell for cell in cells if cell is not None]
     varies = np.array([_varies(cell) for cell in cells])
     repaired = [repair_channels(cell, limits, rest)[0] for cell in cells]
-    usually = varies.mean(axis=0) >= _USUAL
+    usually = varies.mean(axis=0) >= USUAL
     # A trial with a dead channel says nothing about how channels go together.
     whole = [i for i, each in enumerate(varies) if each[usually].all()]
     whole = whole or list(range(len(cells)))
@@ -333,14 +281,14 @@ class TrialRepair:
         if self.takes_trials_:
             cells, samples = {}, {}
             for name, column in trial_columns(X).items():
-                cells[name], samples[name] = as_cells(column, name)
+                cells[name], samples[name] = _cells(column, name)
             vars(self).pop("feature_names_in_", None)
             if isinstance(X, pd.DataFrame):
                 self.feature_names_in_ = np.asarray(X.columns, dtype=object)
                 self.n_features_in_ = X.shape[1]
         else:
-            cells = {_ALONE: self._rows(X, reset=True)}
-            samples = {_ALONE: ((1,), None)}
+            cells = {ALONE: self._rows(X, reset=True)}
+            samples = {ALONE: ((1,), None)}
         self._settings = {
             name: (_limits(self.limits, name, cells), _rest(self.rest, name, cells))
             for name in cells
@@ -350,7 +298,7 @@ class TrialRepair:
             for name, each in cells.items()
         }
         if self.takes_trials_ and not isinstance(X, pd.DataFrame):
-            self.n_features_in_ = len(self._usual[_ALONE].mean)
+            self.n_features_in_ = len(self._usual[ALONE].mean)
         self._faults = self._rows_of_faults(X)
         return self
 
@@ -376,7 +324,7 @@ class TrialRepair:
         """
         check_is_fitted(self)
         if not self.takes_trials_:
-            rows = [trial.ravel() for trial, _ in self._repair(X)[_ALONE]]
+            rows = [trial.ravel() for trial, _ in self._repair(X)[ALONE]]
             return _wrap_data_with_container("transform", np.array(rows), X, self)
         repaired = {
             name: [
@@ -390,17 +338,16 @@ class TrialRepair:
                 X[name] = pd.Series(cells, index=X.index, dtype=object)
             return X
         if isinstance(X, pd.Series):
-            return pd.Series(repaired[_ALONE], X.index, dtype=object, name=X.name)
-        return repaired[_ALONE]
+            return pd.Series(repaired[ALONE], X.index, dtype=object, name=X.name)
+        return repaired[ALONE]
 
     def faults(self, X: Trials) -> pd.DataFrame:
         """Report what `transform` repairs.
 
         Parameters
         ----------
-        X : DataFrame with columns of trials, collection of trials, or array-like of \
-                shape (n_trials, n_times)
-            Trials of the sensors seen in `fit`.
+        X
+            As for `transform`.
 
         Returns
         -------
@@ -432,11 +379,11 @@ class TrialRepair:
         if self.takes_trials_:
             columns = trial_columns(X, list(self._usual))
             cells = {
-                name: as_cells(column, name, *self._usual[name].samples)[0]
+                name: _cells(column, name, *self._usual[name].samples)[0]
                 for name, column in columns.items()
             }
         else:
-            cells = {_ALONE: self._rows(X)}
+            cells = {ALONE: self._rows(X)}
         return {
             name: [
                 repair_trial(cell, self._usual[name], *self._settings[name])

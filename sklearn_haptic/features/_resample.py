@@ -1,5 +1,7 @@
 """Resampling of trials whose samples have time stamps."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from numbers import Real
 
@@ -7,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import resample_poly
 
+from .._recordings import as_floats
 from .._sklearn import FloatArray
 from .._validation import check_numbers
 
@@ -103,25 +106,6 @@ def _check(trial, stamps, i):
             "samples and remove those whose stamp is repeated."
         )
     return trial, stamps
-
-
-def as_floats(trial, name):
-    """Return a trial as floating-point numbers with NaN for masked samples.
-
-    float32 stays float32. One dimension becomes one channel.
-    """
-    if np.ma.isMaskedArray(trial):
-        kind = trial.dtype if trial.dtype == np.float32 else np.float64
-        trial = trial.astype(kind).filled(np.nan)
-    check_numbers(trial, name)
-    trial = np.asarray(trial)
-    if trial.dtype != np.float32:
-        trial = trial.astype(np.float64)
-    if trial.ndim not in (1, 2, 3):
-        raise ValueError(
-            f"{name} has shape {trial.shape}; it must be (n_times, n_channels)."
-        )
-    return trial[:, np.newaxis] if trial.ndim == 1 else trial
 
 
 def _resample(trial, stamps, rate, longest_gap):

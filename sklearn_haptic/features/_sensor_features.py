@@ -1,5 +1,7 @@
 """Features of a sensor that nobody has described."""
 
+from __future__ import annotations
+
 from typing import Any, Self
 
 from numpy.typing import NDArray
@@ -99,10 +101,8 @@ class SensorFeatures(DocumentedEstimator, TransformerMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : collection of trials, or array-like of shape (n_trials, n_times)
-            Trials.
-        y : array-like, default=None
-            Passed on.
+        X, y
+            As for `fit`.
 
         Returns
         -------

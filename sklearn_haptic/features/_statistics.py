@@ -1,12 +1,13 @@
 """Statistics and spectral bands of the channels of trials."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from itertools import groupby
 from numbers import Integral
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct, next_fast_len
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
@@ -16,7 +17,6 @@ from .._sequences import Sequences
 from .._sklearn import (
     FloatArray,
     Interval,
-    Names,
     Trials,
     _fit_context,
     fit_task,
@@ -410,23 +410,7 @@ class SignalStatistics(TrialRows, BaseEstimator):
         )
         return self._with_index(features, X)
 
-    def get_feature_names_out(
-        self, input_features: Names | None = None
-    ) -> NDArray[np.object_]:
-        """Return the names of the features.
-
-        Parameters
-        ----------
-        input_features : array-like of str, default=None
-            Checked against the columns seen in `fit`; ignored if these have no names.
-
-        Returns
-        -------
-        names : ndarray of str objects
-            Names like `t1of1_ch0_std` and `t2of4_ch0_band3of16`.
-        """
-        check_is_fitted(self)
-        columns = self._columns(input_features)
+    def _names(self, columns):
         n_bands = len(self.band_edges_) - 1
         bands = [f"band{i}of{n_bands}" for i in range(1, n_bands + 1)]
         labels = [
@@ -434,16 +418,13 @@ class SignalStatistics(TrialRows, BaseEstimator):
             for statistic in self.statistics_
             for label in (bands if statistic == "bands" else [statistic])
         ]
-        return np.asarray(
-            [
-                f"t{i}of{n}_{column}_{label}"
-                for n in self.cells_
-                for i in range(1, n + 1)
-                for column in columns
-                for label in labels
-            ],
-            dtype=object,
-        )
+        return [
+            f"t{i}of{n}_{column}_{label}"
+            for n in self.cells_
+            for i in range(1, n + 1)
+            for column in columns
+            for label in labels
+        ]
 
     def __sklearn_is_fitted__(self):
         return hasattr(self, "statistics_")  # which is set last

@@ -1,5 +1,7 @@
 """ST-HMP: sparse codes of patches of tactile images, pooled over space."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from numbers import Integral
 from typing import Literal, Self

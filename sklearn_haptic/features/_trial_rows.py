@@ -1,14 +1,19 @@
 """What the transformers share that turn each trial into one row of features."""
 
+from __future__ import annotations
+
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from sklearn.base import TransformerMixin
 from sklearn.callback import CallbackSupportMixin
+from sklearn.utils.validation import check_is_fitted
 
 from .._check_trials import channel_names, check_sequences, check_trials, is_table
 from .._sequences import Sequences, row_index
 from .._sklearn import (
     DocumentedEstimator,
+    Names,
     _check_feature_names_in,
     _get_output_config,
 )
@@ -20,8 +25,26 @@ class TrialRows(DocumentedEstimator, CallbackSupportMixin, TransformerMixin):
 
     `fit` calls `_record(X)`, and `transform` calls `_check(X)`; both return the trials
     as a list of arrays or as :class:`Sequences`. Each row of a table is a trial with
-    one channel.
+    one channel. `_names(columns)` returns the names of the features of these columns.
     """
+
+    def get_feature_names_out(
+        self, input_features: Names | None = None
+    ) -> NDArray[np.object_]:
+        """Return the names of the features.
+
+        Parameters
+        ----------
+        input_features : array-like of str, default=None
+            Checked against the columns seen in `fit`; ignored if these have no names.
+
+        Returns
+        -------
+        names : ndarray of str objects
+            Cell, channel or column, and what was computed of it: see the class.
+        """
+        check_is_fitted(self)
+        return np.asarray(self._names(self._columns(input_features)), dtype=object)
 
     def _record(self, X):
         """Validate the trials given to `fit` and remember their columns."""

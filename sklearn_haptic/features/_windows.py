@@ -1,5 +1,7 @@
 """Codes of sliding windows of signals over a dictionary learned by K-SVD."""
 
+from __future__ import annotations
+
 from numbers import Integral, Real
 from typing import Literal, Self
 

@@ -1,8 +1,8 @@
 """Predictions for objects never touched, and choices of models by accuracy and speed.
 
 :func:`cross_val_predict_proba` predicts each trial by a model that was fitted without
-it. Do not use scikit-learn's :func:`~sklearn.model_selection.cross_val_predict` with
-counts.
+it, and :func:`model_report` scores such predictions beside guessing. Do not use
+scikit-learn's :func:`~sklearn.model_selection.cross_val_predict` with counts.
 
 A *candidate* is one setting of the parameters that a search tried. Its cost is the
 seconds that the fitted model takes to predict one trial, with all steps and without
@@ -20,6 +20,7 @@ from ._contribution_summary import contribution_summary
 from ._contributions import sensor_contributions
 from ._cost import neg_seconds_scorer
 from ._frontier import cheapest_within_one_se, speed_accuracy_frontier
+from ._model_report import model_report
 from ._out_of_fold import cross_val_predict_proba
 from ._subsets import sensor_subsets
 
@@ -27,6 +28,7 @@ __all__ = [
     "cheapest_within_one_se",
     "contribution_summary",
     "cross_val_predict_proba",
+    "model_report",
     "neg_seconds_scorer",
     "sensor_contributions",
     "sensor_subsets",

@@ -137,22 +137,22 @@ def cross_val_predict_proba(
     groups = check_groups(groups, X)
     splitter = make_splitter(estimator, y, groups, cv)
     for_split, for_fit = route(estimator, splitter, groups, params)
-    folds = _check_folds(splitter.split(X, y, **for_split), _num_samples(X))
+    folds = check_folds(splitter.split(X, y, **for_split), _num_samples(X))
     outcomes = Parallel(n_jobs=n_jobs)(
         delayed(_predict_fold)(clone(estimator), X, y, *fold, for_fit, method)
         for fold in folds
     )
-    predicted, classes = zip(*outcomes)
-    if method != "predict":
-        levels = _levels_of_all(y, classes)
-        predicted = [_at_levels(levels, *outcome) for outcome in outcomes]
-    order = np.argsort(np.concatenate([test for _, test in folds]))
-    result = np.concatenate(predicted)[order]
+    if method == "predict":
+        return in_order([predicted for predicted, _ in outcomes], folds)
+    result, _ = join_folds(y, outcomes, folds)
     return cdf(result) if method == "predict_cdf" else result
 
 
-def _check_folds(folds, n_trials):
-    """Return the folds as indices; refuse those that do not test each trial once."""
+def check_folds(folds, n_trials, least=1):
+    """Return the folds as indices; refuse those that do not test each trial once.
+
+    With `least=0`, trials may be tested not at all.
+    """
     trials = np.arange(n_trials)
     folds = [(trials[train], trials[test]) for train, test in folds]
     n_tests = np.zeros(n_trials, dtype=int)
@@ -164,7 +164,7 @@ def _check_folds(folds, n_trials):
                 f"cv trains on trial {test[both.argmax()]} in the fold that tests it; "
                 "leave the test trials out of the training trials."
             )
-    wrong = n_tests != 1
+    wrong = (n_tests > 1) | (n_tests < least)
     if wrong.any():
         trial = wrong.argmax()
         raise ValueError(
@@ -177,9 +177,18 @@ def _check_folds(folds, n_trials):
 
 def _predict_fold(model, X, y, train, test, params, method):
     """Fit to the training trials; return the predictions and, if any, the levels."""
+    fit_fold(model, X, y, train, params)
+    return predict_fold(model, _safe_indexing(X, test), method)
+
+
+def fit_fold(model, X, y, train, params):
+    """Fit to the training trials, with their part of the arguments of ``fit``."""
     params = _check_method_params(X, params, indices=train)
     model.fit(_safe_indexing(X, train), _safe_indexing(y, train), **params)
-    X_test = _safe_indexing(X, test)
+
+
+def predict_fold(model, X_test, method="predict_proba"):
+    """Return the predictions of a fitted model and, if it predicts any, the levels."""
     if method == "predict":
         return model.predict(X_test), None
     if not hasattr(model, "predict_proba"):
@@ -195,6 +204,26 @@ def _predict_fold(model, X, y, train, test, params, method):
             "estimator, which takes counts."
         )
     return proba, model.classes_
+
+
+def join_folds(y, outcomes, folds):
+    """Join the probabilities and levels that each fold predicts.
+
+    Returns
+    -------
+    proba : ndarray of shape (n_tested, n_levels)
+        Of the test trials of all folds, in ascending order.
+    levels : ndarray of shape (n_levels,)
+    """
+    levels = _levels_of_all(y, [classes for _, classes in outcomes])
+    proba = in_order([_at_levels(levels, *outcome) for outcome in outcomes], folds)
+    return proba, levels
+
+
+def in_order(predicted, folds):
+    """Join what the folds predict, in ascending order of their test trials."""
+    order = np.argsort(np.concatenate([test for _, test in folds]))
+    return np.concatenate(predicted)[order]
 
 
 def _levels_of_all(y, classes):

@@ -1,5 +1,7 @@
 """Baselines that ignore the features, which a model must beat."""
 
+from __future__ import annotations
+
 from typing import Literal, Self
 
 import numpy as np

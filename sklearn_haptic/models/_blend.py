@@ -1,5 +1,7 @@
 """The mean of the distributions that several models predict."""
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Sequence
 from numbers import Integral

@@ -1,5 +1,7 @@
 """Distributions of continuous ratings, by an ordinal model of the cells of a grid."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from numbers import Integral
 from typing import Any, Literal, Self

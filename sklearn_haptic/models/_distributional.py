@@ -6,6 +6,8 @@ position as one more feature, and its label is the object's inverse CDF there. T
 predict a distribution, p sweeps the population.
 """
 
+from __future__ import annotations
+
 from collections import UserDict
 from numbers import Integral
 from typing import Any, Literal, Self

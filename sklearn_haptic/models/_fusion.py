@@ -6,6 +6,8 @@ a combined network. Setting those of one sensor to zero and training the combine
 network again shows what the sensor contributes.
 """
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Mapping
 from typing import Self, TypeAlias

@@ -1,5 +1,7 @@
 """The neural-network proportional odds model as an estimator."""
 
+from __future__ import annotations
+
 import warnings
 from numbers import Integral, Real
 from typing import Literal, Self
@@ -28,14 +30,8 @@ from .._sklearn import (
 from .._validation import check_groups, check_table, check_weights
 from ._conditioning import Conditioning
 from ._early_stopping import Monitor, hold_out_trials, validation_error
-from ._network import (
-    GAPS,
-    Layout,
-    Network,
-    NetworkLoss,
-    initial_params,
-    monotone_bounds,
-)
+from ._network import Layout, Network
+from ._network_loss import NetworkLoss, initial_params, monotone_bounds
 from ._observations import (
     one_trial_each,
     rank_levels,
@@ -43,6 +39,7 @@ from ._observations import (
     single_ratings,
 )
 from ._ordinal import OrdinalClassifierMixin
+from ._proportional_odds import GAPS
 from ._solvers import SOLVERS
 
 

@@ -7,11 +7,12 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, ClassifierMixin, MetaEstimatorMixin, clone
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from .._folds import make_splitter
+from .._perhaps_ordered import PerhapsOrderedMixin
 from .._sklearn import (
     CrossValidator,
     DocumentedEstimator,
@@ -20,7 +21,6 @@ from .._sklearn import (
     _fit_context,
 )
 from .._validation import check_groups
-from ..metrics import neg_rps_scorer
 from ._held_out import (
     at_classes,
     compared,
@@ -34,7 +34,7 @@ from ._novelty import belief_at, conformal_p_values, fit_belief, nearest_distanc
 
 
 class NoveltyGuard(
-    DocumentedEstimator, MetaEstimatorMixin, ClassifierMixin, BaseEstimator
+    DocumentedEstimator, MetaEstimatorMixin, PerhapsOrderedMixin, BaseEstimator
 ):
     """Say how unlike the training touches a touch is, and believe the model less then.
 
@@ -229,38 +229,6 @@ class NoveltyGuard(
         distance = nearest_distances(rows, self._rows)
         belief = belief_at(self.belief_, distance)[:, np.newaxis]
         return belief * proba + (1 - belief) * self.shares_
-
-    def predict(self, X: Trials) -> np.ndarray:
-        """Predict the most probable level or class.
-
-        Parameters
-        ----------
-        X : array-like of length n_trials
-            Touches, as the estimator takes them.
-
-        Returns
-        -------
-        predicted : ndarray of shape (n_trials,)
-        """
-        return self.classes_[self.predict_proba(X).argmax(axis=1)]
-
-    def score(self, X: Trials, y: ArrayLike) -> float:
-        """Score predictions; higher is better.
-
-        Parameters
-        ----------
-        X, y
-            As for `fit`.
-
-        Returns
-        -------
-        score : float
-            The negative ranked probability score if the model knows an order of levels,
-            else the accuracy.
-        """
-        if self._ordered:
-            return neg_rps_scorer(self, X, y)
-        return float(np.mean(self.predict(X) == np.asarray(y)))
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()

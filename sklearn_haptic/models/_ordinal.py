@@ -1,5 +1,7 @@
 """Mixin of the package's classifiers, whose classes are ordered and scored as such."""
 
+from __future__ import annotations
+
 from numbers import Integral
 
 import numpy as np

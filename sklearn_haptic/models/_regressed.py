@@ -1,5 +1,7 @@
 """Distributions of ratings by any regressor of several outputs."""
 
+from __future__ import annotations
+
 from typing import Self
 
 import numpy as np

@@ -8,12 +8,13 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, ClassifierMixin, MetaEstimatorMixin
+from sklearn.base import BaseEstimator, MetaEstimatorMixin
 from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from .._distributions import shares
 from .._folds import make_splitter
+from .._perhaps_ordered import PerhapsOrderedMixin
 from .._sklearn import (
     CrossValidator,
     DocumentedEstimator,
@@ -22,8 +23,7 @@ from .._sklearn import (
     _fit_context,
     _safe_indexing,
 )
-from .._validation import check_groups, check_names, column_of, is_missing
-from ..metrics import neg_rps_scorer
+from .._validation import check_groups, check_names, column_of, has_no_samples
 from ._held_out import (
     at_classes,
     compared,
@@ -40,7 +40,7 @@ MARGINAL = "marginal"
 
 
 class TouchPool(
-    DocumentedEstimator, MetaEstimatorMixin, ClassifierMixin, _BaseComposition
+    DocumentedEstimator, MetaEstimatorMixin, PerhapsOrderedMixin, _BaseComposition
 ):
     """Pool the predictions of several models over the touches of an object.
 
@@ -173,7 +173,8 @@ class TouchPool(
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_trials, n_columns)
-            A row per touch. NaN or None stands for what was not felt.
+            A row per touch. NaN, None or an array of no samples stands for what was
+            not felt.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
             Counts of ratings or labels, whatever the members take.
         groups : array-like of shape (n_trials,), default=None
@@ -265,8 +266,8 @@ class TouchPool(
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_trials, n_columns)
-            A row per touch, with all columns of `fit`. NaN or None stands for what was
-            not felt.
+            A row per touch, with all columns of `fit`; what was not felt is missing as
+            there.
         groups : array-like of shape (n_trials,), default=None
             The object of each row. All rows of one object get the same prediction, from
             all of them. By default each row is predicted from itself alone.
@@ -438,24 +439,6 @@ class TouchPool(
         """
         return self.classes_[self.predict_proba(X, groups).argmax(axis=1)]
 
-    def score(self, X: Trials, y: ArrayLike) -> float:
-        """Score predictions of single rows; higher is better.
-
-        Parameters
-        ----------
-        X, y
-            As for `fit`.
-
-        Returns
-        -------
-        score : float
-            The negative ranked probability score if the members know an order of
-            levels, else the accuracy.
-        """
-        if self._ordered:
-            return neg_rps_scorer(self, X, y)
-        return float(np.mean(self.predict(X) == np.asarray(y)))
-
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True
@@ -477,7 +460,7 @@ def _has_values(table):
     for i in range(n_columns):
         column = np.asarray(column_of(table, i))
         if column.dtype.kind == "O":
-            there &= [not is_missing(value) for value in column]
+            there &= [not has_no_samples(value) for value in column]
         elif column.dtype.kind == "f":
             there &= ~np.isnan(column)
     return there

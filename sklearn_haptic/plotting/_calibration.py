@@ -28,7 +28,112 @@ _MARKERS = "os^DvPX<>*"
 _MARKER_AREA = 60  # of the fullest bin, in square points
 
 
-class PITHistogramDisplay(Display):
+class _CalibrationDisplay(Display):
+    """Base of the displays of binned predictions; `_of` bins them."""
+
+    _n_bins: int
+
+    @classmethod
+    def _of(cls, counts, proba, levels, n_bins, objects):
+        """Make a display, with chance by the numbers of objects unless it is None."""
+        raise NotImplementedError
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: BaseEstimator,
+        X: Trials,
+        y: ArrayLike,
+        *,
+        n_bins: int | None = None,
+        groups: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Predict the distribution of each trial and plot the display.
+
+        Parameters
+        ----------
+        estimator : object
+            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
+        X : array-like of length n_trials
+            The trials.
+        y : array-like of shape (n_trials, n_levels) or (n_trials,)
+            How many people chose each level, or one rating per trial.
+        n_bins : int, default=None
+        groups : array-like of shape (n_trials,), default=None
+        ax : matplotlib Axes, default=None
+            All three are those of :meth:`from_predictions`.
+
+        Returns
+        -------
+        display : object
+
+        Raises
+        ------
+        ValueError
+            If ``y`` does not fit the estimator's levels, or ``groups`` the trials.
+        """
+        return cls.from_predictions(
+            y,
+            estimator.predict_proba(X),
+            n_bins=n_bins,
+            groups=groups,
+            levels=estimator.classes_,
+            ax=ax,
+        )
+
+    @classmethod
+    def from_predictions(
+        cls,
+        y_true: ArrayLike,
+        y_proba: ArrayLike,
+        *,
+        n_bins: int | None = None,
+        groups: ArrayLike | None = None,
+        levels: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Plot the display of predicted distributions.
+
+        Parameters
+        ----------
+        y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
+            How many people chose each level, or one rating per trial.
+        y_proba : array-like of shape (n_trials, n_levels)
+            Predicted probability of each level.
+        n_bins : int, default=None
+            Number of bins. By default 10 of a histogram and 5 of reliability, of which
+            fewer are drawn if many trials have the same prediction.
+        groups : array-like of shape (n_trials,), default=None
+            The object of each trial, from which the range of chance is computed. By
+            default none is drawn.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels; by default ordered categories or labels of columns,
+            else 1, 2, …, n_levels for counts, and the sorted ratings that occur.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : object
+
+        Raises
+        ------
+        ValueError
+            If a row of ``y_proba`` is not a distribution, a trial has no ratings or
+            unknown ones, the shapes differ, ``n_bins`` is below 1, or ``groups`` has
+            missing values or a single object.
+        TypeError
+            If ``n_bins`` is no integer.
+        """
+        n_bins = cls._n_bins if n_bins is None else n_bins
+        check_scalar(n_bins, "n_bins", Integral, min_val=1)
+        counts, proba, levels = check_distributions(y_true, y_proba, levels)
+        objects = None if groups is None else _check_groups(groups, counts)
+        return cls._of(counts, proba, levels, n_bins, objects).plot(ax)
+
+
+class PITHistogramDisplay(_CalibrationDisplay):
     r"""PIT histogram, which shows whether predicted distributions are calibrated.
 
     Use :meth:`from_predictions` or :meth:`from_estimator` to create a display. The
@@ -40,7 +145,7 @@ class PITHistogramDisplay(Display):
     Parameters
     ----------
     heights : ndarray of shape (n_bins,)
-        Density in each bin, with mean 1.
+        Density in each of equally wide bins of [0, 1], with mean 1.
     half_widths : ndarray of shape (n_bins,), default=None
         How far a bar may lie from 1 by chance. By default no band is drawn.
 
@@ -89,6 +194,8 @@ class PITHistogramDisplay(Display):
     [1.5, 0.5, 0.5, 1.5]
     """
 
+    _n_bins = 10
+
     def __init__(
         self,
         heights: NDArray[np.float64],
@@ -99,102 +206,16 @@ class PITHistogramDisplay(Display):
         self.half_widths = half_widths
 
     @classmethod
-    def from_estimator(
-        cls,
-        estimator: BaseEstimator,
-        X: Trials,
-        y: ArrayLike,
-        *,
-        n_bins: int = 10,
-        groups: ArrayLike | None = None,
-        ax: Axes | None = None,
-    ) -> Self:
-        """Predict the distribution of each trial and plot the histogram.
-
-        Parameters
-        ----------
-        estimator : object
-            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
-        X : array-like of length n_trials
-            The trials.
-        y : array-like of shape (n_trials, n_levels) or (n_trials,)
-            How many people chose each level, or one rating per trial.
-        n_bins : int, default=10
-        groups : array-like of shape (n_trials,), default=None
-        ax : matplotlib Axes, default=None
-            All three are those of :meth:`from_predictions`.
-
-        Returns
-        -------
-        display : PITHistogramDisplay
-
-        Raises
-        ------
-        ValueError
-            If ``y`` does not fit the estimator's levels, or ``groups`` the trials.
-        """
-        return cls.from_predictions(
-            y,
-            estimator.predict_proba(X),
-            n_bins=n_bins,
-            groups=groups,
-            levels=estimator.classes_,
-            ax=ax,
-        )
-
-    @classmethod
-    def from_predictions(
-        cls,
-        y_true: ArrayLike,
-        y_proba: ArrayLike,
-        *,
-        n_bins: int = 10,
-        groups: ArrayLike | None = None,
-        levels: ArrayLike | None = None,
-        ax: Axes | None = None,
-    ) -> Self:
-        """Plot the histogram of predicted distributions.
-
-        Parameters
-        ----------
-        y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-            How many people chose each level, or one rating per trial.
-        y_proba : array-like of shape (n_trials, n_levels)
-            Predicted probability of each level.
-        n_bins : int, default=10
-            Number of equally wide bins of [0, 1].
-        groups : array-like of shape (n_trials,), default=None
-            The object of each trial, from which the band of chance is computed. By
-            default no band is drawn.
-        levels : array-like of shape (n_levels,), default=None
-            The ordered levels; by default ordered categories or labels of columns,
-            else 1, 2, …, n_levels for counts, and the sorted ratings that occur.
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : PITHistogramDisplay
-
-        Raises
-        ------
-        ValueError
-            If a row of ``y_proba`` is not a distribution, a trial has no ratings or
-            unknown ones, the shapes differ, ``n_bins`` is below 1, or ``groups`` has
-            missing values or a single object.
-        """
-        counts, proba, _ = check_distributions(y_true, y_proba, levels)
+    def _of(cls, counts, proba, levels, n_bins, objects):
         heights = pit_histogram(counts, proba, n_bins)
-        if groups is None:
-            return cls(heights).plot(ax)
-        objects = _check_groups(groups, counts)
+        if objects is None:
+            return cls(heights)
         of_objects = [
             pit_histogram(counts[objects == o], proba[objects == o], n_bins)
             for o in range(objects.max() + 1)
         ]
         deviation = (np.array(of_objects) - 1) * np.bincount(objects)[:, None]
-        half_widths = _chance(deviation) / len(objects)
-        return cls(heights, half_widths=half_widths).plot(ax)
+        return cls(heights, half_widths=_chance(deviation) / len(objects))
 
     def _draw(self, ax):
         edges = np.linspace(0, 1, len(self.heights) + 1)
@@ -229,7 +250,7 @@ class PITHistogramDisplay(Display):
         legend_beside(ax)
 
 
-class ReliabilityDisplay(Display):
+class ReliabilityDisplay(_CalibrationDisplay):
     r"""Predicted against observed proportion of people who rate above each threshold.
 
     Use :meth:`from_predictions` or :meth:`from_estimator` to create a display. Trials
@@ -310,6 +331,8 @@ class ReliabilityDisplay(Display):
     [[0.25, 0.375], [0.75, 0.875]]
     """
 
+    _n_bins = 5
+
     def __init__(
         self,
         predicted: Sequence[NDArray[np.float64]],
@@ -326,95 +349,7 @@ class ReliabilityDisplay(Display):
         self.half_widths = half_widths
 
     @classmethod
-    def from_estimator(
-        cls,
-        estimator: BaseEstimator,
-        X: Trials,
-        y: ArrayLike,
-        *,
-        n_bins: int = 5,
-        groups: ArrayLike | None = None,
-        ax: Axes | None = None,
-    ) -> Self:
-        """Predict the distribution of each trial and plot the curves.
-
-        Parameters
-        ----------
-        estimator : object
-            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
-        X : array-like of length n_trials
-            The trials.
-        y : array-like of shape (n_trials, n_levels) or (n_trials,)
-            How many people chose each level, or one rating per trial.
-        n_bins : int, default=5
-        groups : array-like of shape (n_trials,), default=None
-        ax : matplotlib Axes, default=None
-            All three are those of :meth:`from_predictions`.
-
-        Returns
-        -------
-        display : ReliabilityDisplay
-
-        Raises
-        ------
-        ValueError
-            If ``y`` does not fit the estimator's levels, or ``groups`` the trials.
-        """
-        return cls.from_predictions(
-            y,
-            estimator.predict_proba(X),
-            n_bins=n_bins,
-            groups=groups,
-            levels=estimator.classes_,
-            ax=ax,
-        )
-
-    @classmethod
-    def from_predictions(
-        cls,
-        y_true: ArrayLike,
-        y_proba: ArrayLike,
-        *,
-        n_bins: int = 5,
-        groups: ArrayLike | None = None,
-        levels: ArrayLike | None = None,
-        ax: Axes | None = None,
-    ) -> Self:
-        """Plot the reliability of predicted distributions.
-
-        Parameters
-        ----------
-        y_true : array-like of shape (n_trials, n_levels) or (n_trials,)
-            How many people chose each level, or one rating per trial.
-        y_proba : array-like of shape (n_trials, n_levels)
-            Predicted probability of each level.
-        n_bins : int, default=5
-            Number of bins of equally many trials. Fewer are drawn if many trials have
-            the same prediction.
-        groups : array-like of shape (n_trials,), default=None
-            The object of each trial, from which the bars of chance are computed. By
-            default no bars are drawn.
-        levels : array-like of shape (n_levels,), default=None
-            The ordered levels, as in :meth:`PITHistogramDisplay.from_predictions`.
-        ax : matplotlib Axes, default=None
-            Axes to plot on; by default those of a new figure.
-
-        Returns
-        -------
-        display : ReliabilityDisplay
-
-        Raises
-        ------
-        ValueError
-            If a row of ``y_proba`` is not a distribution, a trial has no ratings or
-            unknown ones, the shapes differ, ``n_bins`` is below 1, or ``groups`` has
-            missing values or a single object.
-        TypeError
-            If ``n_bins`` is no integer.
-        """
-        check_scalar(n_bins, "n_bins", Integral, min_val=1)
-        counts, proba, levels = check_distributions(y_true, y_proba, levels)
-        objects = None if groups is None else _check_groups(groups, counts)
+    def _of(cls, counts, proba, levels, n_bins, objects):
         curves = [
             _reliability(predicted, observed, n_bins, objects)
             for predicted, observed in zip(
@@ -422,8 +357,8 @@ class ReliabilityDisplay(Display):
             )
         ]
         *binned, half_widths = zip(*curves)
-        half_widths = None if groups is None else half_widths
-        return cls(*binned, levels=levels, half_widths=half_widths).plot(ax)
+        half_widths = None if objects is None else half_widths
+        return cls(*binned, levels=levels, half_widths=half_widths)
 
     def _draw(self, ax):
         fullest = np.concatenate(self.n_trials).max()

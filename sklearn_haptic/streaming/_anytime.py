@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, ClassifierMixin, MetaEstimatorMixin, clone
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import (
     check_consistent_length,
@@ -19,6 +19,7 @@ from sklearn.utils.validation import (
 from .._check_ratings import check_adjectives
 from .._distributions import shares
 from .._folds import make_splitter
+from .._perhaps_ordered import PerhapsOrderedMixin
 from .._sklearn import (
     CrossValidator,
     DocumentedEstimator,
@@ -29,7 +30,6 @@ from .._sklearn import (
     one_blas_thread,
 )
 from .._validation import check_groups, check_numbers
-from ..metrics import neg_rps_scorer
 from ._branches import fit_features, used_sensors
 from ._heads import best_power, fit_heads, predict_head, predict_out_of_fold, temper
 from ._prefixes import durations_complete, samples_in
@@ -38,7 +38,7 @@ from ._touches import ONLY_SENSOR, check_touches
 
 
 class AnytimeRegressor(
-    DocumentedEstimator, ClassifierMixin, MetaEstimatorMixin, BaseEstimator
+    DocumentedEstimator, PerhapsOrderedMixin, MetaEstimatorMixin, BaseEstimator
 ):
     """Predict from touches of any length, by a pipeline fitted to prefixes.
 
@@ -95,7 +95,8 @@ class AnytimeRegressor(
         The head of each duration.
     powers_ : ndarray of shape (n_durations,)
         Power to which the probabilities of each duration are raised. Below 1 the head
-        was too sure.
+        was too sure. The limits are 0.22, at which the last step needs a stronger
+        penalty or more objects to learn from, and 4.5, at which it needs a weaker one.
     shares_ : ndarray of shape (n_levels,) or (n_adjectives, n_levels)
         Mean distribution of the training touches, which is predicted before the first
         duration is complete.
@@ -346,7 +347,8 @@ class AnytimeRegressor(
         Parameters
         ----------
         X : DataFrame with a column per sensor, or collection of trials
-            Touches of any length, ended or not. None stands for a missing sensor.
+            Touches of any length, ended or not. None, or an array of no samples, stands
+            for a missing sensor.
 
         Returns
         -------
@@ -371,8 +373,8 @@ class AnytimeRegressor(
 
         Parameters
         ----------
-        X : DataFrame with a column per sensor, or collection of trials
-            Touches of any length.
+        X
+            As for `predict_proba`.
         times : array-like of shape (n_times,)
             Seconds from the start. After its end a touch is predicted as at its end.
 
@@ -406,8 +408,8 @@ class AnytimeRegressor(
 
         Parameters
         ----------
-        X : DataFrame with a column per sensor, or collection of trials
-            Touches of any length.
+        X
+            As for `predict_proba`.
 
         Returns
         -------
@@ -464,40 +466,6 @@ class AnytimeRegressor(
         """
         check_is_fitted(self)
         return TouchInProgress(self, check_limits(limits, self.sensors_))
-
-    def predict(self, X: Trials) -> np.ndarray:
-        """Predict the most probable level or class.
-
-        Parameters
-        ----------
-        X : DataFrame with a column per sensor, or collection of trials
-            Touches of any length.
-
-        Returns
-        -------
-        predicted : ndarray of shape (n_trials,) or (n_trials, n_adjectives)
-        """
-        return self.classes_[self.predict_proba(X).argmax(axis=-1)]
-
-    def score(self, X: Trials, y: ArrayLike) -> float:
-        """Score predictions; higher is better.
-
-        Parameters
-        ----------
-        X : DataFrame with a column per sensor, or collection of trials
-            Touches of any length.
-        y : array-like
-            As in `fit`.
-
-        Returns
-        -------
-        score : float
-            The negative ranked probability score if the head knows an order of levels,
-            else the accuracy.
-        """
-        if self._ordered:
-            return neg_rps_scorer(self, X, y)
-        return float(np.mean(self.predict(X) == np.asarray(y)))
 
     def __sklearn_is_fitted__(self):
         return hasattr(self, "stopping_")  # which is set last

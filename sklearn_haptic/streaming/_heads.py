@@ -140,7 +140,9 @@ def best_power(proba, shares):
     Returns
     -------
     power : float
-        Above 1 sharpens, below 1 flattens.
+        Above 1 sharpens, below 1 flattens; from 0.22 to 4.5. Without the limits a few
+        predictions that are all right would become certain, and flat ones would give a
+        share to classes that nobody has seen.
     """
 
     def loss(log_power):

@@ -103,7 +103,7 @@ def shrunken_regression(state, gain):
 
 
 class _Rule(BaseEstimator):
-    """Base of the rules: `stops` tells for a path, `stop_at` for whole paths."""
+    """Base of the rules, which decide by `_stops` and may learn by `_learn`."""
 
     _parameter_constraints: dict[str, list[object]] = {}  # noqa: RUF012
 
@@ -148,10 +148,14 @@ class _Rule(BaseEstimator):
             )
         self.durations_ = np.asarray(durations, dtype=np.float64)
         self.ordered_ = ordered
+        self._learn(proba, y)
         return self
 
+    def _learn(self, proba, y):
+        """Learn from predictions out of fold and counts, once `durations_` are set."""
+
     def stops(self, path: ArrayLike) -> NDArray[np.bool_]:
-        """Tell whether to stop.
+        """Tell whether to stop; `stop_at` tells of whole touches.
 
         Parameters
         ----------
@@ -162,6 +166,10 @@ class _Rule(BaseEstimator):
         -------
         stops : ndarray of bool of shape (n_trials,)
         """
+        return np.asarray(self._stops(np.asarray(path)))
+
+    def _stops(self, path):
+        """Whether to stop, for an array of predictions so far."""
         raise NotImplementedError
 
     def stop_at(self, proba: ArrayLike) -> NDArray[np.intp]:
@@ -213,20 +221,8 @@ class FixedDuration(_Rule):
     def __init__(self, seconds: float = 1.0) -> None:
         self.seconds = seconds
 
-    def stops(self, path: ArrayLike) -> NDArray[np.bool_]:
-        """Tell whether to stop; see `stop_at` for a whole touch.
-
-        Parameters
-        ----------
-        path : array-like of shape (n_trials, n_so_far, ..., n_levels)
-            Predictions of the durations so far.
-
-        Returns
-        -------
-        stops : ndarray of bool of shape (n_trials,)
-        """
+    def _stops(self, path):
         check_is_fitted(self)
-        path = np.asarray(path)
         return np.full(len(path), self.durations_[path.shape[1] - 1] >= self.seconds)
 
 
@@ -242,7 +238,8 @@ class CertaintyThreshold(_Rule):
         Stop when the certainty has reached this, from 0 to 1.
     measure : {"probability", "margin", "entropy"}, default="probability"
         The largest probability, its distance from the second largest, or 1 minus the
-        entropy as a share of the largest possible.
+        entropy as a share of the largest possible. Of several adjectives the mean
+        counts.
 
     Examples
     --------
@@ -267,20 +264,8 @@ class CertaintyThreshold(_Rule):
         self.threshold = threshold
         self.measure = measure
 
-    def stops(self, path: ArrayLike) -> NDArray[np.bool_]:
-        """Tell whether to stop; see `stop_at` for a whole touch.
-
-        Parameters
-        ----------
-        path : array-like of shape (n_trials, n_so_far, ..., n_levels)
-            Predictions of the durations so far. The certainty of several adjectives is
-            their mean.
-
-        Returns
-        -------
-        stops : ndarray of bool of shape (n_trials,)
-        """
-        proba = np.asarray(path)[:, -1]
+    def _stops(self, path):
+        proba = path[:, -1]
         ranked = np.sort(proba, axis=-1)
         if self.measure == "probability":
             certainty = ranked[..., -1]
@@ -290,7 +275,7 @@ class CertaintyThreshold(_Rule):
             logs = np.log(np.where(proba > 0, proba, 1))
             certainty = 1 + (proba * logs).sum(axis=-1) / np.log(proba.shape[-1])
         certainty = certainty.reshape(len(certainty), -1).mean(axis=1)
-        return np.asarray(certainty >= self.threshold)
+        return certainty >= self.threshold
 
 
 class NoChange(_Rule):
@@ -318,19 +303,7 @@ class NoChange(_Rule):
     def __init__(self, tol: float = 0.05) -> None:
         self.tol = tol
 
-    def stops(self, path: ArrayLike) -> NDArray[np.bool_]:
-        """Tell whether to stop; see `stop_at` for a whole touch.
-
-        Parameters
-        ----------
-        path : array-like of shape (n_trials, n_so_far, ..., n_levels)
-            Predictions of the durations so far.
-
-        Returns
-        -------
-        stops : ndarray of bool of shape (n_trials,)
-        """
-        path = np.asarray(path)
+    def _stops(self, path):
         return (changes(path) <= self.tol) & (path.shape[1] > 1)
 
 
@@ -386,35 +359,7 @@ class ExpectedGain(_Rule):
     def __init__(self, price: float = 0.01) -> None:
         self.price = price
 
-    @_fit_context(prefer_skip_nested_validation=True)
-    def fit(
-        self,
-        proba: ArrayLike,
-        y: ArrayLike,
-        *,
-        durations: ArrayLike,
-        ordered: bool = True,
-    ) -> Self:
-        """Learn what touching on gains.
-
-        Parameters
-        ----------
-        proba : array-like of shape (n_trials, n_durations, ..., n_levels)
-            Predictions of touches by models fitted without them, such as `oof_proba_`
-            of `AnytimeRegressor`. NaN where a touch is not so long.
-        y : array-like of shape (n_trials, ..., n_levels)
-            Counts of ratings, or 1 for the true class and 0 for others.
-        durations : array-like of shape (n_durations,)
-            Seconds.
-        ordered : bool, default=True
-            Whether the levels have an order.
-
-        Returns
-        -------
-        self : ExpectedGain
-            The fitted rule.
-        """
-        super().fit(proba, y, durations=durations, ordered=ordered)
+    def _learn(self, proba, y):
         check_numbers(y, "y")
         proba = np.asarray(proba, dtype=np.float64)
         true = as_shares(np.asarray(y, dtype=np.float64))
@@ -425,7 +370,7 @@ class ExpectedGain(_Rule):
         for k in reversed(range(len(self.durations_))):
             here = given[:, k]
             loss = np.full(len(proba), np.nan)
-            loss[here] = losses(proba[here, k], true[here], ordered=ordered)
+            loss[here] = losses(proba[here, k], true[here], ordered=self.ordered_)
             further = here & np.isfinite(cost)
             if k < len(steps) and further.any():
                 state = self._state(proba[further, : k + 1])
@@ -434,26 +379,13 @@ class ExpectedGain(_Rule):
                 goes_on = np.flatnonzero(further)[self._gain(state, k) > 0]
                 loss[goes_on] = cost[goes_on] + steps[k]
             cost = loss
-        return self
 
-    def stops(self, path: ArrayLike) -> NDArray[np.bool_]:
-        """Tell whether to stop; see `stop_at` for a whole touch.
-
-        Parameters
-        ----------
-        path : array-like of shape (n_trials, n_so_far, ..., n_levels)
-            Predictions of the durations so far.
-
-        Returns
-        -------
-        stops : ndarray of bool of shape (n_trials,)
-        """
+    def _stops(self, path):
         check_is_fitted(self)
-        path = np.asarray(path)
         k = path.shape[1] - 1
         if k == len(self.coefs_):
             return np.ones(len(path), dtype=bool)
-        return np.asarray(self._gain(self._state(path), k) <= 0)
+        return self._gain(self._state(path), k) <= 0
 
     def _gain(self, state, k):
         return self.coefs_[k, 0] + state @ self.coefs_[k, 1:]

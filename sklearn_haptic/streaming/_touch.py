@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._sklearn import one_blas_thread
 from .._validation import check_regular
+from ._arriving_samples import KeptSamples, MendedSamples, PooledCodes
 from ._branches import as_rows
 from ._prefixes import durations_complete, seconds_felt
-from ._sensor_streams import KeptSamples, MendedSamples, PooledCodes
 from ._touches import ONLY_SENSOR, Touches
 
 

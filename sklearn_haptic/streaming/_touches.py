@@ -10,7 +10,7 @@ import pandas as pd
 from .._check_trials import check_trials, is_table
 from .._sequences import row_index
 from .._sklearn import FloatArray
-from .._validation import column_of, is_missing
+from .._validation import column_of, has_no_samples
 
 # Stands for the sensor of trials that are not in columns.
 ONLY_SENSOR = ""
@@ -117,7 +117,7 @@ def check_touches(X, sensors, shapes=None):
 def _check_sensor(trials, sensor, shape):
     """Return the recordings of one sensor; those that are missing have no samples."""
     trials = list(trials)
-    there = [not is_missing(trial) for trial in trials]
+    there = [not has_no_samples(trial) for trial in trials]
     where = f" of sensor {sensor!r}" if sensor else ""
     if shape is None and not all(there):
         raise ValueError(

@@ -1,5 +1,7 @@
 """Tables of a study: networks beside guesses and the truth, with tests over objects."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import pandas as pd

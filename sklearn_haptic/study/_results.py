@@ -1,5 +1,7 @@
 """The tables of everything that a study has finished."""
 
+from __future__ import annotations
+
 import re
 from os import PathLike
 from pathlib import Path

@@ -5,6 +5,8 @@ of a procedure, the features of a sensor, or all models of a fold. Its result de
 nothing but the corpus, the settings and its name, from which its seeds follow.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product

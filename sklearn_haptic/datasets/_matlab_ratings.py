@@ -6,6 +6,8 @@ objects, unless they are given. What could be read in two ways is an error, and 
 is assumed.
 """
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Sequence

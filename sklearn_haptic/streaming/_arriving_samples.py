@@ -1,4 +1,4 @@
-"""What must be kept of a sensor while a touch goes on.
+"""The samples of a sensor as they arrive: mended, coded, and kept while needed.
 
 The cells of a prefix depend on its length, but the durations are known in advance, and
 so are the edges of all of their cells. Between two neighbouring edges only the maximum

@@ -5,8 +5,8 @@ import pytest
 from scipy.io import savemat
 
 from sklearn_haptic.datasets import MatlabRatings
+from sklearn_haptic.datasets._matlab_ratings import read_matlab
 from sklearn_haptic.datasets._rated import ADJECTIVES, LEVELS, ratings_of_trials
-from sklearn_haptic.datasets._ratings_file import read_matlab
 from sklearn_haptic.ratings import rating_counts
 
 IDS = np.arange(101, 161)  # 60 objects

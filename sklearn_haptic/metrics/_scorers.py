@@ -1,0 +1,138 @@
+"""Scorers of fitted estimators, for searches."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+from sklearn.base import BaseEstimator
+from sklearn.pipeline import Pipeline
+
+from .._decided import ratings_decided_on
+from .._sklearn import Trials
+from ._macro_mae import macro_mae, macro_mae_at_positions
+from ._ranked_probability import ranked_probability_score
+
+
+def neg_rps_scorer(
+    estimator: BaseEstimator,
+    X: Trials,
+    y: ArrayLike,
+    sample_weight: ArrayLike | None = None,
+) -> float:
+    """Minus the ranked probability score of an estimator, for ``scoring=``.
+
+    Parameters
+    ----------
+    estimator : object
+        Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
+    X : array-like
+        The trials that ``estimator`` takes.
+    y : array-like of shape (n_trials, n_levels) or (n_trials,)
+        How many people chose each level, or one rating per trial; of shape (n_trials,
+        n_adjectives, n_levels) where ``estimator`` predicts several adjectives.
+    sample_weight : array-like of shape (n_trials,), default=None
+        Weight of each trial in the average.
+
+    Returns
+    -------
+    score : float
+        Higher is better; see :func:`ranked_probability_score`.
+
+    Raises
+    ------
+    ValueError
+        If a rating is not among the estimator's levels.
+
+    Examples
+    --------
+    >>> from sklearn.dummy import DummyClassifier
+    >>> from sklearn_haptic.metrics import neg_rps_scorer
+    >>> X, y = [[0], [0], [0], [0]], [1, 1, 2, 2]
+    >>> neg_rps_scorer(DummyClassifier(strategy="prior").fit(X, y), X, y)
+    -0.25
+    """
+    proba, levels = estimator.predict_proba(X), estimator.classes_
+    return -_score_predicted(ranked_probability_score, proba, levels, y, sample_weight)
+
+
+def neg_macro_mae_scorer(
+    estimator: BaseEstimator,
+    X: Trials,
+    y: ArrayLike,
+    sample_weight: ArrayLike | None = None,
+) -> float:
+    """Minus the macro-averaged error of an estimator, for ``scoring=``.
+
+    It is that of the predicted distribution, :func:`macro_mae`. Only a
+    :class:`~sklearn_haptic.DistributionalOrdinalRegressor` with ``decode="quantile"``
+    and ``rule="argmax"`` (the paper) is scored by the ratings that it decides on,
+    :func:`macro_mae_at_positions`: these are its predictions, and its distribution has
+    no more than what is left when they are sorted.
+
+    Parameters
+    ----------
+    estimator : object
+        Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels); also a
+        pipeline or a search that ends in such an estimator.
+    X : array-like
+    y : array-like of shape (n_trials, n_levels) or (n_trials,)
+    sample_weight : array-like of shape (n_trials,), default=None
+        All three are those of :func:`neg_rps_scorer`.
+
+    Returns
+    -------
+    score : float
+        Higher is better; see :func:`macro_mae` and :func:`macro_mae_at_positions`.
+
+    Raises
+    ------
+    ValueError
+        If a rating is not among the estimator's levels.
+
+    Examples
+    --------
+    >>> from sklearn.dummy import DummyClassifier
+    >>> from sklearn_haptic.metrics import neg_macro_mae_scorer
+    >>> X, y = [[0], [0], [0]], [1, 1, 2]
+    >>> model = DummyClassifier(strategy="most_frequent").fit(X, y)
+    >>> round(neg_macro_mae_scorer(model, X, y), 4)
+    -0.3333
+    """
+    model, X = _last_step(estimator, X)
+    decided = ratings_decided_on(model, X)
+    if decided is None:
+        score, predicted = macro_mae, model.predict_proba(X)
+    else:
+        predicted, p = decided
+        score = partial(macro_mae_at_positions, p=p)
+    return -_score_predicted(score, predicted, model.classes_, y, sample_weight)
+
+
+def _last_step(estimator, X):
+    """Return the model at the end of searches and pipelines, and what it is given."""
+    while True:
+        if hasattr(estimator, "best_estimator_"):
+            estimator = estimator.best_estimator_
+        elif isinstance(estimator, Pipeline):
+            X = estimator[:-1].transform(X) if len(estimator) > 1 else X
+            estimator = estimator[-1]
+        else:
+            return estimator, X
+
+
+def _score_predicted(score, predicted, levels, y, sample_weight):
+    """Mean score of what was predicted, over adjectives if there are several."""
+    if predicted.ndim == 3:
+        expected = (*predicted.shape[:2], len(levels))
+        if np.shape(y) != expected:
+            raise ValueError(
+                f"y has shape {np.shape(y)}, but {expected} is predicted; give "
+                "counts of the same trials, adjectives and levels."
+            )
+        if sample_weight is not None:
+            sample_weight = np.repeat(sample_weight, predicted.shape[1])
+        y = np.asarray(y).reshape(-1, len(levels))
+        predicted = predicted.reshape(len(y), -1)
+    return score(y, predicted, sample_weight=sample_weight, levels=levels)

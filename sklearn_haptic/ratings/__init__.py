@@ -1,0 +1,24 @@
+"""Ratings given by people: counts per level, CDFs, agreement, correlation.
+
+People rate an object on an ordered scale, so the ratings of objects are a table of
+*counts*: how many people chose each level. Everything else follows from counts. The
+columns of a labelled table are put in the order of the levels.
+"""
+
+from ._agreement import interrater_agreement
+from ._correlation import adjective_correlation
+from ._counts import RatingTable, rating_counts
+from ._distribution import inverse_cdf, rating_cdf, rating_distribution, rating_mean
+from ._outlying_raters import outlying_raters
+
+__all__ = [
+    "RatingTable",
+    "adjective_correlation",
+    "interrater_agreement",
+    "inverse_cdf",
+    "outlying_raters",
+    "rating_cdf",
+    "rating_counts",
+    "rating_distribution",
+    "rating_mean",
+]

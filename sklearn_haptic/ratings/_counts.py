@@ -1,0 +1,301 @@
+"""Count the ratings of people: a table of counts per object and level."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.utils.validation import check_consistent_length
+
+from .._check_ratings import match_levels
+from .._levels import levels_of_ratings, names_levels
+from .._validation import (
+    check_objects,
+    drop_missing,
+    missing_to_none,
+    rows_of_objects,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class RatingTable:
+    """How many people gave each object each rating; made by `rating_counts`.
+
+    Parameters
+    ----------
+    counts : ndarray of shape (n_objects, n_levels)
+        Number of people who chose each level.
+    objects : ndarray of shape (n_objects,)
+        The object of each row, sorted.
+    levels : ndarray of shape (n_levels,)
+        The level of each column. Give them to a model as its ``levels``, unless they
+        are 1, 2, …, n_levels.
+    raters : ndarray of shape (n_raters,), default=None
+        The people, sorted, if they are known.
+    answers : ndarray of int of shape (n_ratings, 3), default=None
+        One row per rating, as indices into ``objects``, ``raters`` and ``levels``;
+        sorted.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.ratings import rating_counts
+    >>> table = rating_counts([1, 2, 2], ["foam", "foam", "tile"])
+    >>> table.counts_for(["tile", "foam", "foam"])
+    array([[0, 1],
+           [1, 1],
+           [1, 1]])
+    """
+
+    counts: NDArray[np.int64]
+    objects: np.ndarray
+    levels: np.ndarray
+    raters: np.ndarray | None = None
+    answers: NDArray[np.intp] | None = None
+
+    @classmethod
+    def from_long(
+        cls,
+        frame: Any,
+        *,
+        object: str = "object",
+        rater: str = "rater",
+        rating: str = "rating",
+        levels: ArrayLike | None = None,
+    ) -> Self:
+        """Count the ratings of a table with one row per rating.
+
+        Parameters
+        ----------
+        frame : DataFrame of pandas or polars
+            For instance ``pandas.read_csv("ratings.csv")`` or
+            ``polars.read_parquet("ratings.parquet")``.
+        object, rater, rating : str
+            Names of the columns that say what was rated (objects, or single trials),
+            by whom, and how.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels, by default as in :func:`rating_counts`.
+
+        Returns
+        -------
+        table : RatingTable
+
+        Raises
+        ------
+        ValueError
+            If a column, an object or a rater is missing, somebody rated an object
+            twice, or a rating is not among the levels.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> from sklearn_haptic.ratings import RatingTable
+        >>> frame = pd.DataFrame(
+        ...     {"object": ["foam", "foam", "tile"], "rater": ["Ann", "Bo", "Ann"],
+        ...      "rating": [1, 3, 2]}
+        ... )
+        >>> RatingTable.from_long(frame).counts
+        array([[1, 0, 1],
+               [0, 1, 0]])
+        """
+        objects, raters, ratings = (
+            _column(frame, name) for name in (object, rater, rating)
+        )
+        return cls(**vars(rating_counts(ratings, objects, raters, levels=levels)))
+
+    @classmethod
+    def from_wide(
+        cls,
+        frame: Any,
+        *,
+        object: str = "object",
+        levels: ArrayLike | None = None,
+    ) -> Self:
+        """Count the ratings of a table with one row per object, one column per rater.
+
+        Parameters
+        ----------
+        frame : DataFrame of pandas or polars
+            All columns but one hold the ratings of the person that they are named by,
+            missing where this person did not rate the object.
+        object : str, default="object"
+            Name of the column that says what was rated: objects, or single trials.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels; by default the categories of the first rater's column
+            if they are ordered, else the sorted ratings that occur.
+
+        Returns
+        -------
+        table : RatingTable
+
+        Raises
+        ------
+        ValueError
+            If the column of objects is missing, an object has two rows or no rating, or
+            a rating is not among the levels.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> from sklearn_haptic.ratings import RatingTable
+        >>> frame = pd.DataFrame(
+        ...     {"object": ["foam", "tile"], "Ann": [1, 2], "Bo": [3, None]}
+        ... )
+        >>> RatingTable.from_wide(frame).counts
+        array([[1, 0, 1],
+               [0, 1, 0]])
+        """
+        objects = check_objects(_column(frame, object))
+        raters = [name for name in frame.columns if name != object]
+        if not raters:
+            raise ValueError(
+                f"The table has no column but {object!r}; give one per rater."
+            )
+        columns = [_column(frame, name) for name in raters]
+        if levels is None and names_levels(columns[0]):
+            levels = levels_of_ratings(np.array([]), columns[0], None, "ratings")
+        table = rating_counts(
+            np.concatenate([missing_to_none(column, "ratings") for column in columns]),
+            np.tile(objects, len(raters)),
+            np.repeat(raters, len(objects)),
+            levels=levels,
+        )
+        return cls(**vars(table))
+
+    def counts_for(self, objects: ArrayLike) -> NDArray[np.int64]:
+        """Return the counts of the object of each trial.
+
+        Parameters
+        ----------
+        objects : array-like of shape (n_trials,)
+            The object of each trial, by the ids of ``self.objects``.
+
+        Returns
+        -------
+        counts : ndarray of shape (n_trials, n_levels)
+            Row by row the counts of ``objects``.
+
+        Raises
+        ------
+        ValueError
+            If an object is missing or has no ratings in this table.
+        """
+        return self.counts[rows_of_objects(objects, self.objects)]
+
+
+def _column(frame, name):
+    """Return a column of a table of pandas or polars, of which there must be one."""
+    columns = [*getattr(frame, "columns", ())]
+    if columns.count(name) != 1:
+        raise ValueError(
+            f"The table has {columns.count(name)} columns {name!r} among "
+            f"{columns[:10]}; give a DataFrame that has one, or the column's own name."
+        )
+    return frame[name]
+
+
+def rating_counts(
+    ratings: ArrayLike,
+    objects: ArrayLike,
+    raters: ArrayLike | None = None,
+    *,
+    levels: ArrayLike | None = None,
+) -> RatingTable:
+    """Count how many people gave each object each rating.
+
+    Parameters
+    ----------
+    ratings : array-like of shape (n_ratings,)
+        Each entry is one person's rating of one object. None, NaN and NA mean that no
+        rating was given; they are left out. A column of a pandas or polars table will
+        do.
+    objects : array-like of shape (n_ratings,)
+        The object that each rating is of.
+    raters : array-like of shape (n_ratings,), default=None
+        The person whose rating each is. The table then knows them, and nobody may rate
+        an object twice.
+    levels : array-like of shape (n_levels,), default=None
+        The ordered levels; by default the categories of an ordered categorical
+        column of pandas or of an Enum of polars, else the sorted ratings that occur.
+        Give them if nobody may have chosen some level.
+
+    Returns
+    -------
+    table : RatingTable
+        The counts of each object, with the objects and levels that they are of.
+
+    Warns
+    -----
+    UserWarning
+        If the ratings are words, and nothing tells their order.
+
+    Raises
+    ------
+    ValueError
+        If the columns differ in length, one mixes text with something else, a rating
+        is not among ``levels``, an object or a rater is missing, nobody rated an
+        object, or somebody did so twice.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.ratings import rating_counts
+    >>> table = rating_counts(
+    ...     [1, 2, 2, None, 3, 3], ["foam", "foam", "foam", "foam", "tile", "tile"],
+    ...     levels=[1, 2, 3, 4, 5],
+    ... )
+    >>> table.counts
+    array([[1, 2, 0, 0, 0],
+           [0, 0, 2, 0, 0]])
+    >>> table.objects
+    array(['foam', 'tile'], dtype='<U4')
+
+    To give a model the counts of each trial's object:
+
+    >>> table.counts_for(["tile", "tile", "foam"])
+    array([[0, 0, 2, 0, 0],
+           [0, 0, 2, 0, 0],
+           [1, 2, 0, 0, 0]])
+    """
+    check_consistent_length(ratings, objects)
+    values, given = drop_missing(ratings, "ratings")
+    objects = check_objects(objects)
+    matches, levels = match_levels(
+        values, ratings, levels, "ratings", row="row", rows=np.flatnonzero(given)
+    )
+    objects, row = np.unique(objects, return_inverse=True)
+    level = matches.argmax(axis=1)
+    cell = row[given] * len(levels) + level
+    counts = np.bincount(cell, minlength=len(objects) * len(levels))
+    counts = counts.reshape(len(objects), len(levels))
+    if not counts.any(axis=1).all():
+        unrated = objects[np.argmin(counts.any(axis=1))].item()
+        raise ValueError(
+            f"Nobody rated the object {unrated!r}; remove its rows from ratings and "
+            "objects."
+        )
+    if raters is None:
+        return RatingTable(counts, objects, levels)
+    check_consistent_length(ratings, raters)
+    raters = _check_raters(raters)[given]
+    raters, rater = np.unique(raters, return_inverse=True)
+    answers = np.column_stack((row[given], rater, level))
+    answers = answers[np.lexsort(answers.T[::-1])]
+    twice = (np.diff(answers[:, :2], axis=0) == 0).all(axis=1)
+    if twice.any():
+        which, who = answers[np.argmax(twice), :2]
+        raise ValueError(
+            f"ratings has two of the object {objects.tolist()[which]!r} by the rater "
+            f"{raters.tolist()[who]!r}; keep one, or tell the raters apart."
+        )
+    return RatingTable(counts, objects, levels, raters, answers)
+
+
+def _check_raters(raters):
+    raters, named = drop_missing(raters, "raters")
+    if not named.all():
+        raise ValueError(
+            f"raters names nobody in row {np.argmin(named)}; name the rater of every "
+            "row, or remove the row."
+        )
+    return raters

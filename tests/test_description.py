@@ -1,0 +1,243 @@
+"""`describe_corpus` against RepairTrials and plain loops, and how it is shown."""
+
+import pickle
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sklearn_haptic import RepairTrials
+from sklearn_haptic.datasets import _description, describe_corpus, make_haptic_corpus
+from sklearn_haptic.ratings import interrater_agreement
+
+LIMITS = {"skin": (-2.0, 2.0)}
+
+
+@pytest.fixture
+def faulty():
+    """Forty trials of two sensors with every fault, as a DataFrame."""
+    rng = np.random.default_rng(0)
+    lengths = rng.integers(1, 30, 40)
+    skin = [rng.normal(size=(n, 3)).astype(np.float32) for n in lengths]
+    force = [rng.normal(size=4 * n) for n in lengths]
+    for i in (3, 8, 9):
+        skin[i][rng.random(skin[i].shape) < 0.4] = np.nan
+    skin[5][:, 1] = np.inf
+    for i in (12, 13):
+        skin[i][:, 2] = 1.0
+    force[7] = force[8] = force[9] = None
+    skin[20] = np.full((4, 3), np.nan)
+    skin[21] = np.ma.masked_array(skin[21], skin[21] > 0)
+    skin[22] = skin[22].tolist()
+    return pd.DataFrame(
+        {"skin": pd.Series(skin, dtype=object), "force": pd.Series(force, dtype=object)}
+    )
+
+
+@pytest.mark.parametrize("chunk", [1, 50, 2**20])
+def test_faults_are_those_that_repair_trials_finds(faulty, chunk, monkeypatch):
+    monkeypatch.setattr(_description, "_CHUNK", chunk)
+    sensors = describe_corpus(faulty, limits=LIMITS).sensors
+    faults = RepairTrials(limits=LIMITS).fit(faulty).faults_
+    for name in faulty:
+        row = sensors.loc[name]
+        of_sensor = faults[faults["sensor"] == name].groupby("fault")
+        n_faults, n_samples = of_sensor.size(), of_sensor["n_samples"].sum()
+        frames = n_samples.get("dropped frames", 0) * row["n_channels"]
+        assert row["n_missing_samples"] == n_samples.get("missing samples", 0) + frames
+        assert row["dead"] == n_faults.get("dead", 0)
+        assert row["n_missing_trials"] == n_faults.get("missing sensor", 0)
+        assert row["n_trials"] + row["n_missing_trials"] == len(faulty)
+    assert (
+        sensors.loc["skin", "saturated"]
+        == ((faults["sensor"] == "skin") & (faults["fault"] == "saturated")).sum()
+    )
+    assert np.isnan(sensors.loc["force", "saturated"])
+    assert (sensors[["n_missing_samples", "dead"]].loc["skin"] > 0).all()
+
+
+def test_lengths_and_constant_channels(faulty):
+    for cell in faulty["skin"]:
+        np.ma.asarray(cell)[..., 0] = 3.0  # of the list only a copy
+    faulty.at[22, "skin"] = None
+    rates = {"skin": 100}
+    sensors = describe_corpus(faulty, sampling_rates=rates).sensors
+    for name, column in faulty.items():
+        lengths = [
+            len(cell)
+            for cell in column
+            if cell is not None and np.isfinite(np.ma.filled(cell, np.nan)).any()
+        ]
+        expected = [min(lengths), np.median(lengths), max(lengths)]
+        row = sensors.loc[name]
+        assert row[["shortest", "median", "longest"]].tolist() == expected
+        assert row["n_samples"] == sum(lengths) * row["n_channels"]
+    assert sensors["constant"].tolist() == [1, 0]
+    assert sensors["rate"].tolist() == [100, pytest.approx(np.nan, nan_ok=True)]
+
+
+def test_all_forms_of_trials_are_described_alike():
+    trials = np.random.default_rng(0).normal(size=(6, 20, 2))
+    expected = describe_corpus(trials, sampling_rates=50).sensors
+    assert expected.loc["", "n_samples"] == trials.size
+    for same in (list(trials), pd.Series(list(trials)), {"trials": trials}):
+        found = describe_corpus(same, sampling_rates=50).sensors
+        pd.testing.assert_frame_equal(found, expected)
+    frame = pd.DataFrame({"acc": pd.Series(list(trials), dtype=object), "run": 1})
+    dicts = [{"acc": trial} for trial in trials]
+    for same in (frame, dicts):
+        found = describe_corpus(same, sampling_rates={"acc": 50}).sensors
+        assert found.index.tolist() == ["acc"]
+        pd.testing.assert_frame_equal(found.set_axis(expected.index), expected)
+    images = describe_corpus(trials.reshape(6, 5, 4, 2)).sensors
+    assert images.loc["", ["n_channels", "median"]].tolist() == [8, 5]
+    alone = describe_corpus(trials[:1])
+    rated = describe_corpus({"trials": trials, "ratings": np.ones((6, 3))})
+    assert rated.summary == "6 trials; 1 sensor; ratings on 1 adjective."
+    assert describe_corpus({"trials": trials, "ratings": {}}).ratings is None
+    assert alone.summary == "1 trial; 1 sensor."
+    assert (alone.objects, alone.ratings, alone.rated) == (None, None, None)
+    some = describe_corpus([{"acc": trials[0]}, {"acc": None, "skin": trials[1]}])
+    assert some.sensors["n_missing_trials"].tolist() == [1, 1]
+    gone = describe_corpus(frame.assign(skin=[[]] * 6))
+    assert re.search(r"^skin +0 +6 +0 +– +– +– +0$", repr(gone), re.M)
+    gone = gone.sensors
+    assert gone.loc["skin", ["n_trials", "n_channels", "n_samples"]].tolist() == [0] * 3
+
+
+@pytest.mark.parametrize("levels", [None, ["low", "mid", "high"], [-1, 0, 5]])
+def test_ratings_against_loops(levels):
+    rng = np.random.default_rng(1)
+    objects = np.array(["b", "a", "b", "c", "c", "d"])
+    of_object = {name: rng.multinomial(7, [0.2, 0.3, 0.5]) for name in "abcd"}
+    of_object["c"] = np.array([0, 0, 1])  # one person: no agreement
+    of_object["d"] = np.zeros(3, dtype=int)  # nobody
+    counts = np.array([of_object[name] for name in objects])
+    found = describe_corpus(
+        np.zeros((6, 5, 1)), objects=objects, ratings={"hard": counts}, levels=levels
+    )
+    agreement = interrater_agreement([of_object["a"], of_object["b"]])
+    expected = [3, 1, 7, agreement.mean(), agreement.min()]
+    np.testing.assert_allclose(found.ratings.loc["hard"].to_numpy(float), expected)
+    shares = np.mean([of_object[name] / of_object[name].sum() for name in "abc"], 0)
+    np.testing.assert_allclose(found.shares.loc["hard"], shares)
+    assert found.shares.columns.tolist() == (levels or [1, 2, 3])
+    assert found.rated == "object"
+    assert found.objects["trials"].to_dict() == {"a": 1, "b": 2, "c": 2, "d": 1}
+
+
+def test_ratings_of_trials_and_of_several_scales():
+    labels = [1, 3, 3, np.nan, 2, 1]
+    counts = np.tile([[2, 0], [1, 1]], (3, 1))
+    found = describe_corpus(
+        np.zeros((6, 5)),
+        objects=[0, 0, 1, 1, 2, 2],
+        ratings={"cold": labels, "nice": counts},
+    )
+    assert found.rated == "trial"
+    assert found.ratings["n_rated"].tolist() == [5, 6]
+    assert np.isnan(found.ratings.loc["cold", "agreement"])
+    np.testing.assert_allclose(found.shares.loc["cold", [1, 2, 3]], [0.4, 0.2, 0.4])
+    assert found.shares.loc["nice"].tolist()[:2] == [0.75, 0.25]
+    assert np.isnan(found.shares.loc["nice", 3])
+
+
+def test_trials_of_each_procedure():
+    corpus = make_haptic_corpus(
+        4, 2, procedure=["hold", "slow_slide"], sensors=["tdc"], random_state=0
+    )
+    corpus.trials.iloc[0, 1] = None
+    description = describe_corpus(corpus)
+    told = "8 trials of 4 objects, 2 of each; 1 sensor in 2 procedures; ratings on"
+    assert description.summary.startswith(told)
+    objects = description.objects
+    assert objects["trials"].tolist() == objects["hold"].tolist() == [2] * 4
+    assert objects["slow_slide"].tolist() == [1, 2, 2, 2]
+    assert objects["name"].tolist() == corpus.object_names[::2].tolist()
+    procedures = ["poke", "rub", "rub", "rub", "poke", "rub", "poke", "poke"]
+    table = describe_corpus(corpus, procedures=procedures).objects
+    expected = pd.crosstab(corpus.objects, np.array(procedures))
+    np.testing.assert_array_equal(table[["poke", "rub"]], expected)
+
+
+class _Links(HTMLParser):
+    def __init__(self):
+        super().__init__(convert_charrefs=True)
+        self.open, self.found, self.texts = [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.open.append(tag)
+        self.found += [tag, *(name for name, _ in attrs)]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+def test_html_is_whole_escaped_and_without_links(faulty):
+    evil = "<script>alert('&')</script>"
+    found = describe_corpus(
+        faulty.rename(columns={"skin": evil}),
+        objects=[evil] * 15 + ["b"] * 25,
+        ratings={evil: np.tile([3, 4], (40, 1))},
+        levels=["lo", evil],
+        sampling_rates={evil: 100},
+    )
+    html = found._repr_html_()
+    page = _Links()
+    page.feed(html)
+    assert page.open == []
+    assert not {"script", "link", "img", "src", "href"} & {*page.found}
+    assert not re.search(r"url\(|@import|https?:", html)
+    assert page.texts.count(evil) == 3  # sensor, object, adjective
+    assert f"chose {evil}" in page.texts
+    missing, all_samples = found.sensors.iloc[0][["n_missing_samples", "n_samples"]]
+    for text in ("15 to 25 of each", f"{missing / all_samples:.2%}", "57%"):
+        assert text in html and text in repr(found)
+
+
+def test_a_description_can_be_saved(faulty):
+    found = describe_corpus(faulty)
+    assert repr(pickle.loads(pickle.dumps(found))) == repr(found)
+    assert found._repr_html_() == pickle.loads(pickle.dumps(found))._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (([],), "corpus holds no trials"),
+        (({"data": 1},), "corpus is a dict without 'trials'"),
+        ((pd.DataFrame({"x": [1, 2]}),), "none of which holds arrays"),
+        (([np.zeros((3, 1)), np.zeros((3, 2))],), "Trial 1 of X has time samples"),
+        (([np.zeros((3, 1)), "rough"],), "Trial 1 of X is not an array of numbers"),
+    ],
+)
+def test_bad_trials(arguments, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        describe_corpus(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"objects": [1]}, "inconsistent numbers of samples"),
+        ({"objects": [1, None]}, "objects has no object in trial 1"),
+        ({"procedures": ["hold"]}, "inconsistent numbers of samples"),
+        ({"ratings": [[1, 2]]}, "inconsistent numbers of samples"),
+        ({"ratings": {"hard": [[1, -2], [1, 2]]}}, "ratings['hard'] has a negative"),
+        ({"ratings": {"hard": [[0, 0], [0, 0]]}}, "ratings['hard'] has no ratings"),
+        ({"ratings": {"hard": [[0, 1], [2]]}}, "ratings['hard'] is no array of one"),
+        ({"ratings": [1, 2], "levels": [1, 3]}, "ratings['ratings'] has the rating 2"),
+        ({"limits": (3, 2)}, "limits=(3, 2) must be the lowest and the highest"),
+        ({"limits": {"acc": (3, 2)}}, "limits names the sensor 'acc'"),
+        ({"sampling_rates": {"acc": 9}}, "sampling_rates names the sensor 'acc'"),
+        ({"sampling_rates": "fast"}, "sampling_rates"),
+    ],
+)
+def test_bad_options(options, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        describe_corpus(np.zeros((2, 4, 1)), **options)

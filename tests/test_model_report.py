@@ -1,0 +1,195 @@
+"""`model_report` against loops over folds and objects written by hand."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy.stats import ttest_1samp
+from sklearn.base import clone
+from sklearn.model_selection import GroupKFold, KFold
+from test_out_of_fold import COUNTS, OBJECTS, REGRESSOR, X
+
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    DummyDistribution,
+    make_haptic_pipeline,
+)
+from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.metrics import (
+    dispersion,
+    earth_movers_distance,
+    log_score,
+    macro_mae,
+    ranked_probability_score,
+)
+from sklearn_haptic.model_selection import cross_val_predict_proba, model_report
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+LINEAR = DistributionalOrdinalRegressor(NNPOM(0, alpha=3.0))
+FUNCTIONS = {
+    "rps": ranked_probability_score,
+    "emd": earth_movers_distance,
+    "macro_mae": macro_mae,
+    "log_score": log_score,
+    "dispersion": dispersion,
+}
+
+
+@pytest.fixture(scope="module")
+def report():
+    y = {"first": COUNTS, 2: np.roll(COUNTS, 5, axis=0)}
+    return model_report(LINEAR, X, y, groups=OBJECTS, cv=3)
+
+
+def test_scores_of_the_model_and_of_both_baselines(report):
+    assert report.scores.index.get_level_values(0).unique().tolist() == [*("first", 2)]
+    models = {
+        "model": LINEAR,
+        "marginal": DummyDistribution(),
+        "barycentre": DummyDistribution("barycentre"),
+    }
+    for name, model in models.items():
+        proba = cross_val_predict_proba(model, X, COUNTS, groups=OBJECTS, cv=3)
+        for score, function in FUNCTIONS.items():
+            expected = function(COUNTS, proba)
+            assert report.scores.at[("first", name), score] == pytest.approx(expected)
+        if name == "model":
+            np.testing.assert_allclose(report.predicted["first"], proba, atol=1e-12)
+
+
+def test_gains_are_paired_over_objects(report):
+    proba = {}
+    for model in (LINEAR, DummyDistribution(), DummyDistribution("barycentre")):
+        proba[model] = cross_val_predict_proba(model, X, COUNTS, groups=OBJECTS, cv=3)
+    rps = [
+        ranked_probability_score(COUNTS, each, average=False) for each in proba.values()
+    ]
+    guess = min(rps[1:], key=np.mean)
+    of_objects = [
+        (guess - rps[0])[each == OBJECTS].mean() for each in np.unique(OBJECTS)
+    ]
+    row = report.gains.loc["first"]
+    assert row["rps"] == pytest.approx(rps[0].mean())
+    assert row["rps_guess"] == pytest.approx(guess.mean())
+    assert row["gain"] == pytest.approx(np.mean(of_objects))
+    error = np.std(of_objects, ddof=1) / np.sqrt(len(of_objects))
+    assert row["standard_error"] == pytest.approx(error)
+    assert ttest_1samp(of_objects, 0).pvalue < 0.05 and row["verdict"] == "better"
+
+
+def test_the_conclusion_names_what_is_no_better(report):
+    assert report.gains["verdict"].tolist() == ["better", "not shown"]
+    told = "It is better on: first. It is not shown to be better on: 2."
+    assert report.conclusion.endswith(told)
+    assert report.conclusion in re.sub(r"\s+", " ", repr(report))
+    gains = report.gains[["rps", "rps_guess"]].mean()
+    text = f"its RPS is {gains['rps']:.3f} where guessing has {gains['rps_guess']:.3f}"
+    assert text in report.conclusion
+
+
+def test_trials_count_equally_and_objects_once():
+    """An object touched often weighs more, with the error of such a mean."""
+    from sklearn_haptic.model_selection._gains import summarise_gains
+
+    rng = np.random.default_rng(0)
+    objects = np.repeat(np.arange(40), rng.integers(1, 9, 40))
+    gains = rng.normal(size=40)[objects] + rng.normal(size=len(objects))
+    found = summarise_gains(gains, objects)
+    assert found["gain"] == pytest.approx(gains.mean())
+    of_object = [gains[objects == each] for each in range(40)]
+    means = []
+    for _ in range(2000):
+        drawn = [of_object[i] for i in rng.integers(40, size=40)]
+        means.append(np.concatenate(drawn).mean())
+    assert found["standard_error"] == pytest.approx(np.std(means), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("sign", "verdict", "words"),
+    [
+        (1, "better", "The model is better than guessing: its RPS is 0.331"),
+        (-1, "worse", "The model is worse than guessing: its RPS is 1.653"),
+    ],
+)
+def test_verdict_of_a_model_that_knows(sign, verdict, words):
+    """Of two sets of features, one is the answer and the other its contrary."""
+
+    class Knows(DummyDistribution):
+        def predict_proba(self, X):
+            return X[:, 5:] if sign < 0 else X[:, :5]
+
+    share = COUNTS / COUNTS.sum(axis=1, keepdims=True)
+    told = np.hstack([share, np.eye(5)[4 - COUNTS.argmax(axis=1)]])
+    report = model_report(Knows(), told, COUNTS, groups=OBJECTS, cv=4)
+    assert report.gains["verdict"].tolist() == [verdict]
+    assert report.conclusion.startswith(words)
+
+
+def test_a_baseline_is_no_better_than_itself():
+    counts = COUNTS * [1, 1, 1, 1, 0] + np.eye(5, dtype=int)[4] * (
+        OBJECTS[:, None] == 0
+    )
+    report = model_report(DummyDistribution(), X, counts, groups=OBJECTS, cv=3)
+    assert report.gains["verdict"].tolist() == ["not shown"]
+    assert "0%" not in report.conclusion
+    assert report.conclusion.startswith("The model is not shown to be better than")
+    assert "∞" in repr(report) and "ruled out" in repr(report)
+
+
+def test_given_test_trials_and_labels():
+    labels = COUNTS.argmax(axis=1) + 3
+    train, test = next(GroupKFold(4).split(X, groups=OBJECTS))
+    report = model_report(REGRESSOR, X, labels, groups=OBJECTS, cv=[(train, test)])
+    assert report.tested.tolist() == test.tolist()
+    model = clone(REGRESSOR).fit(X[train], labels[train])
+    found = report.predicted["ratings"][:, : len(model.classes_)]
+    np.testing.assert_allclose(found, model.predict_proba(X[test]))
+    assert f"in {len(test)} trials of 3 objects" in report.summary
+    assert (
+        f"learned from {len(train)} trials of 9 objects, given as features."
+        in report.summary
+    )
+    rows = model_report(REGRESSOR, X, labels, groups=OBJECTS, cv=[(train, test[::-1])])
+    np.testing.assert_allclose(rows.predicted["ratings"], report.predicted["ratings"])
+
+
+def test_adjectives_learned_together():
+    both = np.stack([COUNTS, COUNTS[:, ::-1]], axis=1)
+    report = model_report(REGRESSOR, X, both, groups=OBJECTS, cv=3)
+    assert report.gains.index.tolist() == ["ratings[:, 0]", "ratings[:, 1]"]
+    proba = cross_val_predict_proba(REGRESSOR, X, both, groups=OBJECTS, cv=3)
+    for i, name in enumerate(report.gains.index):
+        np.testing.assert_allclose(report.predicted[name], proba[:, i], atol=1e-12)
+
+
+def test_objects_on_both_sides_are_told():
+    cv = KFold(4, shuffle=True, random_state=0)
+    with pytest.warns(UserWarning, match="groups parameter is ignored"):
+        report = model_report(DummyDistribution(), X, COUNTS, groups=OBJECTS, cv=cv)
+    known = sum(np.isin(OBJECTS[b], OBJECTS[a]).sum() for a, b in cv.split(X))
+    assert f"But {known} test trials are of objects that were" in report.summary
+    report = model_report(DummyDistribution(), X, COUNTS, cv=cv)
+    assert "is not known (groups=)" in report.summary
+    report = model_report(DummyDistribution(), X, COUNTS, groups=OBJECTS)
+    assert report.summary.endswith("No test object was touched in training.")
+
+
+def test_sensors_times_and_html():
+    corpus = make_haptic_corpus(6, 2, sensors=["pdc", "tac", "tdc"], random_state=0)
+    model = make_haptic_pipeline(["pdc", "tdc"], random_state=0)
+    y = {"<b>hard</b>": corpus.ratings["hard"]}
+    report = model_report(model, corpus.trials, y, groups=corpus.objects, cv=2)
+    assert (
+        "it had learned from 6 trials of 3 objects, recorded by pdc, tdc."
+        in report.summary
+    )
+    assert report.seconds_to_learn > report.seconds_per_touch > 0
+    assert not hasattr(model["model"], "classes_")  # a clone was fitted
+    html = report._repr_html_()
+    assert "<b>" not in html and "on the test trials, &lt;b&gt;hard" in html
+    y["c"] = corpus.ratings["cold"]
+    two = model_report(model, corpus.trials, y, cv=2)
+    assert "<b>" not in html and "<th>&lt;b&gt;hard" in two._repr_html_()
+    assert two.gains.index.tolist() == ["<b>hard</b>", "c"]
