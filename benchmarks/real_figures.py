@@ -172,8 +172,8 @@ def films(folder):
         ax.set(yticks=[], xlabel="stars", xticks=stars)
         ax.set_title(name, size=9)
         ax.spines[["top", "right", "left"]].set_visible(False)
-    axes[0].text(0.4, 0.24, "predicted", color=BLUE, weight="bold", size=7.5)
-    axes[0].text(0.4, 0.29, "people", color=ORANGE, weight="bold", size=7.5)
+    axes[0].text(0.3, 0.24, "■ predicted", color=BLUE, weight="bold", size=7.5)
+    axes[0].text(0.3, 0.29, "● people", color=ORANGE, weight="bold", size=7.5)
     above.suptitle("Stars of three films: predictions and people", size=11)
     beside_rivals(below.subplots(), scores, "RPS")
     return figure
@@ -195,7 +195,7 @@ def hardness(folder):
     return two_panels(
         objects_in_a_row, y, groups, proba, "votes for hard",
         "60 objects, softest first",
-        scores=scores, unit="RPS", title="Predicted (blue) and true (orange) votes",
+        scores=scores, unit="RPS", title="Predicted (shade) and true (line) votes",
     )  # fmt: skip
 
 
@@ -204,7 +204,7 @@ def grips(folder):
     figure = two_panels(
         objects_in_a_row, y, np.arange(len(y)), proba, "force, counts",
         "74 grips, weakest first",
-        scores=scores, unit="RPS", title="Predicted (blue) and true (orange) force",
+        scores=scores, unit="RPS", title="Predicted (shade) and true (line) force",
     )  # fmt: skip
     figure.axes[0].set_yticks(range(3), labels=[100, 150, 200])
     return figure

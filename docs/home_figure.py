@@ -45,8 +45,8 @@ for (left, right), trial, proba in zip(axes, shown, predicted):
         yticks=[], xticks=corpus.levels, xticklabels=["not at\nall", *"234", "very"]
     )
     right.spines[["top", "left", "right"]].set_visible(False)
-axes[0, 1].text(2.2, 0.62, "predicted", color=BLUE, size=12, weight="bold")
-axes[0, 1].text(2.2, 0.82, "said by 12 people", color=ORANGE, size=12, weight="bold")
+axes[0, 1].text(1.9, 0.62, "■ predicted", color=BLUE, size=12, weight="bold")
+axes[0, 1].text(1.9, 0.82, "● said by 12 people", color=ORANGE, size=12, weight="bold")
 axes[0, 0].set_title("A robot touches an object\nthat it never met …", size=13)
 axes[0, 1].set_title("… and predicts how hard\npeople will find it", size=13)
 figure.tight_layout()
