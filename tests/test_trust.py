@@ -80,7 +80,7 @@ matplotlib.use("Agg")
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_thread")]
 
 TESTS = Path(__file__).parent
-GUIDE = (TESTS.parent / "docs" / "trust.md").read_text("utf-8")
+GUIDE = (TESTS.parent / "docs" / "saving.md").read_text("utf-8")
 
 
 # Saved models ---------------------------------------------------------------
