@@ -3,11 +3,12 @@
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator
 
 PANELS = {
-    "bolt": "Recorded grips:\nforce, RPS",
+    "bolt": "Recorded grips,\nhold: force, RPS",
+    "bolt, all": "Recorded grips, four\nprocedures: force, RPS",
     "slow": "Generated slow slides:\nadjectives, RPS",
-    "hold": "Generated holds:\nadjectives, RPS",
     "phac2": "Votes of hardness,\nfeatures given, RPS",
     "films": "Stars of films,\nfeatures given, RPS",
     "slides": "Recorded slides: which of\n20 materials, share of errors",
@@ -63,17 +64,19 @@ def draw(results, path):
                 point["error"],
                 color=colour,
                 marker=marker,
-                markersize=9 if ours else 6,
-                elinewidth=1.8 if ours else 0.7,
-                zorder=3 if ours else 2,
+                markersize=10 if ours else 5,
+                elinewidth=2 if ours else 0.6,
+                zorder=2 if ours else 3,
             )
         ax.axhline(0, color=STYLES["fast"][0], lw=0.8, ls=":", zorder=1)
         ax.set(xscale="log", title=PANELS[name])
         ax.title.set_fontsize(10)
+        ax.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
         ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_formatter("")
     for ax in axes[-1]:
         ax.set_xlabel("processor ms per touch")
-    figure.supylabel('score minus that of "fast" ± standard error: low is better')
+    figure.supylabel('score minus that of "fast": low is better', fontsize=11)
     handles = []
     for title, names in TITLES.items():
         handles.append(Line2D([], [], ls="", label=title))
