@@ -237,7 +237,7 @@ def merged(results, path):
     """Add rows to those of a CSV file, in place of earlier ones of the same name."""
     results = pd.DataFrame(results, columns=COLUMNS)
     if path and path.exists():
-        results = pd.concat([pd.read_csv(path), results])
+        results = pd.concat([pd.read_csv(path), results]).infer_objects()
     results = results.drop_duplicates(["set", "row"], keep="last")
     return results.sort_values("set", kind="stable", key=lambda s: s.map(SETS.index))
 

@@ -9,6 +9,7 @@ PANELS = {
     "bolt": "Recorded grips,\nhold: force, RPS",
     "bolt, all": "Recorded grips, four\nprocedures: force, RPS",
     "slow": "Generated slow slides:\nadjectives, RPS",
+    "hold": "Generated holds:\nadjectives, RPS",
     "phac2": "Votes of hardness,\nfeatures given, RPS",
     "films": "Stars of films,\nfeatures given, RPS",
     "slides": "Recorded slides: which of\n20 materials, share of errors",
@@ -51,9 +52,9 @@ def draw(results, path):
     """Draw a panel per kind of set: low is better, left is cheaper."""
     points = of_panels(results)
     panels = [name for name in PANELS if name in points.index]
-    figure, axes = plt.subplots(2, 3, figsize=(10.5, 6.4), layout="constrained")
+    figure, axes = plt.subplots(2, 4, figsize=(12, 6.2), layout="constrained")
     for ax in axes.flat[len(panels) :]:
-        ax.remove()
+        ax.axis("off")
     for ax, name in zip(axes.flat, panels):
         for row, point in points.loc[name].iterrows():
             colour, marker = STYLES[row]
@@ -74,7 +75,6 @@ def draw(results, path):
         ax.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
         ax.xaxis.set_major_formatter("{x:g}")
         ax.xaxis.set_minor_formatter("")
-    for ax in axes[-1]:
         ax.set_xlabel("processor ms per touch")
     figure.supylabel('score minus that of "fast": low is better', fontsize=11)
     handles = []
@@ -86,7 +86,5 @@ def draw(results, path):
             handles.append(
                 Line2D([], [], ls="", color=colour, marker=marker, label=name)
             )
-    figure.legend(
-        handles=handles, loc="outside right center", fontsize=8, frameon=False
-    )
-    figure.savefig(path, dpi=110)
+    axes.flat[-1].legend(handles=handles, loc="center", fontsize=8.5, frameon=False)
+    figure.savefig(path, dpi=85)
