@@ -791,6 +791,10 @@ def calls_of_functions(folder):
     tiny = STUDY | {"adjectives": ["hard"], "n_repeats": 1}
     tiny["procedures"] = ["fast_slide", "hold"]
     return calls | {
+        "describe_corpus": lambda: datasets.describe_corpus(CORPUS),
+        "model_report": lambda: model_selection.model_report(
+            model, NAMED, COUNTS, groups=np.arange(len(COUNTS)) // 3, cv=2
+        ),
         "load_phac2": lambda: load_phac2(
             folder / "corpus.h5", ratings=folder / "ratings.mat"
         ),
