@@ -231,7 +231,8 @@ def _check_trial(trial, i, ndims):
         )
     if not np.isfinite(trial).all():
         raise ValueError(
-            f"Trial {i} of X contains NaN or infinity; impute or remove those samples."
+            f"Trial {i} of X contains NaN or infinity; impute those samples, as "
+            "RepairTrials does, or remove them."
         )
     return trial
 
