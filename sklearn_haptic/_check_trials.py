@@ -231,7 +231,8 @@ def _check_trial(trial, i, ndims):
         )
     if not np.isfinite(trial).all():
         raise ValueError(
-            f"Trial {i} of X contains NaN or infinity; impute or remove those samples."
+            f"Trial {i} of X contains NaN or infinity; repair the trials by "
+            "RepairTrials, or remove those samples."
         )
     return trial
 
