@@ -231,8 +231,8 @@ def _check_trial(trial, i, ndims):
         )
     if not np.isfinite(trial).all():
         raise ValueError(
-            f"Trial {i} of X contains NaN or infinity; impute those samples, as "
-            "RepairTrials does, or remove them."
+            f"Trial {i} of X contains NaN or infinity; repair the trials by "
+            "RepairTrials, or remove those samples."
         )
     return trial
 

@@ -7,7 +7,7 @@ which of two objects feels, say, rougher, `pairwise_scale` places them on a line
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from numbers import Real
 from typing import Literal
 
@@ -131,7 +131,7 @@ class PairwiseScale:
 
     objects: np.ndarray
     values: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    covariance: NDArray[np.float64] = field(repr=False)
 
     def values_for(self, objects: ArrayLike) -> NDArray[np.float64]:
         """Return the value of the object of each trial, as a target of a regressor.

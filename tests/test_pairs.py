@@ -167,6 +167,7 @@ def test_scale_as_a_target_of_trials(frame):
     cork, foam, tile = scale.values
     assert scale.values_for(["tile", "foam", "tile"]).tolist() == [tile, foam, tile]
     assert tile > cork > foam
+    assert "tile" in repr(scale) and "covariance" not in repr(scale)  # a large matrix
     with pytest.raises(ValueError, match=r"no ratings of objects \['felt'\]"):
         scale.values_for(["tile", "felt"])
 

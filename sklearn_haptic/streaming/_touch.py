@@ -250,7 +250,10 @@ def _check_samples(samples, sensor, shapes):
     name = f"samples[{sensor!r}]" if sensor else "samples"
     array = check_regular(samples, name)
     if array.dtype.kind not in "fiub":
-        raise ValueError(f"{name} is not an array of numbers; convert it.")
+        raise ValueError(
+            f"{name} is not an array of numbers; convert it, or leave out a sensor "
+            "that has no new samples."
+        )
     if array.dtype != np.float32:
         array = array.astype(np.float64, copy=False)
     if array.size == 0:
