@@ -72,7 +72,7 @@ def test_fast_has_maxima_of_codes_over_improved_atoms(corpus):
         corpus.trials, corpus.ratings["hard"]
     )
     coder = model["features"].named_transformers_["pdc"][0]
-    assert coder.n_iter_ == 2
+    assert coder.n_iter_ == 5
     codes = coder.transform(corpus.trials["pdc"])
     names = model["features"].get_feature_names_out()
     columns = [name.startswith("pdc__t1of1_") for name in names]
