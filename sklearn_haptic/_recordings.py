@@ -17,6 +17,11 @@ def trial_columns(X, names=None):
     `names` are those to return; by default all columns that hold trials.
     """
     if not isinstance(X, pd.DataFrame):
+        if hasattr(X, "columns"):
+            raise ValueError(
+                f"X is a {type(X).__module__.split('.')[0]} DataFrame; give one of "
+                "pandas, with one array per trial and sensor."
+            )
         if names not in (None, [ALONE]):
             raise ValueError(
                 f"X is a {type(X).__name__}, but fit was given a DataFrame; give the "
@@ -47,7 +52,7 @@ def iter_cells(column, name, shape=None, names=None):
     for i, cell in enumerate(column):
         no_array = getattr(cell, "ndim", 0) == 0
         if (no_array and is_missing(cell)) or (
-            hasattr(cell, "__len__") and len(cell) == 0
+            hasattr(cell, "__len__") and getattr(cell, "ndim", 1) and len(cell) == 0
         ):
             yield None, (shape, names)
             continue
@@ -86,7 +91,12 @@ def as_floats(trial, name):
     check_numbers(trial, name)
     trial = np.asarray(trial)
     if trial.dtype != np.float32:
-        trial = trial.astype(np.float64, copy=False)
+        try:
+            trial = trial.astype(np.float64, copy=False)
+        except (TypeError, ValueError) as error:  # of objects
+            raise ValueError(
+                f"{name} is not an array of numbers ({error}); convert it."
+            ) from error
     if trial.ndim not in (1, 2, 3):
         raise ValueError(
             f"{name} has shape {trial.shape}; it must be (n_times, n_channels)."
