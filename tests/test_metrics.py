@@ -520,6 +520,12 @@ def test_noise_ceiling_is_what_the_truth_and_other_people_score(n_raters):
     assert few.raters == pytest.approx(expected, rel=0.1)
 
 
+@pytest.mark.parametrize("score", [dispersion, pit_histogram])
+def test_noise_ceiling_refuses_scores_of_all_trials_together(score):
+    with pytest.raises(ValueError, match=f"score={score.__name__} has no value of a"):
+        noise_ceiling([[2, 3], [3, 2]], score)
+
+
 @pytest.mark.parametrize("score", [ranked_probability_score, earth_movers_distance])
 def test_noise_ceiling_counts_in_the_numbers_that_label_the_columns(score):
     counts = np.array([[4, 1, 0], [2, 2, 3], [0, 1, 5]])
