@@ -18,7 +18,7 @@ from sklearn.utils.parallel import Parallel, delayed
 from .._check_ratings import check_adjectives, check_ratings
 from .._check_trials import count, is_table
 from .._folds import make_splitter, route
-from .._levels import is_text
+from .._levels import in_named_order, is_text
 from .._recordings import trial_columns
 from .._report import Report, Table, as_texts
 from .._sklearn import (
@@ -214,7 +214,8 @@ def model_report(
         of_target = outcomes[i * len(folds) : (i + 1) * len(folds)]
         proba, levels = join_folds(each, [fold[:2] for fold in of_target], folds)
         if is_text(levels) and np.ndim(each) == 1 and not _is_given(model, "levels"):
-            proba, levels = _in_order_of_ratings(proba, levels, each, name)
+            check_ratings(each, name=name)  # warns of words without an order
+        proba, levels = in_named_order(proba, levels, each)
         truth, _ = check_adjectives(each, levels, name=name)
         scales.append(f"{levels[0]} to {levels[-1]}")
         counts |= _by_adjective(name, truth)
@@ -251,15 +252,6 @@ def _is_given(model, name):
         key.split("__")[-1] == name and value is not None
         for key, value in model.get_params().items()
     )
-
-
-def _in_order_of_ratings(proba, levels, ratings, name):
-    """Put columns in the order of the ratings' levels; classifiers sort words."""
-    _, ordered = check_ratings(ratings, name=name)
-    columns = {level: proba[:, i] for i, level in enumerate(levels.tolist())}
-    nothing = np.zeros(len(proba))
-    each = [columns.get(level, nothing) for level in ordered.tolist()]
-    return np.stack(each, axis=1), ordered
 
 
 def _by_adjective(name, values):
