@@ -5,8 +5,10 @@
 Without FILE, forty-eight generated objects are touched five times each; the score is
 the ranked probability score, a mean over three adjectives. With the file of recordings
 `bolt_pilot_phac2_layout.h5`, the class is the material and the score is Brier's; whole
-grips (levels of pressure) are held out. Each procedure takes the seconds that its
-recordings last. Objects (or grips) are held out in folds; the best fixed order is
+grips (levels of pressure) are held out. With `fabric_slides.npz` the class is one of
+seven fabrics, the touches are slides at six speeds, and whole levels of force are held
+out. Each procedure takes the seconds that its recordings last. Objects (or grips, or
+forces) are held out in folds; the best fixed order is
 chosen on the training rows, out of fold, and so are the expected gains.
 
 Printed are the scores at several budgets of seconds, and the seconds of each way until
@@ -14,6 +16,7 @@ it is within .002 of the final score of the best fixed order for good.
 """
 
 import sys
+from functools import cache
 from itertools import permutations
 
 import numpy as np
@@ -21,7 +24,7 @@ import pandas as pd
 from several_touches import ADJECTIVES, PROCEDURES, head, rotated
 from sklearn.linear_model import LogisticRegression
 
-from sklearn_haptic import TouchPool, make_haptic_pipeline
+from sklearn_haptic import SignalStatistics, TouchPool, make_haptic_pipeline
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 
 N_FOLDS = 6
@@ -61,6 +64,31 @@ def recorded(path):
     grip = (run - 1) // 5
     model = LogisticRegression(max_iter=1000)
     return rows, seconds, [corpus.objects], run, grip, model
+
+
+def fabrics(path):
+    """Rows of statistics by speed, for seven fabrics at up to four forces, twice."""
+    with np.load(path) as arrays:
+        trials = np.split(
+            arrays["taxels"].astype(np.float64), np.cumsum(arrays["length"])[:-1]
+        )
+        table = pd.DataFrame(
+            {k: arrays[k] for k in ("fabric", "force", "repeat", "speed", "length")}
+        )
+    # Backwards, as not all fabrics were slid over forwards; touches of every speed.
+    table = table[table["speed"] < 0].reset_index()
+    keys = ["fabric", "force", "repeat"]
+    wide = table.pivot(index=keys, columns="speed", values=["index", "length"])
+    wide = wide.dropna().sort_index(axis=1, ascending=False)
+    rows, seconds = {}, {}
+    for speed in wide["index"]:
+        slides = [trials[int(i)] for i in wide["index", speed]]
+        name = f"{-speed} mm/s"
+        rows[name] = rotated(SignalStatistics().fit_transform(slides))
+        seconds[name] = wide["length", speed].mean() / 35
+    fabric, force, _ = (np.asarray(each) for each in zip(*wide.index))
+    model = LogisticRegression(max_iter=1000)
+    return rows, seconds, [fabric], force, force, model
 
 
 def score(pool, proba, true):
@@ -106,8 +134,10 @@ def best_order(pool, seconds, budgets):
     """The fixed order of the least area below its training curve, out of fold."""
     names = list(pool.estimators_)
 
+    excess = cache(lambda felt: pool.expected_excess([list(felt)]))
+
     def area(order):
-        losses = [pool.expected_excess([order[:k]]) for k in range(len(names) + 1)]
+        losses = [excess(frozenset(order[:k])) for k in range(len(names) + 1)]
         return at_budgets(np.array([losses]), [order], seconds, budgets).mean()
 
     return min(permutations(names), key=area)
@@ -142,7 +172,7 @@ def main(data):
                 "random": lambda felt, _, rng=rng: rng.choice(
                     [name for name in rows if name not in felt]
                 ),
-                "PHAC-2 order": lambda felt, _: PROCEDURES[len(felt)],
+                "as listed": lambda felt, _: list(rows)[len(felt)],
             }
             for way, order_of in ways.items():
                 out, taken = paths(pool, X[test], order_of)
@@ -152,7 +182,8 @@ def main(data):
     print({name: round(float(s), 2) for name, s in seconds.items()})
     curves = {way: np.concatenate(each) for way, each in curves.items()}
     final = curves["fixed"].mean(axis=0)[-1]
-    shown = np.searchsorted(budgets, [0, 1, 2, 5, 8, 12, 16, budgets[-1]])
+    ends = [t for t in (0, 1, 2, 5, 8, 12, 16, 20, 40, 80) if t < budgets[-1]]
+    shown = np.searchsorted(budgets, [*ends, budgets[-1]])
     print("| seconds |", *(f"{budgets[i]:g} |" for i in shown), "to final score |")
     for way, each in curves.items():
         mean = each.mean(axis=0)
@@ -167,4 +198,7 @@ def main(data):
 
 
 if __name__ == "__main__":
-    main(recorded(sys.argv[1]) if len(sys.argv) > 1 else synthetic())
+    data = synthetic
+    if len(sys.argv) > 1:
+        data = fabrics if sys.argv[1].endswith(".npz") else recorded
+    main(data(*sys.argv[1:]))

@@ -21,6 +21,8 @@ import numba
 import numpy as np
 import pandas as pd
 from aeon.transformations.collection.convolution_based import MiniRocket
+from sklearn.base import clone
+from sklearn.compose import make_column_transformer
 from sklearn.linear_model import RidgeClassifierCV
 from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, cross_val_score
 from sklearn.pipeline import make_pipeline
@@ -98,11 +100,14 @@ def compare(described, undescribed, trials, frames, y, splits):
         "described": (make_haptic_pipeline(described, random_state=0)[0], trials),
         "not described": (make_haptic_pipeline(undescribed, random_state=0)[0], trials),
     }
+    fine = SignalStatistics(n_bands=32)
     if isinstance(described, dict):
         rows["named"] = (make_haptic_pipeline(random_state=0)[0], trials)
+        fine = make_column_transformer(*((clone(fine), name) for name in described))
         statistics = make_haptic_pipeline(dict.fromkeys(described, Signal()))[0]
     else:
         statistics = SignalStatistics()
+    rows["statistics, 32 bands"] = (fine, trials)
     rows["statistics"] = (statistics, trials)
     for how in ("cut", "stretched"):
         rows[f"MiniRocket, {how}"] = ("passthrough", kernels(frames, how != "cut"))

@@ -1,6 +1,6 @@
 """Distributions of ratings on two real sets: this package beside its baselines.
 
-    python benchmarks/real_ratings.py FOLDER [--sets movie phac2]
+    python benchmarks/real_ratings.py FOLDER [--sets movie phac2] [--models default …]
 
 FOLDER holds ``movie_ratings/Movie.npz`` (7755 films, their features and the
 distribution of their five-star ratings [1]_) and ``phac2_static/`` (600 trials of
@@ -152,6 +152,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--sets", nargs="+", default=["movie", "phac2"])
+    parser.add_argument("--models", nargs="+")
     arguments = parser.parse_args()
     set_config(enable_metadata_routing=True)
     warnings.simplefilter("ignore", ConvergenceWarning)
@@ -164,6 +165,8 @@ def main():
         print("| model | " + " | ".join(SCORES) + " | s |")
         print("|---" * (len(SCORES) + 2) + "|")
         for label, (estimator, grid, scorer) in models(levels).items():
+            if arguments.models and label not in arguments.models:
+                continue
             start = time.process_time()
             scores = evaluate(estimator, grid, scorer, X, y, groups, scale)
             cells = [describe(score) for score in scores.T]

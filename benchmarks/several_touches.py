@@ -1,20 +1,21 @@
 """What several touches are worth, what a lost sensor costs, and touches unlike others.
 
-    python benchmarks/several_touches.py [SEED]
+    python benchmarks/several_touches.py [SEED] [--parts pools sensors faults ten]
 
 Forty-eight generated objects are touched five times each by four procedures. Features
 are those of the preset "fast"; dictionaries are learned from other objects, and all
 features are standardised and rotated together, without the ratings. Objects are
 held out in six folds; weights, beliefs and p-values are learned within the training
 objects. Scores are means over three adjectives; the error is that of the paired
-difference, over objects. It takes about three minutes of one core. Seed 1 was used to
-choose how pools are weighted, so report another.
+difference, over objects. It takes about three minutes of one core. Seeds 1 and 3 were
+used to choose how pools are weighted and blurred, so report another.
 """
 
-import sys
+import argparse
 import time
 
 import numpy as np
+from sklearn.frozen import FrozenEstimator
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
@@ -45,6 +46,10 @@ FAULTS = {
 }
 
 
+# A sensor whose signal may come in the place of another's.
+OTHER = {"pac": "pdc", "pdc": "tac", "tac": "tdc", "tdc": "pdc"}
+
+
 def rotated(rows):
     """The same distances and penalty in no more columns than rows."""
     rows = StandardScaler().fit_transform(rows.astype(np.float64))
@@ -57,8 +62,8 @@ def head():
 
 
 def features(seed):
-    """Rows of each procedure, of each sensor of the slow slide, and of its faults."""
-    parts, faulty = {}, {}
+    """Rows of each procedure and sensor of the slow slide, its trials and coder."""
+    parts = {}
     for procedure in PROCEDURES:
         of_others = make_haptic_corpus(16, 2, procedure, random_state=100)
         coder = make_haptic_pipeline(random_state=0)["features"].fit(of_others.trials)
@@ -69,12 +74,10 @@ def features(seed):
             continue
         for sensor in SENSORS:
             parts[f"slow_{sensor}"] = rows[:, coder.output_indices_[sensor]]
-            one = coder.named_transformers_[sensor]
-            for fault, spoil in FAULTS.items():
-                signals = corpus.trials[sensor][::N_TOUCHES].map(spoil)
-                faulty[sensor, fault] = one.transform(signals)
+        parts["slow_others"] = np.hstack([parts[f"slow_{s}"] for s in SENSORS[1:]])
+        slide = corpus.trials, coder.named_transformers_
     parts["joined"] = np.hstack([parts[each] for each in PROCEDURES])
-    return corpus, parts, faulty
+    return corpus, parts, slide
 
 
 def table(parts):
@@ -91,7 +94,8 @@ def table(parts):
 def fold_predictions(X, columns, corpus, adjective, names, lost):
     """Predict each object, held out, in every way that the tables compare."""
     y, objects = corpus.ratings[adjective], corpus.objects
-    fold = np.random.default_rng(0).permutation(N_OBJECTS).repeat(N_TOUCHES) % N_FOLDS
+    n_each = len(y) // N_OBJECTS
+    fold = np.random.default_rng(0).permutation(N_OBJECTS).repeat(n_each) % N_FOLDS
     out = {}
     for k in range(N_FOLDS):
         train, test = fold != k, fold == k
@@ -101,10 +105,10 @@ def fold_predictions(X, columns, corpus, adjective, names, lost):
             felt = X[test].copy()
             gone = [c for name in names if name not in kept for c in columns[name]]
             felt[:, gone] = np.nan
-            run = np.arange(test.sum()) % N_TOUCHES
+            run = np.arange(test.sum()) % n_each
             block = run // n_touches
             groups = objects[test] * 10 + block
-            used = block < N_TOUCHES // n_touches
+            used = block < n_each // n_touches
             proba = pool.predict_proba(felt[used], groups=groups[used])
             out.setdefault(label, []).append((test.nonzero()[0][used], proba))
     return {
@@ -125,7 +129,7 @@ def compare(X, columns, corpus, names, lost, against):
         found = fold_predictions(X, columns, corpus, adjective, names, lost)
         for label, (which, proba) in found.items():
             each = ranked_probability_score(y[which], proba, average=False)
-            of_object = which // N_TOUCHES
+            of_object = which // (len(y) // N_OBJECTS)
             mean = np.bincount(of_object, each) / np.bincount(of_object)
             scores[label] += mean / len(ADJECTIVES)
             spread[label] += dispersion(y[which], proba) / len(ADJECTIVES)
@@ -140,34 +144,40 @@ def compare(X, columns, corpus, names, lost, against):
     print(f"({time.process_time():.0f} s)", flush=True)
 
 
-def novelty(parts, faulty, corpus):
+def novelty(trials, coders, corpus):
     """Print how often faults are found, and what they cost with and without care."""
     fold = np.random.default_rng(0).permutation(N_OBJECTS).repeat(N_TOUCHES) % N_FOLDS
     y, objects = corpus.ratings["hard"], corpus.objects
-    print("| sensor | false alarms |" + "".join(f" {f} |" for f in FAULTS))
+    print("| sensor | false alarms |" + "".join(f" {f} |" for f in [*FAULTS, "other"]))
     for sensor in SENSORS:
-        rows = parts[f"slow_{sensor}"].astype(np.float64)
-        alarms, caught = [], {fault: [] for fault in FAULTS}
+        touches = list(trials[sensor])
+        faulty = {
+            fault: [spoil(x) for x in touches[::N_TOUCHES]]
+            for fault, spoil in FAULTS.items()
+        }
+        if sensor in OTHER:
+            faulty["other"] = list(trials[OTHER[sensor]][::N_TOUCHES])
+        alarms, caught = [], {fault: [] for fault in faulty}
         scores = {way: [] for way in ("plain", "guarded")}
         broken = {way: [] for way in scores}
         for k in range(N_FOLDS):
-            train, test = fold != k, fold == k
-            model = NoveltyGuard(make_pipeline(StandardScaler(), head()))
-            model.fit(rows[train], y[train], groups=objects[train])
+            train, test = np.flatnonzero(fold != k), np.flatnonzero(fold == k)
+            coder = FrozenEstimator(coders[sensor])
+            model = NoveltyGuard(make_pipeline(coder, StandardScaler(), head()))
+            model.fit([touches[i] for i in train], y[train], groups=objects[train])
             models = {"plain": model.estimator_, "guarded": model}
-            alarms.append(model.p_values(rows[test]) <= 0.05)
-            first = test[::N_TOUCHES]
+            whole = [touches[i] for i in test]
+            alarms.append(model.p_values(whole) <= 0.05)
             for way, each in models.items():
-                scores[way].append(
-                    ranked_probability_score(y[test], each.predict_proba(rows[test]))
-                )
-            for fault in FAULTS:
-                bad = faulty[sensor, fault][first].astype(np.float64)
+                proba = each.predict_proba(whole)
+                scores[way].append(ranked_probability_score(y[test], proba))
+            first = test[::N_TOUCHES]
+            for fault, signals in faulty.items():
+                bad = [signals[i // N_TOUCHES] for i in first]
                 caught[fault].append(model.p_values(bad) <= 0.05)
                 for way, each in models.items():
                     proba = each.predict_proba(bad)
-                    true = y[::N_TOUCHES][first]
-                    broken[way].append(ranked_probability_score(true, proba))
+                    broken[way].append(ranked_probability_score(y[first], proba))
         rates = "".join(f" {np.concatenate(c).mean():.2f} |" for c in caught.values())
         print(f"| {sensor} | {np.concatenate(alarms).mean():.2f} |{rates}")
         print(
@@ -175,15 +185,14 @@ def novelty(parts, faulty, corpus):
             + ", ".join(
                 f"{way} {np.mean(scores[way]):.3f} {np.mean(broken[way]):.3f}"
                 for way in scores
-            ),
+            )
+            + f" ({time.process_time():.0f} s)",
             flush=True,
         )
 
 
-def main(seed):
-    corpus, parts, faulty = features(seed)
-    X, columns = table(parts)
-    print("| | RPS | difference | | dispersion |\n|---|---|---|---|---|")
+def pools(X, columns, corpus):
+    """Print what procedures and touches are worth."""
     some, every = [*PROCEDURES], [*PROCEDURES, "joined"]
     rows = [(f"{name}, {n} touches", [name], n) for name in some for n in (1, 2, 5)]
     rows += [
@@ -196,15 +205,55 @@ def main(seed):
         ("all of these, 5 touches", every, 5),
     ]
     compare(X, columns, corpus, every, rows, "hold, 1 touches")
-    names = [*(f"slow_{s}" for s in SENSORS), "slow_slide"]
-    rows = [("all sensors", names, 1), ("joined alone", names[-1:], 1)]
+
+
+def ten_touches(seed):
+    """Print what ten touches by one procedure are worth."""
+    for procedure in ("hold", "slow_slide"):
+        others = make_haptic_corpus(16, 2, procedure, random_state=100)
+        coder = make_haptic_pipeline(random_state=0)["features"].fit(others.trials)
+        corpus = make_haptic_corpus(N_OBJECTS, 10, procedure, random_state=seed)
+        X, columns = table({procedure: coder.transform(corpus.trials)})
+        rows = [(f"{procedure}, {n} touches", [procedure], n) for n in (1, 2, 5, 10)]
+        compare(X, columns, corpus, [procedure], rows, f"{procedure}, 1 touches")
+
+
+def sensors(X, columns, corpus):
+    """Print what a lost sensor costs."""
+    alone = [f"slow_{s}" for s in SENSORS]
+    names = [*alone, "slow_slide", "slow_others"]
+    rows = [
+        ("all sensors", names[:-1], 1),
+        ("joined alone", ["slow_slide"], 1),
+        ("joined without pac, alone", ["slow_others"], 1),
+    ]
     rows += [
-        (f"without {s}", [n for n in names[:-1] if n != f"slow_{s}"], 1)
-        for s in SENSORS
+        (f"without {s}", [n for n in alone if n != f"slow_{s}"], 1) for s in SENSORS
     ]
     compare(X, columns, corpus, names, rows, "all sensors")
-    novelty(parts, faulty, corpus)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("seed", type=int, nargs="?", default=2)
+    every = ["pools", "sensors", "faults", "ten"]
+    parser.add_argument("--parts", nargs="+", default=every, choices=every)
+    arguments = parser.parse_args()
+    if {*arguments.parts} != {"faults"}:
+        print("| | RPS | difference | | dispersion |\n|---|---|---|---|---|")
+    if "ten" in arguments.parts:
+        ten_touches(arguments.seed)
+    if {*arguments.parts} == {"ten"}:
+        return
+    corpus, parts, slide = features(arguments.seed)
+    X, columns = table(parts)
+    if "pools" in arguments.parts:
+        pools(X, columns, corpus)
+    if "sensors" in arguments.parts:
+        sensors(X, columns, corpus)
+    if "faults" in arguments.parts:
+        novelty(*slide, corpus)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 2)
+    main()

@@ -86,7 +86,7 @@ def main():
     parser.add_argument("--knobs", nargs="+", default=list(KNOBS), choices=KNOBS)
     parser.add_argument("--repeats", type=int, help="how often the folds are drawn")
     parser.add_argument("--quick", action="store_true", help="small sets, three folds")
-    parser.add_argument("--figure", type=Path, help="file for a figure of presets")
+    parser.add_argument("--figure", type=Path, help="file for a figure of features")
     parser.add_argument("--csv", type=Path, help="file for one row per value")
     parser.add_argument(
         "--folds", type=Path, help="file for one row per value and fold"
@@ -103,7 +103,7 @@ def main():
             writer.writerow(row)
             file.flush()
 
-        of_trials, summaries = [], []
+        summaries = []
         for name in arguments.sets:
             data = load(name, arguments.folder, arguments.quick)
             knobs = [
@@ -117,12 +117,11 @@ def main():
             summaries.append(summarise(rows, n_folds))
             for knob in knobs:
                 print(f"\n{table(summaries[-1], knob)}", flush=True)
-            if "presets" in knobs:
-                of_trials += rows
+    summary = pd.concat(summaries)
     if arguments.csv:
-        pd.concat(summaries).to_csv(arguments.csv, index=False, float_format="%.4g")
-    if arguments.figure and of_trials:
-        draw(of_trials, arguments.figure, n_folds)
+        summary.to_csv(arguments.csv, index=False, float_format="%.4g")
+    if arguments.figure and "dictionaries" in arguments.knobs:
+        draw(summary[summary["set"].isin(["synthetic", "bolt"])], arguments.figure)
 
 
 if __name__ == "__main__":

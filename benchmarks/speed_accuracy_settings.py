@@ -58,7 +58,7 @@ def vary(make, name, values):
 
 
 def coded(n_nonzero_coefs, max_iter, max_train, cells):
-    """The head of the preset "fast"; dictionaries learned with more or less care."""
+    """The head of the presets; dictionaries learned with more or less care."""
     changes = {
         "cells": cells,
         "n_nonzero_coefs": n_nonzero_coefs,
@@ -109,11 +109,11 @@ FEATURE_KNOBS = {
         },
     },
 }
-FEATURE_KNOBS["presets"] = {
+FEATURE_KNOBS["dictionaries"] = {
     "base": BASE,
     "slow": coded(4, 50, 20_000, (8, 4, 2, 1)),
     "medium": coded(4, 20, 5000, (4, 2, 1)),
-    "fast": coded(2, 5, 5000, (4, 2, 1)),
+    "quick": coded(2, 5, 5000, (4, 2, 1)),
 }
 HEAD_KNOBS = {
     "n_duplicates": {str(n): duplicates(n) for n in (15, 3, 5, 50)},

@@ -4,10 +4,14 @@
     python benchmarks/streaming.py hold
     python benchmarks/streaming.py squeeze
     python benchmarks/streaming.py slow_slide
+    python benchmarks/streaming.py halves
     python benchmarks/streaming.py biotac_slides.npz
 
 The first streams a minute of five sensors in updates of 10 ms and prints milliseconds
 of processor time, beside those of recomputing from all samples so far (half a minute).
+`halves` prints why half of a slow slide costs something: the loss by the first two
+seconds, the next two, and all four, by heads that share more or less with their
+neighbours, and with statistics, beside the loss out of fold on the training objects.
 The others print the loss at each duration: the RPS of three adjectives on 24 generated
 objects, with models fitted to 48 others, or the share of errors of twenty materials on
 later runs of slides. Below are dispersion and the outer tenths of the PIT histogram of
@@ -22,7 +26,7 @@ import numpy as np
 import pandas as pd
 from sklearn.linear_model import LogisticRegression
 
-from sklearn_haptic import AnytimeRegressor, make_haptic_pipeline
+from sklearn_haptic import AnytimeRegressor, SignalStatistics, make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import (
     dispersion,
@@ -43,7 +47,7 @@ RULES = {
 
 def pipeline(head=None):
     """The preset "fast", with windows short enough for a quarter of a second."""
-    model = make_haptic_pipeline(RATES, random_state=0)
+    model = make_haptic_pipeline(list(RATES), random_state=0)
     for sensor in ("pdc", "tac", "tdc"):
         model.set_params(**{f"features__{sensor}__ksvdtransformer__window": 20})
     model.set_params(features__electrodes__sthmptransformer__spatial_cells=(1,))
@@ -174,6 +178,52 @@ def accuracy(what):
             )
 
 
+def with_statistics():
+    """The pipeline above, with statistics of all sensors but the electrodes beside."""
+    model = pipeline()
+    model["features"].transformers += [
+        (f"{s}_statistics", SignalStatistics(n_bands=32 if s == "pac" else 16), s)
+        for s in RATES
+        if s != "electrodes"
+    ]
+    return model
+
+
+def halves():
+    corpus, train = generated("slow_slide")
+    cases = [
+        ("0–2 s", 0, 2, 0, pipeline()),
+        ("2–4 s", 2, 4, 0, pipeline()),
+        *((f"0–4 s, sharing {x}", 0, 4, x, pipeline()) for x in (0, 0.5, 1)),
+        ("0–4 s, with statistics", 0, 4, 0.5, with_statistics()),
+    ]
+    for name, start, end, sharing, steps in cases:
+        cut = {
+            s: [x[start * r : end * r] for x in corpus.trials[s]]
+            for s, r in RATES.items()
+        }
+        cut = pd.DataFrame(cut)
+        durations = [d for d in (1, 2, 4) if d <= end - start]
+        model = AnytimeRegressor(
+            steps, durations=durations, sampling_rates=RATES, cv=3, sharing=sharing
+        )
+        loss = inner = 0
+        for adjective in ("hard", "cold", "slippery"):
+            y = corpus.ratings[adjective]
+            model.fit(cut[train], y[train], groups=corpus.objects[train])
+            proba = model.predict_proba_over_time(cut[~train], durations).swapaxes(0, 1)
+            loss += np.stack([loss_of(y[~train], p, None) for p in proba], 1) / 3
+            proba = model.oof_proba_.swapaxes(0, 1)
+            inner += np.mean([loss_of(y[train], p, None) for p in proba], axis=1) / 3
+        mean, se = mean_and_se(loss[:, 1] - loss[:, -1], corpus.objects[~train])
+        for k, seconds in list(enumerate(durations))[1:]:
+            print(
+                f"{name:24s} {seconds} s  {loss[:, k].mean():.3f}, out of fold "
+                f"{inner[k]:.3f}"
+            )
+        print(f"  2 s against the longest {mean:+.4f} ± {se:.4f}", flush=True)
+
+
 def calibration(y, proba):
     spread = [dispersion(y, p) for p in proba.swapaxes(0, 1)]
     print(f"{'  dispersion':22s}", *(f"{x:7.2f}" for x in spread))
@@ -185,4 +235,7 @@ def calibration(y, proba):
 if __name__ == "__main__":
     if len(sys.argv) != 2:
         sys.exit(__doc__)
-    latency() if sys.argv[1] == "latency" else accuracy(sys.argv[1])
+    if sys.argv[1] in ("latency", "halves"):
+        {"latency": latency, "halves": halves}[sys.argv[1]]()
+    else:
+        accuracy(sys.argv[1])

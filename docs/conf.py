@@ -23,6 +23,7 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.extlinks",
     "sphinx.ext.intersphinx",
+    "sphinx.ext.viewcode",
     "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
 ]
@@ -32,7 +33,7 @@ default_role = "literal"
 extlinks = {"doi": ("https://doi.org/%s", "doi:%s")}
 
 # Guides
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3
 copybutton_prompt_text = ">>> "
 
@@ -66,6 +67,7 @@ sphinx_gallery_conf = {
     "backreferences_dir": "generated/backreferences",
     "doc_module": ("sklearn_haptic",),
     "reference_url": {"sklearn_haptic": None},
+    "capture_repr": (),  # what examples print, and no Text(0.5, 0.99, …) of a title
     "download_all_examples": False,
     "write_computation_times": False,  # of a page that asks for scripts of others
 }
@@ -77,8 +79,16 @@ html_baseurl = DOCUMENTATION_URL
 html_static_path = ["_static"]
 html_css_files = ["custom.css"]
 html_show_sourcelink = False
-html_theme_options = {"navigation_with_keys": False, "show_prev_next": False}
+html_theme_options = {
+    "navigation_with_keys": False,
+    "show_prev_next": False,
+    "header_links_before_dropdown": 8,
+    "show_toc_level": 2,
+}
 html_context = {"default_mode": "auto"}
+html_sidebars = {  # of pages without pages below them
+    name: [] for name in ("index", "install", "real_data", "changelog", "contributing")
+}
 html_math_renderer = "mathml"  # browsers draw it, with no script and no network
 
 

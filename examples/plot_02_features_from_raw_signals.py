@@ -84,9 +84,10 @@ axes[0].legend()
 
 # %%
 # The transformer reports the root mean square error over the training windows, in the
-# unit of the signal. It falls with every atom that a code may use, by less each time. A
-# small error says that the codes keep the windows. It does not say that what they keep
-# tells how objects feel: only the scores of a model on unseen objects can decide that.
+# unit of the signal. Each further atom that a code may use lowers the error, by less
+# each time. A small error says that the codes keep the windows. It does not say that
+# what they keep tells how objects feel: only the scores of a model on unseen objects
+# can decide that.
 spread = np.sqrt(
     np.mean(
         [
@@ -106,9 +107,9 @@ for n_nonzero_coefs in (1, 2, 4, 8):
 # %%
 # 5. Means
 # --------
-# By default each window's mean is removed, for in vibration it is a nuisance. Windows
-# that differ in the mean alone are then the same to the coder. Pressure and temperature
-# say much by their mean, so for these ``remove_mean=False`` keeps it.
+# By default each window's mean is removed, because in vibration it is a nuisance. Two
+# windows that differ only in their mean then have the same code. In pressure and
+# temperature the mean is information, and ``remove_mean=False`` keeps it.
 pressure = corpora["fast_slide"].trials["pdc"]
 for remove_mean in (True, False):
     of_pressure = KSVDTransformer(
@@ -124,14 +125,21 @@ for remove_mean in (True, False):
 # Trials differ in length. `TemporalMaxPool` takes the maximum of each code in four
 # quarters, two halves and the whole of the recording, so that every trial has the same
 # number of features. It keeps that an atom appeared, how strongly and in which quarter;
-# it drops how often, and when exactly. Below the codes, the maxima lie where their
-# cells are.
+# it drops how often, and when exactly.
 coder.set_params(n_nonzero_coefs=4)
 pipeline = make_pipeline(coder, TemporalMaxPool((4, 2, 1)))
 features = pipeline.fit_transform(trials)
 print(f"{features.shape[0]} trials, {features.shape[1]} features each, such as")
 print(pipeline.get_feature_names_out()[[0, 200, -1]])
-display = FeatureMapDisplay.from_estimator(pipeline, trial, sampling_rate=rate)
-display.figure_.suptitle("Codes of one trial, and the maxima that are its features")
+
+# %%
+# The figure shows this for one finger and ten atoms, so that single codes can be seen.
+# Below the codes, the maxima lie where their cells are.
+few = make_pipeline(
+    KSVDTransformer(n_atoms=10, window=22, n_nonzero_coefs=2, random_state=0),
+    TemporalMaxPool((4, 2, 1)),
+).fit([each[:, :1] for each in trials])
+display = FeatureMapDisplay.from_estimator(few, trial[:, :1], sampling_rate=rate)
+display.figure_.suptitle("Codes of one finger, and the maxima that are its features")
 if matplotlib.get_backend().lower() != "agg":
     plt.show()

@@ -45,20 +45,20 @@ images = np.concatenate([weights @ f.T for f in (trial[:, :19], trial[:, 19:])],
 print(f"{len(trial)} frames of {images.shape[0]} × {images.shape[1]} pixels")
 
 _, axes = plt.subplots(1, 4, figsize=(6.4, 2.5), layout="constrained", sharey=True)
-axes[0].set(title="one finger", xlim=(-0.5, 2.5), xticks=range(3), aspect="equal")
+axes[0].set(title="electrode", xlim=(-0.5, 2.5), xticks=range(3), aspect="equal")
 for (row, column), n_electrodes in np.ndenumerate((weights > 0).sum(axis=2)):
     number = weights[row, column].argmax() + 1
-    name = number if n_electrodes == 1 else "×"
-    axes[0].text(column, row, name, ha="center", va="center", fontsize="small")
+    name, size = (number, "small") if n_electrodes == 1 else ("mean", 5.5)
+    axes[0].text(column, row, name, ha="center", va="center", fontsize=size)
 limit = np.abs(images).max()
 for ax, second in zip(axes[1:], [0.1, 1, 4]):
     frame = images[:, :, round(second * rate)]
     picture = ax.imshow(frame, cmap="viridis", vmin=-limit, vmax=limit)
     ax.axvline(2.5, color="white", linewidth=2)
-    ax.set(title=f"both, {second:g} s", xlabel="column", xticks=range(6))
+    ax.set(title=f"after {second:g} s", xlabel="column", xticks=range(6))
 axes[0].set(xlabel="column", ylabel="row, tip first", yticks=range(7))
 bar = plt.colorbar(picture, ax=axes, label="counts above rest", shrink=0.8)
-bar.ax.figure.suptitle("The electrode of each pixel (× a mean); a slide over glass")
+bar.ax.figure.suptitle("Electrodes of a finger; two fingers sliding over glass")
 
 # %%
 # 2. Atoms of patches

@@ -167,7 +167,9 @@ for name, rows in table.items():
 # fit in another way. It averages probabilities where the paper decides on one rating
 # per position, so that no rating has probability 0. It has the best RPS and the best
 # log score, and pays for them in MAE^M and EMD.
-figure, panels = plt.subplots(1, 2, figsize=(6.4, 4), sharey=True, layout="constrained")
+figure, panels = plt.subplots(
+    1, 2, figsize=(6.4, 4), sharex=True, sharey=True, layout="constrained"
+)
 for score, ax in zip(["MAE^M", "RPS"], panels):
     values = np.array([rows[list(scores).index(score)] for rows in table.values()])
     for k, (marker, colour) in enumerate(zip("os^", ["#0072B2", "#E69F00", "#000000"])):
@@ -195,7 +197,7 @@ for name in first_and_last:
 # How cold is the object of the first figure? The upper panel has each touch's inverse
 # CDF by the paper's settings, the lower one by the same model with a penalty that fits
 # (Figure 11 of the paper).
-_, panels = plt.subplots(2, 1, figsize=(6.4, 6.4), layout="constrained")
+_, panels = plt.subplots(2, 1, figsize=(6.4, 6.4), sharey=True, layout="constrained")
 for name, ax in zip(["the paper's", "+ a penalty that fits"], panels):
     InverseCDFDisplay.from_predictions(counts, proba[name, "cold"][disputed], ax=ax)
     ax.set_title(name)
@@ -203,7 +205,7 @@ plt.show()
 
 # %%
 # The same as distributions, by the paper's settings and by the defaults.
-_, panels = plt.subplots(2, 1, figsize=(6.4, 6), layout="constrained")
+_, panels = plt.subplots(2, 1, figsize=(6.4, 6), sharey=True, layout="constrained")
 for name, ax in zip(["the paper's", "+ mixture: the defaults"], panels):
     DistributionDisplay.from_predictions(counts, proba[name, "cold"][disputed], ax=ax)
     ax.set_title(name)
@@ -216,7 +218,7 @@ plt.show()
 # with so many objects. People rate beyond what the paper's settings think possible, so
 # the outer bars are high. What the defaults predict is as wide as it should be.
 y = corpus.ratings["hard"]
-_, panels = plt.subplots(2, 1, figsize=(6.4, 6), layout="constrained")
+_, panels = plt.subplots(2, 1, figsize=(6.4, 6), sharey=True, layout="constrained")
 for name, ax in zip(["the paper's", "+ mixture: the defaults"], panels):
     PITHistogramDisplay.from_predictions(
         y, proba[name, "hard"], groups=corpus.objects, ax=ax
@@ -228,7 +230,7 @@ plt.show()
 # Calibration by threshold asks: if 80 % of people are predicted to rate above 3, do 80
 # % do so? The error bars show what chance does, and reach the diagonal where chance may
 # be the reason.
-_, panels = plt.subplots(2, 1, figsize=(6.4, 8), layout="constrained")
+_, panels = plt.subplots(2, 1, figsize=(6.4, 8), sharey=True, layout="constrained")
 for name, ax in zip(["the paper's", "+ mixture: the defaults"], panels):
     ReliabilityDisplay.from_predictions(
         y, proba[name, "hard"], groups=corpus.objects, ax=ax

@@ -34,6 +34,7 @@ from sklearn_haptic.ratings import (
     interrater_agreement,
     rating_cdf,
     rating_counts,
+    rating_mean,
 )
 
 corpus = make_haptic_corpus(60, 1, "fast_slide", sensors=["tdc"], random_state=0)
@@ -52,10 +53,15 @@ print(f"\n{len(long)} rows, {sum(c.sum() for c in counts.values())} ratings")
 # %%
 # 2. All ratings at a glance
 # --------------------------
-# Each bar is one object and one adjective. Where it has a single colour, all people
-# agree; where it is shorter, ratings are missing. That hard and soft are opposites, and
-# moldable and springy alike, shows before anything is computed.
-RatingsDisplay.from_counts(counts, objects=objects)
+# Each bar is one object and one adjective; here every third object, softest first.
+# Where it has a single colour, all people agree; where it is shorter, ratings are
+# missing. That hard and soft are opposites, and moldable and springy alike, shows
+# before anything is computed.
+softest_first = np.argsort(rating_mean(counts["hard"]), kind="stable")[::3]
+RatingsDisplay.from_counts(
+    {adjective: table[softest_first] for adjective, table in counts.items()},
+    objects=[objects[i] for i in softest_first],
+)
 plt.show()
 
 # %%

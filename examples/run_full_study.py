@@ -71,7 +71,7 @@ def make_corpus(arguments):
 
 
 def print_scores(study, metric):
-    """Print a score of all networks, guesses and the truth; lower is better."""
+    """Print a score of all networks, guesses, ceiling and truth; lower is better."""
     table = score_table(study, metric=metric)
     worse = table.pop("no_better")
     shown = table.map("{:.3f}".format)

@@ -14,6 +14,7 @@ from .features import (
     SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
+    infer_rate,
     resample_trials,
 )
 from .models import (
@@ -54,6 +55,7 @@ __all__ = [
     "TaxelGrid",
     "TemporalMaxPool",
     "TouchPool",
+    "infer_rate",
     "make_haptic_pipeline",
     "resample_trials",
 ]

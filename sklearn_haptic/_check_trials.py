@@ -47,7 +47,7 @@ def channel_names(X):
     """Return the column names of trials that are data frames, None if none has any."""
     if isinstance(X, Sequences) or is_table(X):
         return None
-    return next(filter(None, map(_names, _cells(X))), None)
+    return next(filter(None, map(_names, cells_of(X))), None)
 
 
 def transposed_hint(shape):
@@ -89,7 +89,7 @@ def check_trials(X, *, ndims=(2,), n_channels=None, names=None):
         If there are no trials, or if a trial is empty, holds values that are not finite
         real numbers, or differs in shape from the others. The message names the trial.
     """
-    cells = _cells(X)
+    cells = cells_of(X)
     _check_any(cells)
     where = "the first trial" if n_channels is None else "fit"
     named = "the first trial" if n_channels is None or names is None else "fit"
@@ -144,7 +144,7 @@ def _columns_of_trials(X):
     ]
 
 
-def _cells(X):
+def cells_of(X):
     """Return the trials of a collection as a sequence; refuse more than one column."""
     if not _has_columns(X):
         return X
@@ -231,7 +231,8 @@ def _check_trial(trial, i, ndims):
         )
     if not np.isfinite(trial).all():
         raise ValueError(
-            f"Trial {i} of X contains NaN or infinity; impute or remove those samples."
+            f"Trial {i} of X contains NaN or infinity; impute those samples, as "
+            "RepairTrials does, or remove them."
         )
     return trial
 

@@ -38,11 +38,14 @@ _COLUMNS = {name: name for name in SENSORS} | {
 
 
 _PRESETS: dict[str, dict[str, Any]] = {
-    "fast": {"max_iter": 5, "statistics": ("max",)},
-    # Training windows as atoms, which cost half as much to learn.
-    "accurate": {"max_iter": 0, "statistics": ("mean", "share", "max")},
+    "fast": {"max_iter": 2, "max_train": 2500, "statistics": ("max",)},
+    # Training windows as atoms, which cost least to learn.
+    "accurate": {
+        "max_iter": 0,
+        "max_train": 5000,
+        "statistics": ("mean", "share", "max"),
+    },
 }
-_MAX_TRAIN = 5000
 _CELLS = (4, 2, 1)
 
 
@@ -72,6 +75,7 @@ class _Features:
 
     def __init__(self, settings, memory, random_state):
         self.statistics = settings["statistics"]
+        self.max_train = settings["max_train"]
         self.options = {
             "n_nonzero_coefs": 2,
             "max_iter": settings["max_iter"],
@@ -99,14 +103,14 @@ class _Features:
             coder = KSVDTransformer(
                 n_atoms,
                 window=sensor.n_samples,
-                max_train_windows=_MAX_TRAIN,
+                max_train_windows=self.max_train,
                 **self.options,
             )
         else:
             coder = STHMPTransformer(
                 layout=sensor.weights,
                 patch_size=sensor.patch_size,
-                max_train_patches=_MAX_TRAIN,
+                max_train_patches=self.max_train,
                 **self.options,
             )
         pool = TemporalMaxPool(
@@ -164,10 +168,10 @@ def make_haptic_pipeline(
         trials when they are fitted, see :class:`SensorFeatures`.
     preset : {"fast", "accurate"}, default="fast"
         "fast" pools the maxima of codes over learned dictionaries, for a linear
-        `DistributionalOrdinalRegressor`. "accurate" takes training windows as atoms,
-        which learns faster, and pools the roots of mean, share and maximum, for a
-        `DistributionBlend` of the linear model, of trees and of the marginal, whose
-        weights are learned; that takes ten times as long to fit. The blend has to know
+        `DistributionalOrdinalRegressor`. "accurate" takes training windows as atoms
+        and pools the roots of mean, share and maximum, for a `DistributionBlend` of the
+        linear model, of trees and of the marginal, whose weights and sharpness are
+        learned; it takes two to three times as long to fit. The blend has to know
         which touches are of one object: ``fit(X, y, model__groups=objects)``.
     memory : str or object with the joblib.Memory interface, default=None
         Where the transformers cache dictionaries and pooled features, so that a search

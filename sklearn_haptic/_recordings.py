@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 
-from ._validation import check_numbers, is_missing
+from ._validation import check_numbers, column_of, is_missing
 
 ALONE = ""  # the name of a sensor whose trials stand in no DataFrame
 USUAL = 0.9  # share of trials in which a channel that works varies
@@ -16,27 +15,33 @@ def trial_columns(X, names=None):
 
     `names` are those to return; by default all columns that hold trials.
     """
-    if not isinstance(X, pd.DataFrame):
-        if hasattr(X, "columns"):
-            raise ValueError(
-                f"X is a {type(X).__module__.split('.')[0]} DataFrame; give one of "
-                "pandas, with one array per trial and sensor."
-            )
+    if not is_frame(X):
         if names not in (None, [ALONE]):
             raise ValueError(
                 f"X is a {type(X).__name__}, but fit was given a DataFrame; give the "
                 f"columns {names} again."
             )
-        return {ALONE: X}
+        in_column = hasattr(X, "shape") and X.shape[1:] in ((), (1,))
+        return {ALONE: column_of(X, 0) if in_column else X}
+    columns = {name: column_of(X, i) for i, name in enumerate(X.columns)}
     if names is None:
-        names = [name for name in X if any(np.ndim(cell) >= 1 for cell in X[name])]
-    absent = [name for name in names if name not in X.columns]
+        names = [
+            name
+            for name, cells in columns.items()
+            if any(np.ndim(cell) >= 1 for cell in cells)
+        ]
+    absent = [name for name in names if name not in columns]
     if absent:
         raise ValueError(
             f"X has no column {absent[0]!r}, which fit was given; give the same "
             "sensors, with None where a trial has none."
         )
-    return {name: X[name] for name in names}
+    return {name: columns[name] for name in names}
+
+
+def is_frame(X):
+    """Whether X is a DataFrame of pandas or polars."""
+    return hasattr(X, "columns") and hasattr(X, "dtypes")
 
 
 def iter_cells(column, name, shape=None, names=None):

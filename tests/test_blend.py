@@ -23,7 +23,11 @@ from sklearn_haptic import (
 )
 from sklearn_haptic.metrics import neg_rps_scorer, ranked_probability_score
 from sklearn_haptic.model_selection import cross_val_predict_proba
-from sklearn_haptic.models._pool_weights import best_weights, cautious_weights
+from sklearn_haptic.models._pool_weights import (
+    best_weights,
+    cautious_exponent,
+    cautious_weights,
+)
 
 N_OBJECTS, N_TRIALS = 12, 3
 OBJECTS = np.repeat(np.arange(N_OBJECTS), N_TRIALS)
@@ -154,6 +158,41 @@ def test_cautious_weights_approach_the_best_with_more_objects():
     assert many > 0.9
 
 
+def exponent_by_loops(proba, below, objects):
+    """Equal objects; from 1 towards the best of a grid, until within an error of it."""
+
+    def score(exponent):
+        squares = []
+        for p, true in zip(proba, below):
+            powers = [x**exponent for x in p]
+            ends = [sum(powers[: k + 1]) / sum(powers) for k in range(len(true))]
+            squares.append(sum((a - b) ** 2 for a, b in zip(ends, true)))
+        squares = np.array(squares)
+        return np.array([squares[objects == o].mean() for o in np.unique(objects)])
+
+    scores = {k: score(2 ** (k / 3)) for k in range(-6, 7)}
+    best = min(scores, key=lambda k: scores[k].mean())
+    for k in sorted(range(min(0, best), max(0, best) + 1), key=abs):
+        excess = scores[k] - scores[best]
+        if excess.mean() <= excess.std() / np.sqrt(len(excess)):
+            return 2 ** (k / 3)
+    return None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_exponent_is_that_of_plain_loops(seed):
+    rng = np.random.default_rng(seed)
+    objects = np.repeat(np.arange(8), rng.integers(1, 4, size=8))
+    proba = rng.dirichlet(np.full(4, 2.0), size=len(objects))
+    true = proba ** [0.1, 0.4, 1, 1.5, 2.5, 8][seed] * rng.uniform(0.5, 2, proba.shape)
+    below = np.cumsum(true / true.sum(axis=1, keepdims=True), axis=1)[:, :-1]
+    weight = 1 / np.bincount(objects)[objects]
+    found = cautious_exponent(proba, below, weight, objects)
+    assert found == pytest.approx(exponent_by_loops(proba, below, objects))
+    if seed not in (2, 3):
+        assert (found < 1, found > 1) == (seed < 2, seed > 3)
+
+
 # The blend ------------------------------------------------------------------
 
 
@@ -177,6 +216,11 @@ def test_a_blend_is_that_of_plain_loops():
         blend.weights_[name] * member.fit(X, counts).predict_proba(new)
         for name, member in named
     )
+    mean = np.einsum("tmk,m->tk", departure, [*blend.weights_.values()]) + below
+    held_out = np.diff(mean, axis=1, prepend=0, append=1)
+    exponent = exponent_by_loops(held_out, below, objects)
+    assert blend.exponent_ == pytest.approx(exponent)
+    expected = expected**exponent / (expected**exponent).sum(axis=1, keepdims=True)
     np.testing.assert_allclose(blend.predict_proba(new), expected, atol=1e-12)
     np.testing.assert_array_equal(blend.predict(new), expected.argmax(axis=1) + 1)
 
@@ -187,6 +231,7 @@ def test_equal_weights_hold_nothing_out():
     assert blend.weights_ == {"linear": 0.5, "ridge": 0.5, "marginal": 0.0}
     assert list(blend.estimators_) == ["linear", "ridge"]
     assert blend.rps_ == {}
+    assert blend.exponent_ == 1
 
 
 def test_where_there_is_nothing_to_learn_it_is_near_the_marginal():
@@ -205,6 +250,21 @@ def test_where_there_is_nothing_to_learn_it_is_near_the_marginal():
     blend = DistributionBlend(pair)
     assert score(blend, groups=objects) < 1.03 * marginal
     assert blend.fit(X, counts, groups=objects).weights_["marginal"] > 0.6
+
+
+def test_where_a_mean_is_too_broad_it_is_sharpened():
+    """People agree on one level of four, which a linear regression blurs."""
+    X = np.random.default_rng(0).uniform(size=(80, 1))
+    agreed = np.eye(4)[(4 * X[:, 0]).astype(int)]
+    blurred = [("ridge", RegressedDistribution(Ridge()))]
+    blend = DistributionBlend(blurred).fit(X[:40], agreed[:40], groups=range(40))
+    plain = DistributionBlend(blurred, weights="equal").fit(X[:40], agreed[:40])
+    score, before = (
+        ranked_probability_score(agreed[40:], each.predict_proba(X[40:]))
+        for each in (blend, plain)
+    )
+    assert blend.exponent_ > 1.5
+    assert score < 0.9 * before
 
 
 def test_a_hopeless_member_beside_a_good_one_gets_little_weight():

@@ -15,9 +15,15 @@ from sklearn_haptic import (
     NNPOM,
     ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
+    DummyDistribution,
 )
 from sklearn_haptic._answers import check_answers
-from sklearn_haptic.metrics import crps, noise_ceiling, ranked_probability_score
+from sklearn_haptic.metrics import (
+    crps,
+    neg_rps_scorer,
+    noise_ceiling,
+    ranked_probability_score,
+)
 
 
 def crowd(n_objects=30, n_people=12, seed=0):
@@ -253,3 +259,67 @@ def test_regressor_of_many_trials():
     model = ContinuousRatingsRegressor(NNPOM(0)).fit(X, y)
     many, true = crowd(100_000, 3, seed=1)
     assert -model.score(many, true) < noise_ceiling(true, crps).truth * 1.06
+
+
+# Objects of the trials
+
+
+def remembering(base):
+    """An estimator that remembers the groups that its `fit` was given."""
+
+    class Remembers(base):
+        def fit(self, X, y, sample_weight=None, *, groups=None):
+            self.given_ = groups, sample_weight
+            return super().fit(X, y, sample_weight, groups=groups)
+
+    return Remembers
+
+
+def test_groups_reach_the_estimator_also_behind_other_steps():
+    X, y = crowd()
+    objects = np.arange(len(X)) // 2
+    weight = np.arange(1.0, len(X) + 1)
+    model = remembering(DistributionalOrdinalRegressor)()
+    scaled = make_pipeline(StandardScaler(), make_pipeline(StandardScaler(), model))
+    for estimator, last in [(model, lambda m: m), (scaled, lambda m: m[-1][-1])]:
+        fitted = ContinuousRatingsRegressor(estimator).fit(X, y, weight, groups=objects)
+        groups, weights = last(fitted.estimator_).given_
+        np.testing.assert_array_equal(groups, objects)
+        np.testing.assert_array_equal(weights, weight)
+
+
+def test_groups_keep_objects_whole_in_early_stopping():
+    X, y = crowd()
+    stops = DistributionalOrdinalRegressor(NNPOM(2, early_stopping=True, max_iter=20))
+    model = ContinuousRatingsRegressor(stops.set_params(random_state=0), n_cells=5)
+    with pytest.warns(UserWarning, match="given no groups"):
+        model.fit(X, y)
+    model.fit(X, y, groups=np.arange(len(X)))  # no warning, which would be an error
+    assert model.predict(X).shape == (30,)
+
+
+def test_groups_are_those_of_the_folds_of_a_search():
+    X, y = crowd()
+    objects = np.arange(len(X)) // 3
+    folds = []
+
+    class Spied(GroupKFold):
+        def split(self, X, y=None, groups=None):
+            folds.append(groups)
+            return super().split(X, y, groups)
+
+    base = DistributionalOrdinalRegressor(NNPOM(0))
+    search = GridSearchCV(
+        base, {"estimator__alpha": [1, 3]}, cv=Spied(3), scoring=neg_rps_scorer
+    )
+    ContinuousRatingsRegressor(search, n_cells=5).fit(X, y, groups=objects)
+    np.testing.assert_array_equal(folds[0], objects)
+
+
+def test_groups_are_refused_by_an_estimator_that_takes_none():
+    X, y = crowd()
+    model = ContinuousRatingsRegressor(DummyDistribution())
+    with pytest.raises(ValueError, match=r"DummyDistribution\(\) takes none; leave"):
+        model.fit(X, y, groups=np.arange(len(X)))
+    with pytest.raises(ValueError, match="groups has no object in trial 2"):
+        ContinuousRatingsRegressor().fit(X, y, groups=[1, 2, None, *range(27)])

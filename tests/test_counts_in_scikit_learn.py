@@ -1,7 +1,8 @@
 """What scikit-learn does with counts: each row of the guide's table, by a plain loop.
 
-The table of the user guide names functions and classes, and says of each that it takes
-counts, refuses them or goes wrong. The function of that name in `CHECKS` shows it.
+The table of docs/scikit_learn.md names functions and classes, and says of each that it
+takes counts, refuses them or goes wrong. The function of that name in `CHECKS` shows
+it.
 """
 
 import re
@@ -61,7 +62,7 @@ from sklearn_haptic.model_selection import cross_val_predict_proba
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
-GUIDE = Path(__file__).resolve().parents[1] / "docs" / "user_guide.md"
+GUIDE = Path(__file__).resolve().parents[1] / "docs" / "scikit_learn.md"
 X, COUNTS, OBJECTS = rated(20, 3)
 MODEL = DistributionalOrdinalRegressor()
 CV = GroupKFold(4)
@@ -363,7 +364,7 @@ CHECKS = {
 
 def names_in_the_guide():
     """What the first column of the table names."""
-    section = GUIDE.read_text("utf-8").partition("## Counts in scikit-learn")[2]
+    section = GUIDE.read_text("utf-8")
     rows = re.findall(r"^\| (`.*?) \|", section.partition("\n## ")[0], re.M)
     return [name for row in rows for name in re.findall(r"`([\w\"]+)", row)]
 

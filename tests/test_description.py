@@ -163,15 +163,15 @@ def test_names_of_objects_belong_to_trials():
         describe_corpus({**some, "ratings": {}})
 
 
-def test_polars_tables_of_trials_are_refused():
+def test_polars_tables_are_those_of_pandas():
     polars = pytest.importorskip("polars")
-    with pytest.raises(ValueError, match="polars DataFrame; give one of pandas"):
-        describe_corpus(polars.DataFrame(np.zeros((6, 5))))
-    cells = polars.Series(
-        np.zeros((6, 5, 2)), dtype=polars.Array(polars.Float64, (5, 2))
-    )
-    with pytest.raises(ValueError, match="polars DataFrame; give one of pandas"):
-        RepairTrials().fit(polars.DataFrame({"acc": cells, "pdc": cells}))
+    trials = np.random.default_rng(0).normal(size=(6, 5, 2))
+    cells = polars.Series(trials, dtype=polars.Array(polars.Float64, (5, 2)))
+    found = describe_corpus(polars.DataFrame({"acc": cells, "run": range(6)})).sensors
+    same = describe_corpus(pd.DataFrame({"acc": [*trials], "run": range(6)})).sensors
+    pd.testing.assert_frame_equal(found, same)
+    with pytest.raises(ValueError, match="none of which holds arrays"):
+        describe_corpus(polars.DataFrame(trials[:, :, 0]))
 
 
 def test_trials_of_each_procedure():

@@ -82,6 +82,19 @@ def test_gains_are_paired_over_objects(report):
     assert ttest_1samp(of_objects, 0).pvalue < 0.05 and row["verdict"] == "better"
 
 
+def test_the_ceiling_is_half_the_distance_between_two_people(report):
+    """Of all pairs of people who rated the object of a trial, averaged over trials."""
+    expected = []
+    for row in COUNTS:
+        people = np.repeat(np.arange(len(row)), row.astype(int))
+        far = np.abs(people[:, None] - people).sum()
+        expected.append(far / (len(people) * (len(people) - 1)) / 2)
+    assert report.gains.at["first", "rps_ceiling"] == pytest.approx(np.mean(expected))
+    assert "ceiling" in str(report)
+    alone = model_report(LINEAR, X, COUNTS.argmax(axis=1), groups=OBJECTS, cv=3)
+    assert np.isnan(alone.gains["rps_ceiling"].iloc[0])
+
+
 def test_the_conclusion_names_what_is_no_better(report):
     assert report.gains["verdict"].tolist() == ["better", "not shown"]
     told = "It is better on: first. It is not shown to be better on: 2."

@@ -1,6 +1,7 @@
 """How unlike others a touch is, against plain loops and searches."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.base import clone
 from sklearn.linear_model import LogisticRegression
@@ -8,7 +9,13 @@ from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic import NNPOM, NoveltyGuard
+from sklearn_haptic import (
+    NNPOM,
+    NoveltyGuard,
+    Signal,
+    SignalStatistics,
+    make_haptic_pipeline,
+)
 from sklearn_haptic.metrics import ranked_probability_score
 from sklearn_haptic.models._novelty import (
     belief_at,
@@ -137,3 +144,98 @@ def test_labels_without_an_order():
     model = NoveltyGuard(make_pipeline(StandardScaler(), LogisticRegression()))
     model.fit(X, labels, groups=objects)
     assert model.score(X, labels) == np.mean(model.predict(X) == labels) > 0.5
+
+
+# Signals
+
+
+def felt(n_objects=24, n_touches=2, seed=0):
+    """Two sensors of two channels; their level and their power depend on the object."""
+    rng = np.random.default_rng(seed)
+    objects = np.repeat(np.arange(n_objects), n_touches)
+    latent = rng.normal(size=n_objects)[objects]
+    level = np.round(latent).astype(int)
+    touches = {
+        "skin": [
+            10 + x + 0.1 * rng.normal(size=(rng.integers(60, 80), 2)) for x in latent
+        ],
+        "acc": [
+            np.exp(0.3 * x) * rng.normal(size=(rng.integers(60, 80), 2)) for x in latent
+        ],
+    }
+    return pd.DataFrame(touches), level, objects
+
+
+FAULTS = {
+    "dead": lambda trials: trials.map(lambda x: 0 * x),
+    "stuck": lambda trials: trials.map(lambda x: x[:1] + 0 * x),
+    "noise": lambda trials: trials.map(
+        lambda x: x + np.random.default_rng(0).normal(scale=5, size=x.shape)
+    ),
+    "amplified": lambda trials: trials.map(lambda x: 10 * x),
+}
+
+
+@pytest.fixture(scope="module")
+def guards():
+    """Guards of both sensors together and of each alone, and one of a list."""
+    X, y, objects = felt()
+    guards = {
+        name: NoveltyGuard(
+            make_haptic_pipeline(dict.fromkeys(name, Signal(100)), random_state=0)
+        ).fit(X, y, groups=objects)
+        for name in [("skin", "acc"), ("skin",), ("acc",)]
+    }
+    alone = NoveltyGuard(make_haptic_pipeline(Signal(100), random_state=0))
+    guards["list"] = alone.fit(list(X["skin"]), y, groups=objects)
+    return guards
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("sensor", ["skin", "acc"])
+def test_a_broken_sensor_is_found(guards, sensor, fault):
+    X = felt(seed=1)[0]
+    broken = X.assign(**{sensor: FAULTS[fault](X[sensor])})
+    other = "acc" if sensor == "skin" else "skin"
+    for name in [("skin", "acc"), (sensor,)]:
+        assert np.mean(guards[name].p_values(X) <= 0.05) <= 0.15
+        assert (guards[name].p_values(broken) <= 0.05).all()
+    whole = guards[(other,)]  # sees another sensor alone
+    np.testing.assert_array_equal(whole.p_values(broken), whole.p_values(X))
+    both = guards[("skin", "acc")]
+    believed = [belief_at(both.belief_, both.distances(each)) for each in (X, broken)]
+    assert believed[1].max() < believed[0].mean()
+
+
+def test_exchanged_sensors_are_found(guards):
+    X = felt(seed=1)[0]
+    exchanged = X.rename(columns={"skin": "acc", "acc": "skin"})
+    for name in [("skin", "acc"), ("skin",), ("acc",)]:
+        assert (guards[name].p_values(exchanged) <= 0.05).all()
+
+
+def test_the_recordings_of_one_sensor_need_no_name(guards):
+    X = felt(seed=1)[0]
+    assert np.mean(guards["list"].p_values(list(X["skin"])) <= 0.05) <= 0.15
+    broken = [0 * trial for trial in X["skin"]]
+    assert (guards["list"].p_values(broken) <= 0.05).all()
+
+
+def test_distances_are_the_larger_of_features_and_signals(guards):
+    X, _, objects = felt()
+    guard = guards[("skin", "acc")]
+    rows = guard.estimator_[:-1].transform(X)
+    statistics = [
+        StandardScaler().fit_transform(SignalStatistics().fit_transform(list(X[s])))
+        for s in ("skin", "acc")
+    ]
+    of_each = []
+    for table in (rows, np.hstack(statistics)):
+        others = objects[:, None] != objects
+        gaps = np.sqrt(((table[:, None] - table) ** 2).mean(axis=2))
+        of_each.append(np.where(others, gaps, np.inf).min(axis=1))
+    of_features, of_signals = of_each
+    unit = np.median(of_features) / np.median(of_signals)
+    np.testing.assert_allclose(
+        guard.distances_, np.maximum(of_features, unit * of_signals), rtol=1e-6
+    )

@@ -66,7 +66,7 @@ def test_contributions_display_names_axes_bars_and_groups(holdout_scores):
     assert "p < .05 over starts" in ax.get_xlabel()
     assert "over objects" in ax.get_xlabel()
     names = [label.get_text() for label in ax.get_xticklabels()]
-    assert names == ["−None", "−tdc", "−pac"] * 2
+    assert names == ["all", "−tdc", "−pac"] * 2
     (above,) = ax.child_axes
     groups = [label.get_text() for label in above.get_xticklabels()]
     assert groups == ["slow slide", "hold"]

@@ -67,6 +67,21 @@ def test_predicts_objects_never_touched(corpus, preset):
     assert [s for s in SENSORS if names[0].startswith(s)] == ["pac"]
 
 
+def test_fast_has_maxima_of_codes_over_improved_atoms(corpus):
+    model = make_haptic_pipeline(["pdc"], preset="fast", random_state=0).fit(
+        corpus.trials, corpus.ratings["hard"]
+    )
+    coder = model["features"].named_transformers_["pdc"][0]
+    assert coder.n_iter_ == 2
+    codes = coder.transform(corpus.trials["pdc"])
+    names = model["features"].get_feature_names_out()
+    columns = [name.startswith("pdc__t1of1_") for name in names]
+    np.testing.assert_array_equal(
+        model["features"].transform(corpus.trials)[:, columns],
+        [code.max(axis=0) for code in codes],
+    )
+
+
 def test_accurate_has_roots_of_statistics_of_codes(corpus):
     model = make_haptic_pipeline(["pdc"], preset="accurate", random_state=0).fit(
         corpus.trials, corpus.ratings["hard"], model__groups=corpus.objects

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import polars as pl
 import pytest
 from scipy import signal
 from scipy.interpolate import interp1d
@@ -11,7 +12,10 @@ from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import (
     RepairTrials,
+    SensorFeatures,
+    Signal,
     TaxelGrid,
+    infer_rate,
     make_haptic_pipeline,
     resample_trials,
 )
@@ -124,11 +128,28 @@ def test_a_channel_that_often_rests_is_not_dead():
     assert repair.faults_.empty
 
 
-def test_without_other_channels_a_dead_one_has_the_mean():
-    trials = [trial[:, :1] for trial in recordings()]
-    mean = np.concatenate(trials).mean()
-    dead = RepairTrials().fit(trials).transform([np.zeros((7, 1))])[0]
-    np.testing.assert_allclose(dead, np.full((7, 1), mean), rtol=1e-12)
+@pytest.mark.parametrize("channels", [[0], [0, 1, 2, 3]])
+def test_a_dead_sensor_has_the_most_typical_trial(channels):
+    trials = [trial[:, channels] for trial in recordings()]
+    repair = RepairTrials().fit([*trials, None])
+    typical = repair.transform([None])[0]
+    dead = np.full((7, len(channels)), 3.0)
+    with_gaps = dead.copy()
+    with_gaps[2, 0] = np.nan
+    for touch in (dead, with_gaps):
+        np.testing.assert_array_equal(repair.transform([touch])[0], typical)
+        assert faults_of(repair, [touch]) == [(0, "all", "dead sensor", len(typical))]
+
+
+def test_a_sensor_of_which_one_channel_lives_is_not_dead():
+    trials = recordings()
+    touch = trials[4].copy()
+    touch[:, :3] = 0.0
+    repair = RepairTrials().fit(trials)
+    assert [row[:3] for row in faults_of(repair, [touch])] == [
+        (0, i, "dead") for i in range(3)
+    ]
+    np.testing.assert_array_equal(repair.transform([touch])[0][:, 3], touch[:, 3])
 
 
 @pytest.mark.parametrize("nothing", [None, np.nan, pd.NA, [], np.full((3, 4), np.nan)])
@@ -193,6 +214,45 @@ def test_several_sensors_in_a_data_frame():
     ] * 2
 
 
+@pytest.mark.parametrize("cells", ["lists", "objects"])
+def test_several_sensors_in_a_frame_of_polars(cells):
+    skin, force = recordings(seed=1), [t[:, 0] for t in recordings(seed=2)]
+    skin[3][4] = np.nan
+    force[2] = None
+    expected = pd.DataFrame({"skin": skin, "force": force, "speed": np.arange(20.0)})
+    if cells == "lists":
+        skin = [trial.tolist() for trial in skin]
+        force = [None if trial is None else trial.tolist() for trial in force]
+    kind = {} if cells == "lists" else {"dtype": pl.Object}
+    trials = pl.DataFrame(
+        {
+            "skin": pl.Series(skin, **kind),
+            "force": pl.Series(force, **kind),
+            "speed": np.arange(20.0),
+        }
+    )
+    repair = RepairTrials(rest={"force": 3}, limits={"skin": (-99, 99)}).fit(trials)
+    same = clone(repair).fit(expected)
+    pd.testing.assert_frame_equal(repair.faults_, same.faults_)
+    assert set(repair.faults_["fault"]) > {"dropped frames", "missing sensor"}
+    assert repair.feature_names_in_.tolist() == trials.columns
+    repaired, wanted = repair.transform(trials), same.transform(expected)
+    assert isinstance(repaired, pl.DataFrame) and repaired.columns == trials.columns
+    assert repaired["speed"].equals(trials["speed"])
+    for sensor in ("skin", "force"):
+        for one, other in zip(repaired[sensor], wanted[sensor], strict=True):
+            np.testing.assert_array_equal(one, other)
+    # What comes out goes into a model, and a column alone is a sensor.
+    sensors = {"skin": None, "force": None}
+    counts = np.random.default_rng(0).multinomial(9, [0.3, 0.3, 0.4], size=20)
+    model = make_pipeline(clone(repair), make_haptic_pipeline(sensors, random_state=0))
+    proba = [model.fit(X, counts).predict_proba(X) for X in (trials, expected)]
+    np.testing.assert_array_equal(*proba)
+    alone = RepairTrials(limits=(-99, 99)).fit(trials["skin"])
+    assert alone.faults_["fault"].tolist() == ["dropped frames"]
+    assert alone.transform(trials["skin"])[3].shape == wanted["skin"][3].shape
+
+
 def test_images_and_single_precision():
     rng = np.random.default_rng(0)
     images = [rng.normal(size=(9, 2, 3)).astype(np.float32) for _ in range(12)]
@@ -248,6 +308,79 @@ def test_faulty_touches_are_predicted_as_whole_ones():
         model[1:].predict(faulty)
 
 
+def two_sensors(seed):
+    """Touches of two kinds, which either sensor can tell."""
+    rng = np.random.default_rng(seed)
+    kinds = np.arange(36) % 2
+    skin = [
+        1 + kind + 0.1 * rng.normal(size=(60, 1)) + 0.3 * rng.normal(size=(60, 4))
+        for kind in kinds
+    ]
+    force = [(1.0 + kind) * rng.normal(size=(60, 2)) for kind in kinds]
+    for trial in [*skin, *force]:
+        trial[:5] *= 0.01  # at rest
+    return pd.DataFrame({"skin": skin, "force": force}), kinds
+
+
+@pytest.fixture(scope="module")
+def repairing():
+    """A model of two sensors that repairs both."""
+    sensors = {"skin": Signal(100), "force": Signal(100)}
+    repair = RepairTrials(limits={"skin": (-9, 9)}, rest={"skin": 5})
+    model = make_pipeline(repair, make_haptic_pipeline(sensors, random_state=0))
+    return model.fit(*two_sensors(0))
+
+
+def _without(trial, where):
+    trial[where] = np.nan
+    return trial
+
+
+def _masked(trial):
+    mask = np.zeros(trial.shape, dtype=bool)
+    mask[20:30, 1] = True
+    return np.ma.array(trial, mask=mask)
+
+
+def _with(trial, where, value):
+    trial[where] = value
+    return trial
+
+
+ON_REAL_HANDS = {
+    "NaN": ("missing samples", lambda x: _without(x, (slice(20, 30), 1))),
+    "infinite": ("missing samples", lambda x: _with(x, (slice(20, 22), 1), np.inf)),
+    "masked": ("missing samples", _masked),
+    "dropped frames": ("dropped frames", lambda x: _without(x, slice(20, 26))),
+    "saturated": ("saturated", lambda x: _with(x, (slice(20, 22), 2), 9.0)),
+    "dead channel": ("dead", lambda x: _with(x, (slice(None), 3), 0.7)),
+    "dead sensor": ("dead sensor", lambda x: 0 * x + 2),
+    "missing sensor": ("missing sensor", lambda x: None),
+    "drift of the rest level": ("rest level", lambda x: x + 3.0),
+}
+
+
+@pytest.mark.parametrize("name", ON_REAL_HANDS)
+def test_a_model_predicts_from_faulty_touches_and_names_the_fault(repairing, name):
+    trials, kinds = two_sensors(1)
+    fault, spoil = ON_REAL_HANDS[name]
+    whole = repairing.predict_proba(trials)
+    faulty = trials.assign(skin=[spoil(trial.copy()) for trial in trials["skin"]])
+    proba = repairing.predict_proba(faulty)
+    assert np.mean(whole.argmax(axis=1) == kinds) == 1
+    if fault.endswith("sensor"):  # the other one is left
+        sure = [proba[kinds == kind, 1].mean() for kind in (0, 1)]
+        assert sure[1] > sure[0] + 0.1
+    else:
+        assert np.mean(proba.argmax(axis=1) == kinds) >= 0.95
+        assert np.abs(proba - whole).mean() < 0.15
+    found = repairing[0].faults(faulty)
+    named = found[(found["sensor"] == "skin") & (found["fault"] == fault)]
+    assert set(named["trial"]) == set(range(len(trials)))
+    if fault == "rest level":
+        assert (named["offset"] > 2.5).all()
+
+
 @pytest.mark.parametrize(
     "n_trials", [1, 5000, pytest.param(100_000, marks=pytest.mark.slow)]
 )
@@ -301,6 +434,90 @@ def test_decimation_is_that_of_scipy(factor):
     resampled = resample_trials([trial], [times], 1000 / factor)[0]
     expected = signal.resample_poly(trial, 1, factor, padtype="line")
     np.testing.assert_allclose(resampled, expected, atol=1e-9)
+
+
+def stamped(times, kind, frame=pd.DataFrame):
+    """A recording whose index has the times of its samples."""
+    seconds = pd.to_timedelta(times, unit="s")
+    index = {
+        "seconds": times,
+        "durations": seconds,
+        "dates": pd.Timestamp("2026-11-22", tz="UTC") + seconds,
+    }[kind]
+    trial = pd.DataFrame(waves(times), index)
+    return trial if frame is pd.DataFrame else trial[0]
+
+
+KINDS = ["seconds", "durations", "dates"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("frame", [pd.DataFrame, pd.Series])
+def test_the_rate_is_that_of_the_index(kind, frame):
+    rng = np.random.default_rng(0)
+    times = [
+        np.delete(np.arange(n) / 35, [5, 6, 9]) + rng.uniform(-1e-3, 1e-3, n - 3)
+        for n in (40, 60)
+    ]
+    trials = [stamped(each, kind, frame) for each in times]
+    steps = np.concatenate([np.diff(each) for each in times])
+    expected = 1 / np.sort(steps)[len(steps) // 2 - 1 :][:2].mean()  # of even number
+    assert infer_rate([*trials, None]) == pytest.approx(expected, rel=1e-6)
+    assert infer_rate(trials, times) == pytest.approx(expected, rel=1e-9)
+    assert expected == pytest.approx(35, rel=0.05)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_resampling_by_the_index_is_that_by_its_seconds(kind):
+    times = [np.delete(np.arange(n) / 10, [5, 6]) for n in (20, 31)]
+    trials = [stamped(each, kind) for each in times]
+    by_index = resample_trials([*trials, None])
+    by_times = resample_trials([waves(each) for each in times], times, 10)
+    for one, other in zip(by_index[:2], by_times, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-9)
+    assert by_index[2] is None
+
+
+@pytest.mark.parametrize("library", [pd, pl])
+def test_stamps_may_be_a_column(library):
+    times = np.arange(20) / 10
+    a, b = waves(times).T
+    trial = library.DataFrame({"a": a, "when": times, "b": b})
+    assert infer_rate([trial], "when") == pytest.approx(10)
+    resampled = resample_trials([trial], "when", 20)[0]
+    expected = resample_trials([waves(times)], [times], 20)[0]
+    np.testing.assert_allclose(resampled, expected, atol=1e-12)
+    with pytest.raises(ValueError, match=r"^Trial 0 has no column 'at'; name the"):
+        infer_rate([trial], "at")
+
+
+def test_a_rate_that_cannot_be_inferred_is_refused():
+    times = np.arange(20) / 10
+    with pytest.raises(ValueError, match=r"^Trials are sampled at 10 to 20 Hz; bring"):
+        infer_rate([waves(times)] * 2, [times, times / 2])
+    with pytest.raises(ValueError, match=r"^No trial has two samples, whose time"):
+        infer_rate([waves(times[:1])], [times[:1]])
+    for trial in (waves(times), pd.DataFrame(waves(times))):  # an index that counts
+        with pytest.raises(ValueError, match=r"^Trial 0 has no index of time stamps"):
+            resample_trials([trial])
+
+
+def test_a_sensor_that_nobody_described_knows_its_rate():
+    trials = [stamped(np.arange(n) / 100, "durations") for n in (60, 70, 80)]
+    features = SensorFeatures().fit(trials)
+    assert features.rate_ == pytest.approx(100)
+    plain = SensorFeatures().fit([trial.to_numpy() for trial in trials])
+    assert plain.rate_ is None
+    rows = features.transform(trials)
+    np.testing.assert_array_equal(rows, plain.transform(trials))
+    slower = [stamped(np.arange(60) / 50, "dates")]
+    with pytest.raises(ValueError, match=r"^X is sampled at 50 Hz, but 100 Hz is"):
+        features.transform(slower)
+    even = resample_trials(slower, rate=features.rate_)
+    assert features.transform(even).shape == (1, rows.shape[1])
+    model = make_haptic_pipeline({"skin": None}, random_state=0)
+    model.fit(pd.DataFrame({"skin": trials}), [1, 2, 3])
+    assert model[0].named_transformers_["skin"].rate_ == pytest.approx(100)
 
 
 def test_no_vibration_comes_out_as_a_slower_one():
@@ -360,3 +577,14 @@ def test_resampling_any_number_of_trials(n_trials):
     resampled = resample_trials(trials, times, 20)
     assert len(resampled) == n_trials
     np.testing.assert_allclose(resampled[-1][::2, 0], trials[-1], atol=1e-12)
+
+
+def test_an_array_of_trials_keeps_all_channels():
+    """One of three dimensions is as the list of its trials; one of objects likewise."""
+    X = np.random.default_rng(0).normal(size=(6, 5, 2))
+    cells = np.empty((6, 1), dtype=object)
+    cells[:, 0] = [*X]
+    for trials in (X, [*X], cells[:, 0], cells):
+        repaired = RepairTrials().fit(trials).transform(trials)
+        for found, trial in zip(repaired, X, strict=True):
+            np.testing.assert_array_equal(found, trial)

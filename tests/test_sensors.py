@@ -63,16 +63,16 @@ def test_described_features_are_those_of_the_transformers():
     trials, y = touches()
     sensors = {"skin": TaxelGrid((4, 4)), "acc": Signal(rate=1000, window=0.02)}
     model = make_haptic_pipeline(sensors, random_state=0).fit(trials, y)
-    common = {"n_nonzero_coefs": 2, "max_iter": 5, "remove_mean": False}
+    common = {"n_nonzero_coefs": 2, "max_iter": 2, "remove_mean": False}
     pool = TemporalMaxPool((4, 2, 1))
     skin = STHMPTransformer(
         layout=np.eye(16).reshape(4, 4, 16),
         patch_size=(2, 2),
-        max_train_patches=5000,
+        max_train_patches=2500,
         random_state=0,
         **common,
     )
-    acc = KSVDTransformer(window=20, max_train_windows=5000, random_state=0, **common)
+    acc = KSVDTransformer(window=20, max_train_windows=2500, random_state=0, **common)
     blocks = []
     for name, coder in {"skin": skin, "acc": acc}.items():
         blocks.append(clone(pool).fit_transform(coder.fit_transform(trials[name])))

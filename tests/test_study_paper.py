@@ -198,7 +198,9 @@ def test_score_table(folder):
     table = score_table(study, metric="rps")
     guesses = ["marginal", "barycentre"]
     assert [*table][: 1 + len(SENSORS)] == ["combined", *SENSORS]
-    assert {*table} == {"combined", *SENSORS, *guesses, "truth", "no_better"}
+    assert {*table} == {
+        *("combined", *SENSORS, *guesses, "ceiling", "truth", "no_better")
+    }
     for (adjective, procedure), row in table.iterrows():
         corpus = CORPUS(procedure=procedure, sensors=["tdc"])
         rows = study.scores.query(
@@ -210,6 +212,11 @@ def test_score_table(folder):
             corpus.ratings[adjective][test], corpus.true_proba[adjective][test]
         )
         assert row["truth"] == pytest.approx(truth)
+        counts = corpus.ratings[adjective][test]
+        n = counts.sum(axis=1, keepdims=True)
+        below = np.cumsum(counts, axis=1) / n
+        ceiling = (n[:, 0] / (n[:, 0] - 1) * (below * (1 - below)).sum(axis=1)).mean()
+        assert row["ceiling"] == pytest.approx(ceiling)
         assert row["no_better"] == (row["combined"] >= row[guesses].min())
 
 

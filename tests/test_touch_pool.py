@@ -18,7 +18,13 @@ from sklearn_haptic import (
 )
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import dispersion, ranked_probability_score
-from sklearn_haptic.models._pool_moments import error_moments, pairs_of, pool_weights
+from sklearn_haptic.models._pool_moments import (
+    blur_share,
+    error_moments,
+    pairs_of,
+    pool_weights,
+    spread_moments,
+)
 
 N_LEVELS = 4
 MEMBERS = [("a", NNPOM(0), ["a0", "a1"]), ("b", NNPOM(0), ["b"])]
@@ -138,6 +144,71 @@ def test_touches_that_err_together_are_worth_one():
     assert one[1] == pytest.approx(five[1])
 
 
+def blurred_by_hand(proba, blur):
+    """Give half of a share of each level to either neighbour, one after the other."""
+    out = (1 - blur) * np.asarray(proba)
+    for k, p in enumerate(proba):
+        for neighbour in (k - 1, k + 1):
+            out[min(max(neighbour, 0), len(proba) - 1)] += blur * p / 2
+    return out
+
+
+def too_sure(n_objects=60, n_touches=3, seed=0):
+    """Of two members and the marginal, and the true distributions."""
+    rng = np.random.default_rng(seed)
+    X, counts, objects = made(n_objects, n_touches, seed)
+    levels = np.arange(N_LEVELS)
+    proba = np.empty((len(X), 3, N_LEVELS))
+    for i, name in enumerate(("a0", "b")):
+        place = 1.5 + X[name].to_numpy() + 0.2 * rng.normal(size=len(X))
+        proba[:, i] = np.exp(-2 * (place[:, None] - levels) ** 2)
+    proba[:, 2] = counts.mean(axis=0)
+    return proba / proba.sum(axis=2, keepdims=True), counts, objects
+
+
+@pytest.mark.parametrize("touches", [[[0]], [[1]], [[0, 1]], [[0], [1]], [[0, 1]] * 3])
+def test_a_blurred_pool_is_as_broad_as_it_errs(touches):
+    """Of all ways to take such touches from the three of each object."""
+    proba, counts, objects = too_sure()
+    share = np.array([0.5, 0.4, 0.1]) * [
+        *(any(i in t for t in touches) for i in (0, 1)),
+        1,
+    ]
+    share /= share.sum()
+    spread = spread_moments(proba, counts / 15, objects)
+    there = np.array([[i in touch for i in (0, 1)] for touch in touches])
+    blur = blur_share(spread, share, pairs_of(there))
+    pooled, true = [], []
+    for each in np.unique(objects):
+        rows = np.flatnonzero(objects == each)
+        for order in permutations(rows, len(touches)):
+            mean = share[2] * proba[rows[0], 2]
+            for i in (0, 1):
+                of = [row for row, touch in zip(order, touches) if i in touch]
+                if of:
+                    mean = mean + share[i] * proba[of, i].mean(axis=0)
+            pooled.append(mean)
+            true.append(counts[rows[0]])
+    assert dispersion(true, pooled) < 0.97
+    assert 0 < blur < 1
+    pooled = [blurred_by_hand(each, blur) for each in pooled]
+    assert dispersion(true, pooled) == pytest.approx(1, abs=1e-9)
+
+
+def test_a_pool_that_is_broad_enough_is_not_blurred():
+    proba, counts, objects = too_sure()
+    proba[:] = 0.25
+    spread = spread_moments(proba, counts / 15, objects)
+    assert blur_share(spread, np.array([0.5, 0.5, 0]), pairs_of([[True, True]])) == 0
+
+
+def test_a_pool_that_no_blur_makes_broad_enough_is_blurred_as_far_as_it_helps():
+    proba, counts, objects = too_sure()
+    proba[:] = [1, 0, 0, 0]
+    spread = spread_moments(proba, counts / 15, objects)
+    assert blur_share(spread, np.array([0.5, 0.5, 0]), pairs_of([[True, True]])) == 1
+
+
 # The estimator ---------------------------------------------------------------
 
 
@@ -171,6 +242,7 @@ def test_predictions_equal_a_plain_loop():
                 ).mean(axis=0)
             else:
                 assert weights[name] == 0
+        expected = blurred_by_hand(expected, pool.blur(touches))
         below = np.sort(np.clip(np.cumsum(expected)[:-1], 0, 1))
         for row in proba[new_objects == each]:
             np.testing.assert_allclose(np.cumsum(row)[:-1], below, atol=1e-12)
@@ -225,6 +297,22 @@ def test_pools_score_better_and_are_calibrated():
     assert (np.diff(scores) > 0.005).all()
     assert dispersion(true, pool.predict_proba(new, groups)) == pytest.approx(
         1, abs=0.1
+    )
+
+
+@pytest.mark.parametrize("touches", [1, 3])
+def test_members_that_are_too_sure_make_calibrated_pools(touches):
+    X, counts, objects = made(60)
+    sharp = [(name, NNPOM(4, alpha=1e-3, random_state=0), c) for name, _, c in MEMBERS]
+    pool = TouchPool(sharp).fit(X, counts, groups=objects)
+    new, true, groups = made(300, seed=1)
+    groups = None if touches == 1 else groups
+    proba = pool.predict_proba(new, groups)
+    assert 0.9 < dispersion(true, proba) < 1.1
+    assert pool.blur([[]]) == 0
+    excess = np.cumsum(proba, axis=1) - np.cumsum(true, axis=1) / 15
+    assert pool.expected_excess([["a", "b"]] * touches) == pytest.approx(
+        (excess**2).sum(axis=1).mean(), rel=0.25
     )
 
 
@@ -308,6 +396,8 @@ def test_expected_gains_equal_a_plain_loop():
             continue
         before = alone["a"] * row[0] + alone["marginal"] * mean
         after = both["a"] * row[0] + both["b"] * row[1] + both["marginal"] * mean
+        before = blurred_by_hand(before, pool.blur([["a"]]))
+        after = blurred_by_hand(after, pool.blur([["a", "b"]]))
         before, after = (
             np.sort(np.clip(np.cumsum(each)[:3], 0, 1)) for each in (before, after)
         )

@@ -50,6 +50,7 @@ import sklearn_haptic
 from sklearn_haptic import (
     TemporalMaxPool,
     datasets,
+    infer_rate,
     make_haptic_pipeline,
     metrics,
     model_selection,
@@ -79,7 +80,7 @@ matplotlib.use("Agg")
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_thread")]
 
 TESTS = Path(__file__).parent
-GUIDE = (TESTS.parent / "docs" / "trust.md").read_text("utf-8")
+GUIDE = (TESTS.parent / "docs" / "saving.md").read_text("utf-8")
 
 
 # Saved models ---------------------------------------------------------------
@@ -619,6 +620,7 @@ def methods_of(model, X, y):
         "start": lambda: model.start(),
         "sample": lambda: model.sample(X, 2, random_state=0),
         "weights": lambda: model.weights([["a"]]),
+        "blur": lambda: model.blur([["a"]]),
         "expected_excess": lambda: model.expected_excess([["a"]]),
         "expected_gains": lambda: model.expected_gains(["a"]),
         "score": lambda: model.score(X, y),
@@ -740,6 +742,7 @@ def calls_of_functions(folder):
         raters.shrink_counts: (COUNTS,),
         raters.rater_effects: (answered(),),
         make_haptic_pipeline: (["pdc"],),
+        infer_rate: ([[0.0, 1.0, 3.0]], [[0.0, 0.1, 0.2]]),
         resample_trials: ([[0.0, 1.0, 3.0]], [[0.0, 0.1, 0.3]], 10),
         make_haptic_corpus: (2, 1),
         model_selection.speed_accuracy_frontier: (SEARCH,),
@@ -788,6 +791,10 @@ def calls_of_functions(folder):
     tiny = STUDY | {"adjectives": ["hard"], "n_repeats": 1}
     tiny["procedures"] = ["fast_slide", "hold"]
     return calls | {
+        "describe_corpus": lambda: datasets.describe_corpus(CORPUS),
+        "model_report": lambda: model_selection.model_report(
+            model, NAMED, COUNTS, groups=np.arange(len(COUNTS)) // 3, cv=2
+        ),
         "load_phac2": lambda: load_phac2(
             folder / "corpus.h5", ratings=folder / "ratings.mat"
         ),

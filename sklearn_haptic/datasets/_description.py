@@ -16,7 +16,7 @@ from .._biotac import PROCEDURES
 from .._check_ratings import check_counts, match_levels
 from .._check_trials import count
 from .._distributions import shares
-from .._recordings import ALONE, USUAL, iter_cells, trial_columns
+from .._recordings import ALONE, USUAL, is_frame, iter_cells, trial_columns
 from .._report import Report, Table, as_texts
 from .._sklearn import Trials, validate_params
 from .._validation import check_objects, check_regular, drop_missing
@@ -212,12 +212,12 @@ def _columns(given):
             "corpus holds no trials; give a DataFrame or a list with one entry per "
             "trial."
         )
-    if hasattr(trials, "columns"):
+    if is_frame(trials):
         columns = trial_columns(trials)
         if not columns:
             raise ValueError(
-                f"corpus has the columns {list(trials)}, none of which holds arrays; "
-                "give one array per trial and sensor."
+                f"corpus has the columns {list(trials.columns)}, none of which holds "
+                "arrays; give one array per trial and sensor."
             )
         return columns
     dicts = [isinstance(trial, Mapping) for trial in trials if isinstance(trials, list)]

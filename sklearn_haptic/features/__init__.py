@@ -2,7 +2,7 @@
 
 from ._pooling import TemporalMaxPool
 from ._repair import RepairTrials
-from ._resample import resample_trials
+from ._resample import infer_rate, resample_trials
 from ._sensor_features import SensorFeatures
 from ._statistics import SignalStatistics
 from ._sthmp import STHMPTransformer
@@ -15,5 +15,6 @@ __all__ = [
     "SensorFeatures",
     "SignalStatistics",
     "TemporalMaxPool",
+    "infer_rate",
     "resample_trials",
 ]

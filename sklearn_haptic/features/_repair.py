@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._check_trials import is_table
-from .._recordings import ALONE, USUAL, iter_cells, trial_columns
+from .._recordings import ALONE, USUAL, is_frame, iter_cells, trial_columns
 from .._sklearn import (
     DocumentedEstimator,
     FloatArray,
@@ -92,7 +92,7 @@ def estimate_channels(trial, dead, mean, covariance):
     Returns
     -------
     estimated : ndarray of shape (n_times, n_dead)
-        The regression of each dead channel on all others; their means if all are dead.
+        The regression of each dead channel on all others.
 
     Examples
     --------
@@ -130,12 +130,12 @@ def repair_trial(cell, usual, limits, rest):
         What was wrong, and what was done about it.
     """
     if cell is None:
-        repaired = usual.trial.copy()
-        fault = (_ALL, "missing sensor", len(repaired), "typical trial", np.nan)
-        return repaired, [fault]
+        return _typical(usual, "missing sensor")
+    rests = usual.varies & ~_varies(cell) & (len(cell) > 1)
+    dead = rests | np.isnan(cell).all(axis=0)
+    if rests.any() and dead[usual.varies].all():
+        return _typical(usual, "dead sensor")
     repaired, faults = repair_channels(cell, limits, rest)
-    dead = usual.varies & ~_varies(cell) & (len(cell) > 1)
-    dead |= np.isnan(cell).all(axis=0)
     if dead.any():
         repaired[:, dead] = estimate_channels(
             repaired, dead, usual.mean, usual.covariance
@@ -145,6 +145,12 @@ def repair_trial(cell, usual, limits, rest):
             for i in np.flatnonzero(dead)
         ]
     return repaired, faults
+
+
+def _typical(usual, fault):
+    """Return the most typical trial, and what it stands for."""
+    repaired = usual.trial.copy()
+    return repaired, [(_ALL, fault, len(repaired), "typical trial", np.nan)]
 
 
 def repair_channels(cell, limits, rest):
@@ -171,6 +177,23 @@ def repair_channels(cell, limits, rest):
             for i, offset in enumerate(offsets)
         ]
     return repaired, faults
+
+
+def _names_of(X):
+    return np.asarray(X.columns, dtype=object)
+
+
+def _with_columns(X, columns):
+    """Return a copy of a data frame with other trials in some columns."""
+    if hasattr(X, "to_series"):  # polars
+        series = type(X.to_series(0))
+        return X.with_columns(
+            *(series(name, cells, dtype=object) for name, cells in columns.items())
+        )
+    X = X.copy()
+    for name, cells in columns.items():
+        X[name] = pd.Series(cells, index=X.index, dtype=object)
+    return X
 
 
 def _cells(column, name, *samples):
@@ -283,9 +306,9 @@ class TrialRepair:
             for name, column in trial_columns(X).items():
                 cells[name], samples[name] = _cells(column, name)
             vars(self).pop("feature_names_in_", None)
-            if isinstance(X, pd.DataFrame):
-                self.feature_names_in_ = np.asarray(X.columns, dtype=object)
-                self.n_features_in_ = X.shape[1]
+            if is_frame(X):
+                self.feature_names_in_ = _names_of(X)
+                self.n_features_in_ = len(self.feature_names_in_)
         else:
             cells = {ALONE: self._rows(X, reset=True)}
             samples = {ALONE: ((1,), None)}
@@ -297,7 +320,7 @@ class TrialRepair:
             name: usual_trials(each, samples[name], *self._settings[name])
             for name, each in cells.items()
         }
-        if self.takes_trials_ and not isinstance(X, pd.DataFrame):
+        if self.takes_trials_ and not is_frame(X):
             self.n_features_in_ = len(self._usual[ALONE].mean)
         self._faults = self._rows_of_faults(X)
         return self
@@ -314,8 +337,9 @@ class TrialRepair:
         Returns
         -------
         repaired : DataFrame, Series, list of ndarray, or ndarray
-            A DataFrame or a Series if `X` is one, with the same index, an array for a
-            table, and a list for other collections of trials.
+            A DataFrame (of pandas or polars) or a pandas Series if `X` is one, with the
+            same index, an array for a table, and a list for other collections of
+            trials.
 
         Raises
         ------
@@ -332,11 +356,8 @@ class TrialRepair:
             ]
             for name, pairs in self._repair(X).items()
         }
-        if isinstance(X, pd.DataFrame):
-            X = X.copy()
-            for name, cells in repaired.items():
-                X[name] = pd.Series(cells, index=X.index, dtype=object)
-            return X
+        if is_frame(X):
+            return _with_columns(X, repaired)
         if isinstance(X, pd.Series):
             return pd.Series(repaired[ALONE], X.index, dtype=object, name=X.name)
         return repaired[ALONE]
@@ -434,8 +455,9 @@ class RepairTrials(
     saturated        at or beyond `limits`            kept at the limit, the nearest
                                                       value that is known
     dead             constant in the trial, in a      estimated from the other channels
-                     channel that varies in nine      by linear regression; the mean if
-                     trials of ten                    there are none
+                     channel that varies in nine      by linear regression
+                     trials of ten
+    dead sensor      all such channels are dead       the most typical trial of `fit`
     missing sensor   None, NaN or no samples in       the most typical trial of `fit`
                      place of the trial
     rest level       `rest` is given                  the median of the first `rest`

@@ -1,4 +1,4 @@
-"""Resampling of trials whose samples have time stamps."""
+"""Rates and resampling of trials whose samples have time stamps."""
 
 from __future__ import annotations
 
@@ -6,21 +6,99 @@ from collections.abc import Sequence
 from numbers import Real
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.signal import resample_poly
 
 from .._recordings import as_floats
 from .._sklearn import FloatArray
-from .._validation import check_numbers
+from .._validation import check_numbers, is_missing
+
+_ALIKE = 1.1  # rates that differ by a smaller factor are taken for the same
+
+
+def infer_rate(
+    trials: Sequence[ArrayLike], times: Sequence[ArrayLike] | str | None = None
+) -> float:
+    """Infer the sampling rate of a sensor from the time stamps of its samples.
+
+    Parameters
+    ----------
+    trials : sequence of array-like of shape (n_times_i, n_channels)
+        Trials of one sensor. Missing ones are passed over.
+    times : sequence of array-like of shape (n_times_i,), str or None, default=None
+        The stamps, as for :func:`resample_trials`.
+
+    Returns
+    -------
+    rate : float
+        Samples per second: one over the median of the steps from stamp to stamp in all
+        trials, so that dropped frames do not count.
+
+    Raises
+    ------
+    ValueError
+        If trials have no such stamps, none has two samples, or the rates of two trials
+        differ by a tenth or more.
+
+    See Also
+    --------
+    resample_trials : Resample to an even rate.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pandas as pd
+    >>> from sklearn_haptic import infer_rate
+    >>> force = pd.Series([1.0, 2.0, 3.0], pd.to_timedelta([0, 20, 40], unit="ms"))
+    >>> infer_rate([force, force])
+    50.0
+    """
+    return _rate([stamps for _, stamps in _with_stamps(trials, times)])
+
+
+def _rate(stamps):
+    """Return the rate of trials by their stamps, None in place of missing ones."""
+    steps = [np.diff(each) for each in stamps if each is not None and len(each) > 1]
+    if not steps:
+        raise ValueError(
+            "No trial has two samples, whose time stamps would tell a rate; give the "
+            "rate."
+        )
+    typical = [np.median(each) for each in steps]
+    if max(typical) >= _ALIKE * min(typical):
+        raise ValueError(
+            f"Trials are sampled at {1 / max(typical):.4g} to {1 / min(typical):.4g} "
+            "Hz; bring them to one rate by resample_trials(trials, rate=...)."
+        )
+    return float(1 / np.median(np.concatenate(steps)))
+
+
+def rate_of(trials):
+    """Return the rate of trials that have a time index, None if they have none."""
+    indices = [getattr(trial, "index", None) for trial in trials]
+    if not all(isinstance(each, pd.Index) and _is_of_time(each) for each in indices):
+        return None
+    return infer_rate(trials) if max(map(len, indices), default=0) > 1 else None
+
+
+def check_rate(trials, rate):
+    """Refuse trials whose time index has another rate than those of `fit` had."""
+    found = None if rate is None else rate_of(trials)
+    if found is not None and max(found / rate, rate / found) >= _ALIKE:
+        raise ValueError(
+            f"X is sampled at {found:.4g} Hz, but {rate:.4g} Hz is expected, as in "
+            f"fit; bring it to that by resample_trials(X, rate={rate:.4g})."
+        )
 
 
 def resample_trials(
     trials: Sequence[ArrayLike],
-    times: Sequence[ArrayLike],
-    rate: float,
+    times: Sequence[ArrayLike] | str | None = None,
+    rate: float | None = None,
     *,
     longest_gap: float | None = None,
-) -> list[FloatArray]:
+) -> list[FloatArray | None]:
     """Resample trials to an even rate, from the time stamps of their samples.
 
     Between two stamps the signal is a straight line. If the stamps are closer than the
@@ -33,10 +111,12 @@ def resample_trials(
     ----------
     trials : sequence of array-like of shape (n_times_i, n_channels)
         Trials of one sensor. Masked samples and NaN count as dropped.
-    times : sequence of array-like of shape (n_times_i,)
-        Seconds at which the samples of each trial were taken, increasing.
-    rate : float
-        Samples per second of the result.
+    times : sequence of array-like of shape (n_times_i,), str or None, default=None
+        When the samples of each trial were taken, increasing: seconds, or dates or
+        durations of NumPy, pandas or polars. A name is that of their column in trials
+        that are data frames. By default they are the index of trials of pandas.
+    rate : float, default=None
+        Samples per second of the result, by default those of :func:`infer_rate`.
     longest_gap : float, default=None
         Seconds between two stamps within which a straight line is trusted; new samples
         within a longer gap are NaN. By default 1.5 times the median of the steps of a
@@ -46,7 +126,7 @@ def resample_trials(
     -------
     resampled : list of ndarray of shape (n_samples_i, n_channels)
         Samples at the first stamp and every ``1 / rate`` seconds, up to the last stamp.
-        float32 if the trial is.
+        float32 if the trial is. None in place of a missing trial.
 
     Raises
     ------
@@ -56,6 +136,7 @@ def resample_trials(
 
     See Also
     --------
+    infer_rate : The rate that the stamps have.
     RepairTrials : Fill and report what is missing.
 
     Examples
@@ -71,9 +152,9 @@ def resample_trials(
            [ 6.],
            [ 7.]])]
     """
-    if not (isinstance(rate, Real) and 0 < float(rate) < np.inf):
+    if rate is not None and not (isinstance(rate, Real) and 0 < float(rate) < np.inf):
         raise ValueError(
-            f"rate={rate!r} must be a positive number of samples a second."
+            f"rate={rate!r} must be a positive number of samples a second, or None."
         )
     if longest_gap is not None and not (
         isinstance(longest_gap, Real) and float(longest_gap) > 0
@@ -81,31 +162,96 @@ def resample_trials(
         raise ValueError(
             f"longest_gap={longest_gap!r} must be a number of seconds above 0."
         )
-    if len(trials) != len(times):
+    pairs = [
+        (trial if stamps is None else _check(trial, stamps, i), stamps)
+        for i, (trial, stamps) in enumerate(_with_stamps(trials, times))
+    ]
+    if rate is None:
+        rate = _rate([stamps for _, stamps in pairs])
+    return [
+        None if stamps is None else _resample(trial, stamps, rate, longest_gap)
+        for trial, stamps in pairs
+    ]
+
+
+def _with_stamps(trials, times):
+    """Return pairs of a trial, without its column of stamps, and stamps in seconds.
+
+    A missing trial has None in place of its stamps.
+    """
+    given = times is not None and not isinstance(times, str)
+    if given and len(trials) != len(times):
         raise ValueError(
             f"times has {len(times)} entries, but there are {len(trials)} trials; give "
             "the time stamps of each trial."
         )
-    checked = [_check(*each, i) for i, each in enumerate(zip(trials, times))]
-    return [_resample(trial, at, rate, longest_gap) for trial, at in checked]
+    pairs = []
+    for i, trial in enumerate(trials):
+        if is_missing(trial):
+            pairs.append((None, None))
+            continue
+        if given:
+            stamps = times[i]
+        elif times is not None:
+            trial, stamps = _without_column(trial, times, i)
+        else:
+            stamps = getattr(trial, "index", None)
+            if not isinstance(stamps, pd.Index) or not _is_of_time(stamps):
+                raise ValueError(
+                    f"Trial {i} has no index of time stamps; give times, or a Series "
+                    "or DataFrame of pandas whose index is of dates, durations or "
+                    "seconds."
+                )
+        pairs.append((trial, _seconds(stamps, i)))
+    return pairs
+
+
+def _without_column(trial, name, i):
+    """Return a data frame without a column, and the column."""
+    if name not in getattr(trial, "columns", ()):
+        raise ValueError(
+            f"Trial {i} has no column {name!r}; name the column of time stamps."
+        )
+    others = [column for column in trial.columns if column != name]
+    return trial[others], trial[name]
+
+
+def _is_of_time(index):
+    """Whether an index has time stamps; counted samples are none."""
+    return isinstance(index, (pd.DatetimeIndex, pd.TimedeltaIndex)) or (
+        index.dtype.kind == "f"
+    )
+
+
+def _seconds(stamps, i):
+    """Return time stamps as increasing seconds, dates from the first of them."""
+    index = stamps if isinstance(stamps, pd.Index) else np.asarray(stamps)
+    if isinstance(index, pd.DatetimeIndex) or index.dtype.kind == "M":
+        index = pd.DatetimeIndex(index)
+        index = index - index.min()
+    if index.dtype.kind == "m":
+        index = pd.TimedeltaIndex(index).total_seconds()
+    check_numbers(index, f"times[{i}]")
+    stamps = np.asarray(index, dtype=np.float64)
+    if stamps.ndim == 1 and not (
+        np.isfinite(stamps).all() and (np.diff(stamps) > 0).all()
+    ):
+        raise ValueError(
+            f"times[{i}] must be finite and increase from sample to sample; sort the "
+            "samples and remove those whose stamp is repeated."
+        )
+    return stamps
 
 
 def _check(trial, stamps, i):
-    """Return a trial of two dimensions, with NaN for masked samples, and its stamps."""
+    """Return a trial of two dimensions, with NaN for masked samples."""
     trial = as_floats(trial, f"Trial {i}")
-    check_numbers(stamps, f"times[{i}]")
-    stamps = np.asarray(stamps, dtype=np.float64)
     if stamps.shape != (len(trial),) or not len(trial):
         raise ValueError(
             f"times[{i}] has shape {stamps.shape}, but trial {i} has {len(trial)} time "
             "samples; give one time stamp per sample."
         )
-    if not np.isfinite(stamps).all() or (np.diff(stamps) <= 0).any():
-        raise ValueError(
-            f"times[{i}] must be finite and increase from sample to sample; sort the "
-            "samples and remove those whose stamp is repeated."
-        )
-    return trial, stamps
+    return trial
 
 
 def _resample(trial, stamps, rate, longest_gap):

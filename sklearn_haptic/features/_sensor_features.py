@@ -9,7 +9,7 @@ from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.pipeline import make_pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from .._check_trials import check_trials, is_table
+from .._check_trials import cells_of, check_trials, is_table
 from .._sklearn import (
     DocumentedEstimator,
     FloatArray,
@@ -19,6 +19,7 @@ from .._sklearn import (
     _fit_context,
 )
 from ._pooling import TemporalMaxPool
+from ._resample import check_rate, rate_of
 from ._statistics import SignalStatistics
 from ._sthmp import STHMPTransformer
 
@@ -28,9 +29,9 @@ class SensorFeatures(DocumentedEstimator, TransformerMixin, BaseEstimator):
 
     This is what :func:`make_haptic_pipeline` takes where a sensor has no description.
     Trials of shape (n_times, n_rows, n_columns) are images, and all others are signals.
-    The rate, the window and where channels lie cannot be told from numbers alone, so
-    signals get features that need none of these. To use what you know, describe the
-    sensor by :class:`Signal` or :class:`TaxelGrid`.
+    The window and where channels lie cannot be told from numbers alone, nor can the
+    rate, so signals get features that need none of these. To use what you know,
+    describe the sensor by :class:`Signal` or :class:`TaxelGrid`.
 
     Parameters
     ----------
@@ -44,6 +45,9 @@ class SensorFeatures(DocumentedEstimator, TransformerMixin, BaseEstimator):
     ----------
     kind_ : {"signals", "images"}
         What the trials were found to be.
+    rate_ : float or None
+        Samples per second, if trials are Series or data frames of pandas whose index
+        has the times of the samples. `transform` refuses trials of another rate.
     transformer_ : transformer
         The fitted one.
     n_features_in_ : int
@@ -124,6 +128,7 @@ class SensorFeatures(DocumentedEstimator, TransformerMixin, BaseEstimator):
             transformer = SignalStatistics()
         result = getattr(transformer, method)(X, y)
         self.kind_ = "images" if images else "signals"
+        self.rate_ = None if is_table(X) else rate_of(cells_of(X))
         self.transformer_ = transformer
         return result
 
@@ -141,6 +146,8 @@ class SensorFeatures(DocumentedEstimator, TransformerMixin, BaseEstimator):
             Those of `transformer_`.
         """
         check_is_fitted(self)
+        if self.rate_ is not None and not is_table(X):
+            check_rate(cells_of(X), self.rate_)
         return self.transformer_.transform(X)
 
     def get_feature_names_out(

@@ -30,6 +30,7 @@ from .._sklearn import (
     validate_params,
 )
 from .._validation import check_groups
+from ..metrics import noise_ceiling
 from ._cost import predictor, seconds_per_trial, timed
 from ._gains import (
     GUESSES,
@@ -56,6 +57,10 @@ _NOTE = (
     "ignores the touch: it predicts the mean of the training objects' distributions, "
     "or the median of their cumulative ones; by RPS the better one counts."
 )
+_CEILING = (
+    "The ceiling is what the population is expected to score, of which those who rated "
+    "are a sample."
+)
 _INFINITE = " ∞: a rating that people gave had been ruled out."
 
 
@@ -66,7 +71,8 @@ class _Model(Report):
         yield self.summary
         names, title = self.gains.index, "Scores on the test trials"
         if len(names) > 1:
-            yield Table("RPS on the test trials", _gain_texts(self.gains))
+            table = _gain_texts(self.gains)
+            yield Table("RPS on the test trials", table, note=_CEILING)
             title += f", averaged over {len(names)} adjectives"
         elif names[0] != "ratings":
             title += f", {names[0]}"
@@ -140,7 +146,10 @@ def model_report(
         gains : DataFrame
             One row per adjective: the ``rps`` of the model; ``rps_guess``, the lower
             one of the two baselines; their difference ``gain``, positive if the model
-            is better, and its ``standard_error``, paired over objects; ``verdict``:
+            is better, and its ``standard_error``, paired over objects; ``rps_ceiling``,
+            what the whole population is expected to score, by
+            :func:`~sklearn_haptic.metrics.noise_ceiling`, NaN where a trial has fewer
+            than two ratings; ``verdict``:
             "better" or "worse" if the 95% interval of the gain, by Student's t, has
             only positive or only negative values, else "not shown".
         seconds_to_learn : float
@@ -272,7 +281,11 @@ def _compare(counts, predicted, folds, objects):
         )
         rows |= {(name, predictor): row for predictor, row in scores.items()}
         of_trials.append(gains)
-        rps = {"rps": scores[MODEL]["rps"], "rps_guess": rps_guess}
+        rps = {
+            "rps": scores[MODEL]["rps"],
+            "rps_guess": rps_guess,
+            "rps_ceiling": _ceiling(each[tested]),
+        }
         table[name] = {**rps, **summarise_gains(gains, objects)}
     scores = pd.DataFrame.from_dict(rows, orient="index")
     scores.index = pd.MultiIndex.from_tuples(rows, names=["adjective", "predictor"])
@@ -283,6 +296,13 @@ def _compare(counts, predicted, folds, objects):
         **summarise_gains(np.mean(of_trials, axis=0), objects),
     }
     return scores, gains, conclude(gains, overall, len(np.unique(objects)))
+
+
+def _ceiling(counts):
+    """Return the expected RPS of the population, NaN if a trial has one rating."""
+    if (counts.sum(axis=1) < 2).any():
+        return np.nan
+    return noise_ceiling(counts).truth
 
 
 def sensors_of(model, X):
@@ -388,6 +408,7 @@ def _gain_texts(gains):
             "rps_guess": ("guessing", number),
             "gain": ("lower by", number),
             "standard_error": ("standard error", number),
+            "rps_ceiling": ("ceiling", lambda x: "–" if np.isnan(x) else number(x)),
             "verdict": ("better than guessing?", _ANSWERS.get),
         },
     )

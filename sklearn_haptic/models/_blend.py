@@ -41,7 +41,7 @@ from .._sklearn import (
 from .._validation import check_groups, check_weights
 from ._baselines import DummyDistribution
 from ._ordinal import OrdinalClassifierMixin
-from ._pool_weights import cautious_weights
+from ._pool_weights import cautious_exponent, cautious_weights, powered
 from ._shared_features import refuse_adjectives
 
 MARGINAL = "marginal"
@@ -55,7 +55,9 @@ class DistributionBlend(
     Models that err differently are better together. A model may be a whole pipeline
     with features of its own, so that families of features are joined after, not before,
     the models. The marginal, which ignores the features, is always a member: where
-    there is nothing to learn it gets the weight.
+    there is nothing to learn it gets the weight. A mean is broader than its members;
+    where held-out ratings show that it is too broad or too sharp, its probabilities are
+    raised to a power.
 
     Parameters
     ----------
@@ -65,8 +67,9 @@ class DistributionBlend(
     weights : {"learned", "equal"}, default="learned"
         "learned": by predictions of trials, each from models that were fitted without
         their object; those that minimise the ranked probability score, drawn towards
-        equal weights as far as that is within a standard error. "equal": the mean of
-        the members given, without the marginal; nothing is held out then.
+        equal weights as far as that is within a standard error. The exponent is learned
+        in the same way, and drawn towards 1. "equal": the mean of the members given,
+        without the marginal; nothing is held out then.
     cv : int, splitter or iterable of (train, test), default=None
         The folds on which the weights are learned, whole objects in each; by default 5,
         or as many as there are objects.
@@ -81,6 +84,9 @@ class DistributionBlend(
         The members of positive weight, fitted to all trials.
     weights_ : dict of str to float
         The weight of each member.
+    exponent_ : float
+        The power to which the probabilities of the mean are raised; above 1 it makes
+        them sharper. It is 1 if the weights are not learned.
     rps_ : dict of str to float
         Ranked probability score of each member on held-out trials, averaged over
         objects; lower is better. Empty if the weights are not learned.
@@ -213,11 +219,11 @@ class DistributionBlend(
             sample_weight = check_weights(sample_weight, X)
         members = self._check_members()
         params = self._route(sample_weight, groups)
-        share, scores = _equal(len(members)), []
+        share, exponent, scores = _equal(len(members)), 1.0, []
         if self.weights == "learned":
             if groups is None:
                 self._warn_of_trials()
-            share, scores = self._learn(
+            share, exponent, scores = self._learn(
                 members, X, counts, levels, sample_weight, groups, params
             )
         used = [name for name, w in zip(members, share) if w > 0]
@@ -227,6 +233,7 @@ class DistributionBlend(
         )
         self.estimators_ = dict(zip(used, fitted))
         self.weights_ = dict(zip(members, share.tolist()))
+        self.exponent_ = exponent
         self.rps_ = dict(zip(members, scores))
         self.levels_ = self.classes_ = levels
         return self
@@ -245,10 +252,11 @@ class DistributionBlend(
             Share of the population at each level; rows sum to 1.
         """
         check_is_fitted(self)
-        return sum(
+        mean = sum(
             self.weights_[name] * member.predict_proba(X)
             for name, member in self.estimators_.items()
         )
+        return powered(mean, self.exponent_)
 
     def _check_members(self):
         """Return the members by name, the marginal last."""
@@ -279,7 +287,7 @@ class DistributionBlend(
         return {name: given for name in [*dict(self.estimators), MARGINAL]}
 
     def _learn(self, members, X, counts, levels, sample_weight, groups, params):
-        """Return the weight of each member, and its score on held-out trials."""
+        """Return weights, the exponent, and each member's score on held-out trials."""
         objects = np.arange(len(counts)) if groups is None else groups
         names, objects = np.unique(objects, return_inverse=True)
         folds = self._folds(X, counts, groups, names, objects)
@@ -297,8 +305,10 @@ class DistributionBlend(
             total = np.bincount(objects, weight)
             weight = weight / np.where(total, total, 1)[objects]
         share = cautious_weights(departure, weight, objects, _equal(len(members)))
+        mean = np.einsum("m,mtk->tk", share, proba)
+        exponent = cautious_exponent(mean, true, weight, objects)
         scores = (departure**2).sum(axis=2).T + (true * (1 - true)).sum(axis=1)
-        return share, np.average(scores, axis=1, weights=weight).tolist()
+        return share, exponent, np.average(scores, axis=1, weights=weight).tolist()
 
     def _folds(self, X, y, groups, names, objects):
         """Return the folds as indices; refuse those that part an object."""

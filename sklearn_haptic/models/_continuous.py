@@ -8,17 +8,21 @@ from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sklearn import get_config
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
+from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import (
     check_array,
     check_consistent_length,
     check_is_fitted,
     column_or_1d,
+    has_fit_parameter,
     validate_data,
 )
 
 from .._answers import cdf_at, check_answers, quantile_at
 from .._sklearn import (
+    BaseSearchCV,
     DocumentedEstimator,
     HasMethods,
     Interval,
@@ -26,7 +30,12 @@ from .._sklearn import (
     Trials,
     _fit_context,
 )
-from .._validation import check_numbers, check_positions, check_weights
+from .._validation import (
+    check_groups,
+    check_numbers,
+    check_positions,
+    check_weights,
+)
 from ..metrics import crps
 from ._distributional import DistributionalOrdinalRegressor
 
@@ -58,6 +67,22 @@ def count_in_cells(answers, edges):
         cell[~np.isnan(answers)], minlength=len(answers) * n_cells
     ).astype(np.float64)
     return counts.reshape(-1, n_cells)
+
+
+def _for_last(model, given):
+    """Name arguments of `fit` as a model wants them: a Pipeline for its last step."""
+    last, prefix = model, ""
+    while isinstance(last, Pipeline):
+        name, last = last.steps[-1]
+        prefix += f"{name}__"
+    takes_groups = isinstance(last, BaseSearchCV) or has_fit_parameter(last, "groups")
+    if "groups" in given and not takes_groups:
+        raise ValueError(
+            f"groups are given, but the estimator {last!r} takes none; leave them out."
+        )
+    if get_config()["enable_metadata_routing"]:
+        return given
+    return {prefix + key: value for key, value in given.items()}
 
 
 class ContinuousRatingsRegressor(
@@ -125,6 +150,9 @@ class ContinuousRatingsRegressor(
            [0.  , 0.1 , 0.43]])
     """
 
+    # Not requested by default, since groups may be passed for the splitter alone.
+    __metadata_request__fit = {"groups": False}  # noqa: RUF012
+
     _parameter_constraints = {  # noqa: RUF012
         "estimator": [HasMethods(["fit", "predict_proba"]), None],
         "grid": [StrOptions({"quantile", "even"}), "array-like"],
@@ -153,6 +181,8 @@ class ContinuousRatingsRegressor(
         X: Trials,
         y: ArrayLike | Sequence[ArrayLike],
         sample_weight: ArrayLike | None = None,
+        *,
+        groups: ArrayLike | None = None,
     ) -> Self:
         """Choose the grid and fit the ordinal model.
 
@@ -166,26 +196,34 @@ class ContinuousRatingsRegressor(
             of ratings, of any length, per trial.
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial, if ``estimator`` takes weights.
+        groups : array-like of shape (n_trials,), default=None
+            The object of each trial, passed on to ``estimator``: to early stopping, to
+            the weights of a :class:`DistributionBlend`, or to the folds of a search.
 
         Returns
         -------
         self : ContinuousRatingsRegressor
             The fitted regressor.
+
+        Raises
+        ------
+        ValueError
+            If the ratings do not fit the grid, or ``estimator`` takes no groups.
         """
         # Not `y` itself: lists of answers are no array.
         required = None if y is None else "no_validation"
         validate_data(self, X, y=required, skip_check_array=True)
         answers = check_answers(y)
         check_consistent_length(X, answers)
-        weights = {}
-        if sample_weight is not None:
-            weights["sample_weight"] = check_weights(sample_weight, answers)
-        weight = weights.get("sample_weight", np.ones(len(answers)))
+        weight = check_weights(sample_weight, answers)
         self.grid_ = self._make_grid(answers, weight)
         model: Any = self.estimator
         model = DistributionalOrdinalRegressor() if model is None else clone(model)
         counts = count_in_cells(answers, self.grid_)
-        self.estimator_: Any = model.fit(X, counts, **weights)
+        given = {} if sample_weight is None else {"sample_weight": weight}
+        if groups is not None:
+            given["groups"] = check_groups(groups, answers)
+        self.estimator_: Any = model.fit(X, counts, **_for_last(model, given))
         return self
 
     def _make_grid(self, answers, weight):

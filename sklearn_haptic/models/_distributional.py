@@ -76,14 +76,15 @@ class DistributionalOrdinalRegressor(
         the position as given by ``p_transform``; `fit` only checks that its inputs and
         levels are those of the trials.
     n_duplicates : int, default=15
-        Observations per trial. Their weights sum to this number, against which the
-        estimator's penalty works.
+        Observations per trial. Their weights sum to this number, so a larger one makes
+        the estimator's penalty weaker in comparison.
     sampling : {"level", "lattice", "stratified", "random"}, default="level"
         How positions are chosen. "level": quadrature nodes within the share of the
         population at each level, weighted by that share, so that no rating is missed
         and nothing is random; the estimator must take sample weights. "lattice":
-        evenly spaced, shifted for each trial. "stratified": one at random in each of
-        ``n_duplicates`` even intervals. "random": at random (the paper).
+        evenly spaced, and shifted by a different amount for each trial. "stratified":
+        one at random in each of ``n_duplicates`` even intervals. "random": at random
+        (the paper).
     p_transform : {"logit", None}, default="logit"
         What the estimator gets as its last feature: the log-odds of p, which reach
         into the tails of the distribution, or p itself (the paper).
@@ -142,8 +143,8 @@ class DistributionalOrdinalRegressor(
     An `NNPOM` with hidden units, or a `SensorFusionNNPOM`, can learn several adjectives
     together: they share the units, and each has output weights and thresholds of its
     own. What one adjective tells of a touch can then help with another, as the paper
-    suggests [1]_ (section 4.2). The penalty works against the observations of all
-    adjectives, so it can be larger.
+    suggests [1]_ (section 4.2). The observations of all adjectives add up in the cost,
+    so the penalty can be larger.
 
     To take the features of a trial once for all its positions, an estimator offers the
     methods ``fit_with_positions``, ``predict_proba_with_positions`` and

@@ -31,6 +31,7 @@ from ._held_out import (
     true_shares,
 )
 from ._novelty import belief_at, conformal_p_values, fit_belief, nearest_distances
+from ._signals import columns_given, fit_statistics, rows_of, signals_of
 
 
 class NoveltyGuard(
@@ -40,8 +41,10 @@ class NoveltyGuard(
 
     A model predicts as surely from a broken sensor, or from a material never touched,
     as from any other. This one measures how far the features of a touch are from the
-    nearest training touch of another object. `p_values` compares the distance with
-    those of the training objects, each from all others. The prediction moves towards
+    nearest training touch of another object. Where the touches are recordings, so are
+    the statistics of their signals, by which a sensor is found that is dead, stuck or
+    exchanged for another. `p_values` compares the distance with those of the training
+    objects, each from all others. The prediction moves towards
     the mean distribution by as much as was best at such a distance out of fold.
 
     Parameters
@@ -61,7 +64,8 @@ class NoveltyGuard(
         The fitted model.
     distances_ : ndarray of shape (n_trials,)
         Distance of each training touch from the nearest of another object: root mean
-        square difference over the features.
+        square difference over the features, or over the statistics of signals in the
+        same unit, whichever is larger.
     belief_ : sklearn.isotonic.IsotonicRegression
         How much of the prediction is kept at a distance, from 0 to 1. Beyond the
         furthest of the training touches it falls in proportion to the distance.
@@ -81,6 +85,12 @@ class NoveltyGuard(
 
     The features are fitted once to all training touches, also for the predictions out
     of fold. Steps that learn from the ratings make them too good.
+
+    The signals are those that the first step is given: the columns of recordings of a
+    ColumnTransformer, or the recordings of one sensor. Their statistics are those of
+    :class:`SignalStatistics`, standardised. Distances of both kinds are made to have
+    the same median over training touches. So one of two broken sensors in a model of
+    five is found as well, but to know which, have one guard per sensor.
 
     Examples
     --------
@@ -147,6 +157,10 @@ class NoveltyGuard(
         fitted = clone(self.estimator)
         *_, (name, last) = fitted.steps
         rows = np.asarray(fitted[:-1].fit_transform(X, y))
+        columns = columns_given(fitted[0])
+        signals = signals_of(X, columns)
+        statistics = fit_statistics(signals)
+        signal_rows = rows_of(signals, statistics)
         every = np.ones(len(true), dtype=bool)
         cv = min(self.cv, len(names)) if isinstance(self.cv, Integral) else self.cv
         folds = make_folds(make_splitter(self, y, objects, cv), rows, y, objects)
@@ -156,7 +170,14 @@ class NoveltyGuard(
         last.fit(rows, y)
         self._ordered = np.ndim(y) == 2 or knows_order(last)
         self._rows, self._objects = rows, objects
+        self._columns, self._statistics = columns, statistics
+        self._signal_rows, self._unit = signal_rows, 1.0
         self.distances_ = nearest_distances(rows, rows, objects, objects)
+        if signal_rows is not None:
+            of_signals = nearest_distances(signal_rows, signal_rows, objects, objects)
+            middle = np.median(self.distances_), np.median(of_signals)
+            self._unit = float(middle[0] / middle[1]) if min(middle) > 0 else 1.0
+            self.distances_ = np.maximum(self.distances_, self._unit * of_signals)
         self._learn_belief(proba, true, mean_without(true, folds))
         self.classes_ = classes
         self.shares_ = true.mean(axis=0)
@@ -193,7 +214,15 @@ class NoveltyGuard(
         -------
         distance : ndarray of shape (n_trials,)
         """
-        return nearest_distances(self._rows_of(X), self._rows)
+        return self._distances(X, self._rows_of(X))
+
+    def _distances(self, X, rows):
+        distance = nearest_distances(rows, self._rows)
+        if self._signal_rows is None:
+            return distance
+        signals = rows_of(signals_of(X, self._columns), self._statistics)
+        of_signals = nearest_distances(signals, self._signal_rows)
+        return np.maximum(distance, self._unit * of_signals)
 
     def p_values(self, X: Trials) -> NDArray[np.float64]:
         """Return how usual the distance of each touch is among objects.
@@ -226,7 +255,7 @@ class NoveltyGuard(
         """
         rows = self._rows_of(X)
         proba = at_classes(self.estimator_[-1], rows, self.classes_)
-        distance = nearest_distances(rows, self._rows)
+        distance = self._distances(X, rows)
         belief = belief_at(self.belief_, distance)[:, np.newaxis]
         return belief * proba + (1 - belief) * self.shares_
 

@@ -4,6 +4,10 @@ Touches of an object share much of their error: its ratings hold what no finger 
 The score of a mean of predictions is a quadratic function of its weights, so the mean
 products of errors out of fold, of two predictions of the same touch and of two touches
 of the same object, give the best weights for any set of touches.
+
+The best score does not make a pool as broad as it errs: what it has wrong is where it
+puts an object, for which most objects pay little and few pay much. So it is blurred, a
+share of each level going to its neighbours, until it is.
 """
 
 from __future__ import annotations
@@ -106,9 +110,7 @@ def pool_weights(moments, pairs):
     """
     count = pairs.diagonal()
     used = np.flatnonzero(count)
-    every = np.outer(count, count)
-    mean = _ratio(pairs * moments.same + (every - pairs) * moments.other, every)
-    mean = mean[np.ix_(used, used)]
+    mean = mean_products(moments, pairs)[np.ix_(used, used)]
     values, vectors = np.linalg.eigh(mean)
     root = (vectors * np.sqrt(np.maximum(values, 0))).T  # root.T @ root is the mean
     share = np.zeros(len(count))
@@ -116,6 +118,124 @@ def pool_weights(moments, pairs):
         share[used[:-1]], _ = nnls(root[:, :-1] - root[:, -1:], -root[:, -1])
     share[-1] = 1 - share.sum()
     return share, float(share[used] @ mean @ share[used])
+
+
+class Spread(NamedTuple):
+    """What tells how broad a pool is and how far it errs, in levels.
+
+    Attributes
+    ----------
+    means : Moments
+        Of the departures of the means of the members, and of the members blurred.
+    square : ndarray of shape (2 * n_members,)
+        Their mean squared distances from the true means.
+    within : float
+        Mean variance of the true distributions.
+    """
+
+    means: Moments
+    square: np.ndarray
+    within: float
+
+
+def blurred(proba):
+    """Return distributions of which each level goes to its neighbours, half to each.
+
+    At the ends one half stays.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.models._pool_moments import blurred
+    >>> blurred(np.array([0.5, 0.5, 0.0, 0.0]))
+    array([0.5 , 0.25, 0.25, 0.  ])
+    """
+    ends = np.concatenate((proba[..., :1], proba, proba[..., -1:]), axis=-1)
+    return (ends[..., :-2] + ends[..., 2:]) / 2
+
+
+def with_blurred(proba):
+    """Return the members of shape (n_rows, n_members, n_levels), and them blurred."""
+    return np.concatenate((proba, blurred(proba)), axis=1)
+
+
+def spread_moments(proba, true, objects):
+    """Return the spread of members within objects, which count equally.
+
+    Parameters
+    ----------
+    proba : ndarray of shape (n_rows, n_members, n_levels)
+        NaN where a member has nothing to predict from.
+    true : ndarray of shape (n_rows, n_levels)
+    objects : ndarray of int of shape (n_rows,)
+
+    Returns
+    -------
+    spread : Spread
+    """
+    level = np.arange(proba.shape[2])
+    mean = true @ level
+    squares = (level - mean[:, np.newaxis]) ** 2
+    proba = with_blurred(proba)
+    departure = proba @ level - mean[:, np.newaxis]
+    total = np.einsum("rmk,rk->rm", proba, squares)
+    within = np.einsum("rk,rk->r", true, squares)
+    return Spread(
+        error_moments(departure[..., np.newaxis], objects),
+        _mean_of_objects(total, objects),
+        float(_mean_of_objects(within[:, np.newaxis], objects)[0]),
+    )
+
+
+def _mean_of_objects(values, objects):
+    """Return the mean over objects of their mean values that are not NaN."""
+    there = np.isfinite(values)
+    total, n = np.zeros((2, objects.max() + 1, values.shape[1]))
+    np.add.at(total, objects, np.where(there, values, 0))
+    np.add.at(n, objects, there)
+    return _ratio(_ratio(total, n).sum(axis=0), (n > 0).sum(axis=0).astype(np.float64))
+
+
+def blur_share(spread, share, pairs):
+    """Return the share of a pool to blur so that it is as broad as it errs.
+
+    A pool's variance is its squared distance from the true mean less its squared error,
+    and what it is to equal is the variance of the true ratings and that error. Both are
+    quadratic in the share.
+
+    Parameters
+    ----------
+    spread : Spread
+    share : ndarray of shape (n_members,)
+        As of `pool_weights`.
+    pairs : ndarray of shape (n_members, n_members)
+        As for `pool_weights`.
+
+    Returns
+    -------
+    blur : float
+        From 0, also where the pool is broad enough, to 1.
+    """
+    error = mean_products(spread.means, np.tile(pairs, (2, 2)))
+    start = np.concatenate((share, np.zeros(len(share))))
+    step = np.concatenate((-share, share))
+    missing = start @ spread.square - 2 * start @ error @ start - spread.within
+    slope = step @ spread.square - 4 * start @ error @ step
+    bend = -2 * step @ error @ step
+    if missing >= 0 or slope <= 0:
+        return 0.0
+    if bend >= 0:  # no error that changes
+        return float(min(1.0, -missing / slope))
+    root = slope**2 - 4 * bend * missing
+    best = (np.sqrt(max(root, 0.0)) - slope) / (2 * bend)
+    return float(min(1.0, best))
+
+
+def mean_products(moments, pairs):
+    """Return the mean products of departures in the means of touches."""
+    count = pairs.diagonal()
+    every = np.outer(count, count)
+    return _ratio(pairs * moments.same + (every - pairs) * moments.other, every)
 
 
 def _ratio(total, n):

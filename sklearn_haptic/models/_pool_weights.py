@@ -1,4 +1,4 @@
-"""Weights of a mean of distributions: those that score best on held-out ratings.
+"""Weights and exponent of a mean of distributions, by scores on held-out ratings.
 
 The ranked probability score of a mean of distributions is, but for a term of the
 ratings alone, the squared distance of its CDF from that of the ratings, so it is a
@@ -8,9 +8,10 @@ convex quadratic function of the weights.
 import numpy as np
 from scipy.optimize import nnls
 
+from .._distributions import cdf
+
 _STEPS = 101
-
-
+_EXPONENTS = 2 ** np.linspace(-2, 2, 13)  # the one in the middle is 1
 _LEAST = 1e-12  # smaller weights are rounding errors
 
 
@@ -69,15 +70,63 @@ def cautious_weights(departure, weight, objects, start):
     """
     best = best_weights(departure, weight)
     near, far = (np.einsum("tmk,m->tk", departure, w) for w in (start, best))
-    total, n_objects = np.bincount(objects, weight), weight.sum()
     least = np.einsum("tk,tk->t", far, far)
     for step in np.linspace(0, 1, _STEPS):
         between = near + step * (far - near)
-        excess = weight * (np.einsum("tk,tk->t", between, between) - least)
-        excess = np.bincount(objects, excess)  # of the object, times its total weight
-        mean = excess.sum() / n_objects
-        excess = excess[total > 0] / total[total > 0] - mean
-        error = np.sqrt(total[total > 0] @ excess**2) / n_objects
-        if mean <= error:
+        excess = np.einsum("tk,tk->t", between, between) - least
+        if _is_within_error(excess, weight, objects):
             break
     return start + step * (best - start)
+
+
+def _is_within_error(excess, weight, objects):
+    """Whether a mean over objects is at most one standard error of it above zero."""
+    total, n_objects = np.bincount(objects, weight), weight.sum()
+    excess = np.bincount(objects, weight * excess)  # of the object, times its weight
+    mean = excess.sum() / n_objects
+    deviation = excess[total > 0] / total[total > 0] - mean
+    return mean <= np.sqrt(total[total > 0] @ deviation**2) / n_objects
+
+
+def powered(proba, exponent):
+    """Raise distributions to a power: one above 1 sharpens, one below 1 broadens.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.models._pool_weights import powered
+    >>> powered(np.array([[0.5, 0.25, 0.25]]), 2.0).round(2)
+    array([[0.67, 0.17, 0.17]])
+    """
+    if exponent == 1:
+        return proba
+    share = proba**exponent
+    return share / share.sum(axis=1, keepdims=True)
+
+
+def cautious_exponent(proba, below, weight, objects):
+    """Return the exponent nearest to 1 within one standard error of the best.
+
+    Parameters
+    ----------
+    proba : ndarray of shape (n_trials, n_levels)
+        Predicted distributions.
+    below : ndarray of shape (n_trials, n_levels - 1)
+        True CDF, without its end.
+    weight, objects
+        As for :func:`cautious_weights`.
+
+    Returns
+    -------
+    exponent : float
+        Of a grid from 1/4 to 4.
+    """
+    scores = [
+        ((cdf(powered(proba, exponent))[:, :-1] - below) ** 2).sum(axis=1)
+        for exponent in _EXPONENTS
+    ]
+    best = np.argmin([weight @ score for score in scores])
+    at = len(scores) // 2
+    while not _is_within_error(scores[at] - scores[best], weight, objects):
+        at += np.sign(best - at)
+    return float(_EXPONENTS[at])

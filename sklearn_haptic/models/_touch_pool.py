@@ -33,7 +33,17 @@ from ._held_out import (
     mean_without,
     true_shares,
 )
-from ._pool_moments import error_moments, pairs_of, pool_weights
+from ._pool_moments import (
+    Moments,
+    blur_share,
+    blurred,
+    error_moments,
+    mean_products,
+    pairs_of,
+    pool_weights,
+    spread_moments,
+    with_blurred,
+)
 from ._regressed import proper_shares
 
 MARGINAL = "marginal"
@@ -52,10 +62,10 @@ class TouchPool(
     The prediction is a weighted mean. The weights are learned from predictions out of
     fold: they are those with the best ranked probability score for exactly the members
     and the number of touches that there are. The mean distribution of the training rows
-    is always a member. Its weight flattens a pool that would be too sure and, where it
-    is negative, sharpens one that would be too flat, as means of many members are. As
-    touches of an object share much of their error, further ones of the same kind change
-    little.
+    is always a member, whose weight is negative where a mean of many members would be
+    too flat. As touches of an object share much of their error, further ones of the
+    same kind change little. The mean is then blurred, by as much as makes it as broad
+    as it was wrong out of fold: a dispersion of 1.
 
     Parameters
     ----------
@@ -90,7 +100,9 @@ class TouchPool(
     errors have to be known, in one touch and in two touches of one object. `fit`
     estimates both over objects; the weights follow by quadratic programming. So any
     set of members and any number of touches has weights of its own, and each is
-    learned from all training rows.
+    learned from all training rows. So has the share that is blurred: it makes the mean
+    variance of the predictions equal to the mean square of the ratings' distances from
+    the predicted means.
 
     If the members know no order of the levels, as those of scikit-learn, the Brier
     score takes the place of the ranked probability score.
@@ -203,9 +215,11 @@ class TouchPool(
         fitted, oof = self._fit_members(X, y, there, folds, classes)
         marginal = mean_without(true, folds)[:, np.newaxis]
         ordered = np.ndim(y) == 2 or all(map(knows_order, fitted.values()))
-        departure = compared(np.concatenate((oof, marginal), axis=1), ordered)
+        proba = np.concatenate((oof, marginal), axis=1)
+        departure = compared(with_blurred(proba), ordered)
         departure = departure - compared(true, ordered)[:, np.newaxis]
         self._moments, self._ordered = error_moments(departure, objects), ordered
+        self._spread = spread_moments(proba, true, objects) if ordered else None
         self._true, self._marginal = true, marginal[:, 0]
         self.classes_ = classes
         self.shares_ = true.mean(axis=0)
@@ -298,22 +312,34 @@ class TouchPool(
         np.add.at(total, objects, proba)
         order = np.argsort(objects, kind="stable")
         share, known = np.empty((len(total), there.shape[1] + 1)), {}
+        blur = np.empty(len(total))
         for i, rows in enumerate(np.split(order, np.cumsum(np.bincount(objects))[:-1])):
             pairs = pairs_of(there[rows])
             key = pairs.tobytes()
             if key not in known:
-                known[key] = pool_weights(self._moments, pairs)[0]
-            share[i] = known[key]
+                known[key] = self._weights(pairs)
+            share[i], blur[i] = known[key]
         mean = total / np.maximum(n_touches, 1)[..., np.newaxis]
-        return self._mean(mean, share, self.shares_)[objects]
+        return self._mean(mean, share, blur, self.shares_)[objects]
 
-    def _mean(self, proba, share, marginal):
+    def _weights(self, pairs):
+        """Return the weights of the members and the share to blur."""
+        n = len(pairs)
+        plain = Moments(*(each[:n, :n] for each in self._moments))
+        share, _ = pool_weights(plain, pairs)
+        if self._spread is None or not share[:-1].any():
+            return share, 0.0
+        return share, blur_share(self._spread, share, pairs)
+
+    def _mean(self, proba, share, blur, marginal):
         """Return weighted means of members, of shape (n, n_members, n_levels)."""
         pooled = np.einsum("oi,oik->ok", share[:, :-1], proba)
         pooled += share[:, -1:] * marginal
-        if self._ordered:
-            return proper_shares(np.cumsum(pooled, axis=1)[:, :-1])
-        return shares(np.maximum(pooled, 0))
+        if not self._ordered:
+            return shares(np.maximum(pooled, 0))
+        blur = np.reshape(blur, (-1, 1))
+        pooled = (1 - blur) * pooled + blur * blurred(pooled)
+        return proper_shares(np.cumsum(pooled, axis=1)[:, :-1])
 
     def weights(self, touches: Sequence[Sequence[str]]) -> dict[str, float]:
         """Return the weight of each member in the pool of some touches.
@@ -330,8 +356,24 @@ class TouchPool(
             The weight of each member, all its touches together, and of
             ``"marginal"``, which may be negative; they sum to 1.
         """
-        share, _ = pool_weights(self._moments, self._pairs(touches))
+        share, _ = self._weights(self._pairs(touches))
         return dict(zip([*self.estimators_, MARGINAL], share.tolist()))
+
+    def blur(self, touches: Sequence[Sequence[str]]) -> float:
+        """Return the share of a pool that is blurred.
+
+        Parameters
+        ----------
+        touches : list of lists of str
+            As for `weights`.
+
+        Returns
+        -------
+        blur : float
+            How much of each level goes to its neighbours, half to each, from 0 to 1; 0
+            where levels have no order.
+        """
+        return self._weights(self._pairs(touches))[1]
 
     def expected_excess(self, touches: Sequence[Sequence[str]]) -> float:
         """Return how far a prediction from some touches is expected to be off.
@@ -348,7 +390,11 @@ class TouchPool(
             probability score without the share that is due to people's differing.
             Without an order of levels, its Brier score.
         """
-        return pool_weights(self._moments, self._pairs(touches))[1]
+        pairs = self._pairs(touches)
+        share, blur = self._weights(pairs)
+        every = np.concatenate(((1 - blur) * share, blur * share))
+        error = mean_products(self._moments, np.tile(pairs, (2, 2)))
+        return float(every @ error @ every)
 
     def expected_gains(
         self,
@@ -401,14 +447,14 @@ class TouchPool(
 
     def _predicted_from(self, names):
         """Return the pool of members' predictions out of fold, NaN if one lacks."""
-        share, _ = pool_weights(self._moments, self._pairs([names]))
+        share, blur = self._weights(self._pairs([names]))
         used = [list(self.estimators_).index(name) for name in names]
         there = np.isfinite(self.oof_proba_[:, used]).all(axis=(1, 2))
         there &= np.isfinite(self._marginal).all(axis=1)
         pooled = np.full(self._true.shape, np.nan)
         proba = np.nan_to_num(self.oof_proba_[there])
         share = np.tile(share, (len(proba), 1))
-        pooled[there] = self._mean(proba, share, self._marginal[there])
+        pooled[there] = self._mean(proba, share, blur, self._marginal[there])
         return pooled
 
     def _excess(self, proba, rows):

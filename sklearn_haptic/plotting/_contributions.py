@@ -75,7 +75,7 @@ class SensorContributionsDisplay(Display):
     ... )
     >>> display = SensorContributionsDisplay.from_scores(scores, metric="emd")
     >>> [label.get_text() for label in display.ax_.get_xticklabels()]
-    ['−None', '−pac']
+    ['all', '−pac']
     """
 
     def __init__(
@@ -172,7 +172,7 @@ class SensorContributionsDisplay(Display):
         )
         ax.set_xticks(
             x.ravel(),
-            labels=["−None", *(f"−{sensor}" for sensor in sensors)] * len(groups),
+            labels=["all", *(f"−{sensor}" for sensor in sensors)] * len(groups),
             rotation=90 if x.size > 8 else 0,
         )
         if len(self.by):

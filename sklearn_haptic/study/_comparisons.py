@@ -4,13 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pandas as pd
 from scipy.stats import friedmanchisquare, wilcoxon
 from sklearn.utils import Bunch
 
 from .._holdouts import FULL_MODEL
+from ..metrics import (
+    earth_movers_distance,
+    log_score,
+    macro_mae,
+    noise_ceiling,
+    ranked_probability_score,
+)
 
 _CELL = ["adjective", "procedure"]
+_SCORES = {
+    "macro_mae": macro_mae,
+    "emd": earth_movers_distance,
+    "rps": ranked_probability_score,
+    "log_score": log_score,
+}
 
 
 def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
@@ -29,10 +43,12 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
         One row per adjective and procedure. Columns: ``combined``, the combined
         network, mean over starts; one for each sensor, its own network alone;
         ``marginal`` and ``barycentre``, the guesses of
-        :class:`~sklearn_haptic.DummyDistribution`; ``truth``, the distribution of the
-        whole population, if the corpus knows it; and ``no_better``, whether the
-        combined network is no better than the better guess. All are means over folds
-        and test trials.
+        :class:`~sklearn_haptic.DummyDistribution`; ``ceiling``, what the whole
+        population is expected to score, as
+        :func:`~sklearn_haptic.metrics.noise_ceiling` estimates it where each object has
+        two ratings or more; ``truth``, the score of the population itself, if the
+        corpus knows it; and ``no_better``, whether the combined network is no better
+        than the better guess. All are means over folds and test trials.
 
     Raises
     ------
@@ -57,11 +73,24 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
             )
         ),
     ]
+    if metric in _SCORES:
+        cells = full.groupby(_CELL)
+        parts.append(cells.apply(_ceiling, _SCORES[metric]).rename("ceiling"))
     if len(study.truth):
         parts.append(study.truth.groupby(_CELL)[metric].mean().rename("truth"))
     table = pd.concat(parts, axis=1)
     guesses = table[study.baselines["strategy"].unique()].min(axis=1)
     return table.assign(no_better=table["combined"] >= guesses)
+
+
+def _ceiling(rows, score):
+    """Return what the population is expected to score at the ratings of some trials."""
+    by_object = rows.groupby("object")
+    counts = by_object.first().filter(regex=r"^count_\d+$").to_numpy()
+    if (counts.sum(axis=1) < 2).any():
+        return np.nan
+    weight = by_object.size().to_numpy()
+    return noise_ceiling(counts, score, sample_weight=weight, random_state=0).truth
 
 
 def compare_sensors(

@@ -1,0 +1,76 @@
+"""The signals that a model is given, as rows of statistics.
+
+A sensor that is dead, stuck, amplified or in the place of another one may have codes
+like those of a quiet touch. Its level, its power and its spectrum are unlike any.
+"""
+
+import numpy as np
+from sklearn.compose import ColumnTransformer
+from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from .._check_trials import check_trials, is_table
+from .._sequences import Sequences
+from .._sklearn import _safe_indexing
+from .._validation import column_of
+from ..features import SignalStatistics
+
+
+def columns_given(step):
+    """Return the columns that a fitted step is given; None for all there is."""
+    while isinstance(step, Pipeline):
+        step = step[0]
+    if not isinstance(step, ColumnTransformer):
+        return None
+    used = [columns for _, each, columns in step.transformers_ if each != "drop"]
+    return [
+        c for columns in used for c in (columns if _several(columns) else [columns])
+    ]
+
+
+def _several(columns):
+    return not isinstance(columns, (str, int, slice)) and np.ndim(columns) > 0
+
+
+def signals_of(X, columns):
+    """Return the recordings in some columns, None in place of other columns.
+
+    Returns
+    -------
+    signals : list of (list of ndarray of shape (n_times_i, n_channels) or None)
+    """
+    parts = [X] if columns is None else [_part(X, each) for each in columns]
+    return [
+        None if isinstance(part, Sequences) or is_table(part) else _flat(part)
+        for part in parts
+    ]
+
+
+def _part(X, column):
+    part = _safe_indexing(X, column, axis=1)
+    return column_of(part, 0) if len(part.shape) > 1 else part
+
+
+def _flat(part):
+    """Return trials with images as channels."""
+    return [each.reshape(len(each), -1) for each in check_trials(part, ndims=(2, 3))]
+
+
+def fit_statistics(signals):
+    """Return what turns the recordings of each sensor into standardised statistics."""
+    return [
+        None
+        if trials is None
+        else make_pipeline(SignalStatistics(), StandardScaler()).fit(trials)
+        for trials in signals
+    ]
+
+
+def rows_of(signals, statistics):
+    """Return the statistics of all sensors, None if there are no recordings."""
+    rows = [
+        each.transform(trials)
+        for trials, each in zip(signals, statistics)
+        if each is not None
+    ]
+    return np.hstack(rows).astype(np.float64) if rows else None
