@@ -55,8 +55,11 @@ def check_ratings(y, levels=None, *, name="y"):
     return matches.astype(np.float64), levels
 
 
-def check_counts(counts, levels=None, *, name="counts"):
-    """Validate counts as `check_ratings` does; there must be at least two levels."""
+def check_counts(counts, levels=None, *, name="counts", unrated=False):
+    """Validate counts as `check_ratings` does; there must be at least two levels.
+
+    With `unrated`, trials may have no ratings.
+    """
     if levels is not None:
         levels = check_levels(levels)
     levels, columns = levels_of_columns(counts, levels, name)
@@ -78,7 +81,7 @@ def check_counts(counts, levels=None, *, name="counts"):
             f"{name} has a negative count in trial {trial}; counts of ratings are 0 "
             "or more."
         )
-    if not (counts > 0).any(axis=1).all():
+    if not unrated and not (counts > 0).any(axis=1).all():
         trial = int(np.argmin((counts > 0).any(axis=1)))
         raise ValueError(
             f"{name} has no ratings in trial {trial}; remove trials whose object "

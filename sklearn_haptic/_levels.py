@@ -135,6 +135,23 @@ def _in_order(labels, name):
     return lossless_array(labels)
 
 
+def in_named_order(proba, levels, ratings):
+    """Put columns of probabilities in the order that the ratings themselves name.
+
+    Classifiers of scikit-learn sort words by the alphabet. Return the columns and their
+    levels, unchanged if the container of the ratings names no order.
+    """
+    if not names_levels(ratings) or np.ndim(ratings) != 1:
+        return proba, levels
+    named = levels_of_ratings(levels, ratings, None, "ratings")
+    columns = {level: proba[:, i] for i, level in enumerate(levels.tolist())}
+    if not columns.keys() <= {*named.tolist()}:
+        return proba, levels
+    nothing = np.zeros(len(proba))
+    each = [columns.get(level, nothing) for level in named.tolist()]
+    return np.stack(each, axis=1), named
+
+
 def level_values(levels, units="scale"):
     """Return the number of each level: its place, or on a scale what it says.
 

@@ -139,6 +139,8 @@ class _Line:
         return "  ".join(parts)
 
     def _write(self, text):
+        if sys.stderr is None:  # of a process without a console
+            return
         text = text[: get_terminal_size().columns - 1]
         erased = "\r" + " " * self.length + "\r"
         sys.stderr.write(erased + text)

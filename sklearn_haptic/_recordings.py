@@ -21,7 +21,8 @@ def trial_columns(X, names=None):
                 f"X is a {type(X).__name__}, but fit was given a DataFrame; give the "
                 f"columns {names} again."
             )
-        return {ALONE: column_of(X, 0) if hasattr(X, "shape") else X}
+        in_column = hasattr(X, "shape") and X.shape[1:] in ((), (1,))
+        return {ALONE: column_of(X, 0) if in_column else X}
     columns = {name: column_of(X, i) for i, name in enumerate(X.columns)}
     if names is None:
         names = [
@@ -56,7 +57,7 @@ def iter_cells(column, name, shape=None, names=None):
     for i, cell in enumerate(column):
         no_array = getattr(cell, "ndim", 0) == 0
         if (no_array and is_missing(cell)) or (
-            hasattr(cell, "__len__") and len(cell) == 0
+            hasattr(cell, "__len__") and getattr(cell, "ndim", 1) and len(cell) == 0
         ):
             yield None, (shape, names)
             continue
@@ -95,7 +96,12 @@ def as_floats(trial, name):
     check_numbers(trial, name)
     trial = np.asarray(trial)
     if trial.dtype != np.float32:
-        trial = trial.astype(np.float64, copy=False)
+        try:
+            trial = trial.astype(np.float64, copy=False)
+        except (TypeError, ValueError) as error:  # of objects
+            raise ValueError(
+                f"{name} is not an array of numbers ({error}); convert it."
+            ) from error
     if trial.ndim not in (1, 2, 3):
         raise ValueError(
             f"{name} has shape {trial.shape}; it must be (n_times, n_channels)."

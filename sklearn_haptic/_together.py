@@ -24,8 +24,9 @@ def run_together(functions: Sequence[Callable[[], _Result]]) -> list[_Result]:
     """Call functions in threads of their own, one of which runs at a time.
 
     A function runs until it needs a product of a `Matrix` that it shares with others;
-    then the next one does. Products are computed once all wait for theirs, in the order
-    of the functions, so what they return depends on nothing else.
+    then the next one does. Products are computed once all wait for theirs: those of the
+    kind that the first function waits for, in the order of the functions. So what they
+    return depends on nothing else.
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ def run_together(functions: Sequence[Callable[[], _Result]]) -> list[_Result]:
             _this_thread.turns = turns, i
             return functions[i]()
 
-    with ThreadPoolExecutor(len(functions)) as threads:
+    with ThreadPoolExecutor(max(1, len(functions))) as threads:
         # Not by `map`: an error would cancel what has not begun, for which others wait.
         results = [threads.submit(call, i) for i in range(len(functions))]
     return [each.result() for each in results]
@@ -61,12 +62,12 @@ class _Turns:
     def __init__(self, n_functions):
         self.X = None
         self.ready = deque(range(n_functions))  # those that need no product to go on
-        self.factors, self.products = {}, {}  # by function: asked for, and computed
+        self.asked, self.products = {}, {}  # by function: asked for, and computed
         # Each waits for a lock of its own: passing the turn on wakes one thread.
         self.gates = [threading.Lock() for _ in range(n_functions)]
         for gate in self.gates:
             gate.acquire()
-        self._pass_on(None)
+        self._pass_on()
 
     @contextmanager
     def turn(self, i):
@@ -75,38 +76,48 @@ class _Turns:
         try:
             yield
         finally:
-            self._pass_on(None)
+            self._pass_on()
 
     def shares(self, X):
         """Return whether a matrix is the shared one, which the first becomes."""
         if self.X is None:
             self.X = X
-        return X is self.X or np.array_equal(X, self.X)
+        return X is self.X or (X.dtype == self.X.dtype and np.array_equal(X, self.X))
 
     def multiply(self, i, product, factor):
-        """Return the columns of ``product(factors)`` that belong to this factor."""
-        self.factors[i] = factor
-        self._pass_on(product)
+        """Return the columns of ``product(X, factors)`` that belong to this factor."""
+        self.asked[i] = product, np.atleast_2d(factor.T).T  # one dimension is a column
+        self._pass_on()
         self.gates[i].acquire()
         columns = self.products.pop(i)
         if isinstance(columns, Exception):
             raise columns
-        return columns
+        return columns.reshape(len(columns), *factor.shape[1:])
 
-    def _pass_on(self, product):
-        if product is not None:
-            self.product = product
-        if not self.ready and self.factors:
-            self.ready.extend(sorted(self.factors))
-            factors = [self.factors.pop(i) for i in self.ready]
+    def _pass_on(self):
+        if not self.ready and self.asked:
+            product, _ = self.asked[min(self.asked)]
+            self.ready.extend(
+                i for i in sorted(self.asked) if self.asked[i][0] == product
+            )
+            factors = [self.asked.pop(i)[1] for i in self.ready]
             ends = np.cumsum([factor.shape[1] for factor in factors])
             try:
-                columns = np.split(self.product(np.hstack(factors)), ends[:-1], axis=1)
+                columns = product(self.X, np.hstack(factors))
+                columns = np.split(columns, ends[:-1], axis=1)
             except Exception as error:  # for each of those who wait to raise
                 columns = [error] * len(factors)
             self.products = dict(zip(self.ready, columns))
         if self.ready:
             self.gates[self.ready.popleft()].release()
+
+
+def _times(X, coef):
+    return X @ coef
+
+
+def _transposed_times(X, rows):
+    return (rows.T @ X).T  # takes 0.7 of the time of X.T @ rows
 
 
 class Matrix:
@@ -128,17 +139,11 @@ class Matrix:
         """Return ``X @ coef``."""
         if self._turns is None:
             return self._X @ coef
-        return self._turns.multiply(self._i, self._times, coef)
+        return self._turns.multiply(self._i, _times, coef)
 
     def add_transposed_times(self, rows, out):
         """Add ``X.T @ rows`` to an array of n_columns rows."""
         if self._turns is None:
             out += self._X.T @ rows
         else:
-            out += self._turns.multiply(self._i, self._transposed_times, rows)
-
-    def _times(self, coef):
-        return self._X @ coef
-
-    def _transposed_times(self, rows):
-        return (rows.T @ self._X).T  # takes 0.7 of the time of X.T @ rows
+            out += self._turns.multiply(self._i, _transposed_times, rows)

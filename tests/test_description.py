@@ -144,6 +144,36 @@ def test_ratings_of_trials_and_of_several_scales():
     assert np.isnan(found.shares.loc["nice", 3])
 
 
+def test_levels_of_several_scales_ascend():
+    ratings = {"cold": [1, 3.0], "warm": [2, 5]}
+    found = describe_corpus(np.zeros((2, 4)), ratings=ratings)
+    assert found.shares.columns.tolist() == [1, 2, 3, 5]
+    np.testing.assert_array_equal(found.shares.loc["warm"], [np.nan, 0.5, np.nan, 0.5])
+    assert re.search(r"chose 1 chose 2 chose 3 chose 5$", repr(found), re.M)
+    words = {"cold": pd.Categorical(["no", "yes"], ["no", "yes"], ordered=True)}
+    words["odd"] = pd.Categorical(["so", "ah"], ["so", "ah"], ordered=True)
+    found = describe_corpus(np.zeros((2, 4)), ratings=words)
+    assert found.shares.columns.tolist() == ["no", "yes", "so", "ah"]
+
+
+def test_names_of_objects_belong_to_trials():
+    corpus = make_haptic_corpus(3, 2, sensors=["tdc"], random_state=0)
+    some = {**corpus, "trials": corpus.trials[2:], "objects": corpus.objects[2:]}
+    with pytest.raises(ValueError, match="inconsistent numbers of samples"):
+        describe_corpus({**some, "ratings": {}})
+
+
+def test_polars_tables_are_those_of_pandas():
+    polars = pytest.importorskip("polars")
+    trials = np.random.default_rng(0).normal(size=(6, 5, 2))
+    cells = polars.Series(trials, dtype=polars.Array(polars.Float64, (5, 2)))
+    found = describe_corpus(polars.DataFrame({"acc": cells, "run": range(6)})).sensors
+    same = describe_corpus(pd.DataFrame({"acc": [*trials], "run": range(6)})).sensors
+    pd.testing.assert_frame_equal(found, same)
+    with pytest.raises(ValueError, match="none of which holds arrays"):
+        describe_corpus(polars.DataFrame(trials[:, :, 0]))
+
+
 def test_trials_of_each_procedure():
     corpus = make_haptic_corpus(
         4, 2, procedure=["hold", "slow_slide"], sensors=["tdc"], random_state=0
@@ -214,6 +244,9 @@ def test_a_description_can_be_saved(faulty):
         ((pd.DataFrame({"x": [1, 2]}),), "none of which holds arrays"),
         (([np.zeros((3, 1)), np.zeros((3, 2))],), "Trial 1 of X has time samples"),
         (([np.zeros((3, 1)), "rough"],), "Trial 1 of X is not an array of numbers"),
+        (([[{}], [{}]],), "Trial 0 of X is not an array of numbers"),
+        (([np.zeros(3), np.array(3.0)],), "Trial 1 of X has shape ()"),
+        (([{"acc": np.zeros(3)}, None],), "corpus has no dict in trial 1"),
     ],
 )
 def test_bad_trials(arguments, message):
@@ -233,9 +266,16 @@ def test_bad_trials(arguments, message):
         ({"ratings": {"hard": [[0, 1], [2]]}}, "ratings['hard'] is no array of one"),
         ({"ratings": [1, 2], "levels": [1, 3]}, "ratings['ratings'] has the rating 2"),
         ({"limits": (3, 2)}, "limits=(3, 2) must be the lowest and the highest"),
+        ({"limits": ("low", "high")}, "limits=('low', 'high') must be the lowest"),
         ({"limits": {"acc": (3, 2)}}, "limits names the sensor 'acc'"),
         ({"sampling_rates": {"acc": 9}}, "sampling_rates names the sensor 'acc'"),
         ({"sampling_rates": "fast"}, "sampling_rates"),
+        ({"sampling_rates": 0}, "sampling_rates has 0; give samples per second"),
+        ({"sampling_rates": {"": "fast"}}, "sampling_rates has 'fast'; give samples"),
+        ({"ratings": np.ones((2, 3, 4))}, "ratings['ratings'] has shape (2, 3, 4);"),
+        # Trials without a rating count when trials are numbered.
+        ({"ratings": [[0, 0], [-1, 2]]}, "a negative count in trial 1"),
+        ({"ratings": [None, 9], "levels": [1, 2]}, "the rating 9 in trial 1"),
     ],
 )
 def test_bad_options(options, message):

@@ -520,6 +520,25 @@ def test_noise_ceiling_is_what_the_truth_and_other_people_score(n_raters):
     assert few.raters == pytest.approx(expected, rel=0.1)
 
 
+@pytest.mark.parametrize("scorer", [neg_rps_scorer, neg_macro_mae_scorer])
+def test_scorers_order_words_as_the_ratings_do_not_by_the_alphabet(scorer):
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(60, 1))
+    place = np.clip(np.round(X[:, 0] + 1), 0, 2).astype(int)
+    levels = ["low", "mid", "high"]
+    words = pd.Series(pd.Categorical.from_codes(place, levels, ordered=True))
+    numbered = scorer(LogisticRegression().fit(X, place), X, place)
+    assert scorer(LogisticRegression().fit(X, words), X, words) == pytest.approx(
+        numbered
+    )
+
+
+@pytest.mark.parametrize("score", [dispersion, pit_histogram])
+def test_noise_ceiling_refuses_scores_of_all_trials_together(score):
+    with pytest.raises(ValueError, match=f"score={score.__name__} has no value of a"):
+        noise_ceiling([[2, 3], [3, 2]], score)
+
+
 @pytest.mark.parametrize("score", [ranked_probability_score, earth_movers_distance])
 def test_noise_ceiling_counts_in_the_numbers_that_label_the_columns(score):
     counts = np.array([[4, 1, 0], [2, 2, 3], [0, 1, 5]])

@@ -3,10 +3,13 @@
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.stats import ttest_1samp
-from sklearn.base import clone
+from sklearn.base import BaseEstimator, clone
+from sklearn.frozen import FrozenEstimator
 from sklearn.model_selection import GroupKFold, KFold
+from sklearn.naive_bayes import GaussianNB
 from test_out_of_fold import COUNTS, OBJECTS, REGRESSOR, X
 
 from sklearn_haptic import (
@@ -206,3 +209,68 @@ def test_sensors_times_and_html():
     two = model_report(model, corpus.trials, y, cv=2)
     assert "<b>" not in html and "<th>&lt;b&gt;hard" in two._repr_html_()
     assert two.gains.index.tolist() == ["<b>hard</b>", "c"]
+
+
+def test_words_are_in_the_order_of_the_ratings_not_of_the_alphabet():
+    """Classifiers sort their classes, and the alphabet has "9" behind "10"."""
+    place = np.arange(len(X)) % 3
+    numbers = model_report(GaussianNB(), X, place, cv=3)
+    words = np.array(["2", "9", "10"])[place]
+    y = pd.Series(pd.Categorical(words, ["2", "9", "10", "11"], ordered=True))
+    named = model_report(GaussianNB(), X, y, cv=3)
+    np.testing.assert_allclose(named.gains["rps"], numbers.gains["rps"])
+    np.testing.assert_allclose(
+        named.predicted["ratings"][:, :3], numbers.predicted["ratings"]
+    )
+    assert named.summary.startswith("The model predicted ratings from 2 to 11 in")
+    with pytest.warns(UserWarning, match="taken as '10' < '2' < '9'"):
+        model_report(GaussianNB(), X, words, cv=3)
+
+
+class Uniform(BaseEstimator):
+    """Predicts that all levels are as likely, in as many rows and columns as told."""
+
+    def __init__(self, n_rows=None, classes=(1, 2, 3, 4, 5)):
+        self.n_rows, self.classes = n_rows, classes
+
+    def fit(self, X, y):
+        if self.classes:
+            self.classes_ = np.array(self.classes)
+        return self
+
+    def predict_proba(self, X):
+        return np.full((self.n_rows or len(X), 5), 0.2)
+
+
+def test_guesses_that_are_always_right():
+    agreed = np.tile([0, 9, 0, 0, 0], (len(X), 1))
+    report = model_report(Uniform(), X, agreed, groups=OBJECTS, cv=3)
+    told = (
+        "The model is worse than guessing: its RPS is 0.600 where guessing has 0.000."
+    )
+    assert report.conclusion.startswith(told)
+
+
+@pytest.mark.parametrize(
+    ("model", "cv", "message"),
+    [
+        (Uniform(), [], "cv has no folds"),
+        (Uniform(), [([0], [])], "or one without training or test trials"),
+        (Uniform(classes=None), 3, "Uniform has no classes_"),
+        (Uniform(classes=(1, 2)), 3, "for 12 trials and 2 levels; return one row"),
+        (Uniform(n_rows=1), 3, "Uniform predicts an array of shape (1, 5) for"),
+    ],
+)
+def test_bad_models_and_folds(model, cv, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        model_report(model, X, COUNTS, groups=OBJECTS, cv=cv)
+
+
+def test_what_is_frozen_is_told():
+    frozen = FrozenEstimator(clone(LINEAR).fit(X, COUNTS))
+    report = model_report(frozen, X, COUNTS, groups=OBJECTS, cv=3)
+    proba = frozen.predict_proba(X)
+    np.testing.assert_allclose(report.predicted["ratings"], proba)
+    assert "What is frozen had learned before" in report.summary
+    report = model_report(DummyDistribution(), X, COUNTS, groups=OBJECTS, cv=3)
+    assert "frozen" not in report.summary

@@ -118,3 +118,11 @@ def test_a_narrow_terminal_and_few_drawings(frames, monkeypatch):
     monkeypatch.setattr(_progress, "_PAUSE", 1000)
     clone(SEARCH).set_callbacks(ProgressLine()).fit(X, Y)
     assert len(frames()) == 1
+
+
+def test_a_process_without_a_console_fits_all_the_same(monkeypatch):
+    monkeypatch.setattr("sys.stderr", None)
+    model = clone(PIPELINE).set_callbacks(ProgressLine()).fit(X, Y)
+    np.testing.assert_array_equal(
+        model.predict_proba(X), clone(PIPELINE).fit(X, Y).predict_proba(X)
+    )

@@ -603,3 +603,18 @@ def test_many_raters_of_one_object():
         exact = np.abs(answers - answers[i]).sum() / 99_999
         mean = 2 / np.sqrt(np.pi)  # of the absolute difference of two normal numbers
         assert result.distance[i] == pytest.approx(exact - mean, abs=0.01)
+
+
+def test_people_as_far_from_others_as_all_are_not_outlying_by_rounding():
+    """Everyone gives each object another of the same answers, or all give one."""
+    given = [2, 4, 3, 4, 5, 1, 4, 1, 5, 5, 5, 2, 4, 3, 1, 3, 3, 4, 2, 1]
+    objects, raters = np.divmod(np.arange(400), 20)
+    turned = np.array(given)[(objects + raters) % 20]
+    same = np.random.default_rng(0).uniform(0, 100, 20)[objects]
+    for answers in (turned, turned / 7, same):
+        result = outlying_raters(answers[:, None], objects, raters)
+        np.testing.assert_array_equal(result.score, 0)
+        assert not result.outlying.any()
+    apart = np.where(raters == 3, same + 1e-6, same)
+    result = outlying_raters(apart[:, None], objects, raters)
+    assert result.raters[result.outlying].tolist() == [3]

@@ -577,3 +577,14 @@ def test_resampling_any_number_of_trials(n_trials):
     resampled = resample_trials(trials, times, 20)
     assert len(resampled) == n_trials
     np.testing.assert_allclose(resampled[-1][::2, 0], trials[-1], atol=1e-12)
+
+
+def test_an_array_of_trials_keeps_all_channels():
+    """One of three dimensions is as the list of its trials; one of objects likewise."""
+    X = np.random.default_rng(0).normal(size=(6, 5, 2))
+    cells = np.empty((6, 1), dtype=object)
+    cells[:, 0] = [*X]
+    for trials in (X, [*X], cells[:, 0], cells):
+        repaired = RepairTrials().fit(trials).transform(trials)
+        for found, trial in zip(repaired, X, strict=True):
+            np.testing.assert_array_equal(found, trial)

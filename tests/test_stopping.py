@@ -121,3 +121,31 @@ def test_several_adjectives_are_averaged():
         one = clone(rule).fit(proba, true, durations=DURATIONS)
         two = clone(rule).fit(both, np.stack([true, true], 1), durations=DURATIONS)
         assert (one.stop_at(proba) == two.stop_at(both)).all()
+
+
+@pytest.mark.parametrize(
+    ("y", "durations", "message"),
+    [
+        ([[1, 2], [0, 0]], [1, 2, 3], "y has a negative or missing count, or a trial"),
+        ([[1, 2], [-1, 3]], [1, 2, 3], "y has a negative or missing count, or a trial"),
+        ([[1, 2], [np.nan, 3]], [1, 2, 3], "y has a negative or missing count, or"),
+        ([[1, 2], [1, 0]], [1, 3, 2], "durations do not ascend"),
+    ],
+)
+def test_rules_refuse_what_teaches_wrong(y, durations, message):
+    with pytest.raises(ValueError, match=message):
+        ExpectedGain().fit(np.full((2, 3, 2), 0.5), y, durations=durations)
+    with pytest.raises(ValueError, match="give one distribution per trial and"):
+        NoChange().stops(np.full((3, 2), 0.5))
+
+
+def test_durations_that_no_touch_reaches_teach_nothing():
+    """Neither does no touch at all, which stops nowhere."""
+    rng = np.random.default_rng(0)
+    proba, y = rng.dirichlet(np.ones(3), (60, 4)), rng.multinomial(5, [0.3] * 3, 60)
+    longer = np.concatenate([proba, np.full((60, 1, 3), np.nan)], axis=1)
+    short = ExpectedGain().fit(proba, y, durations=[1, 2, 3, 4])
+    long = ExpectedGain().fit(longer, y, durations=[1, 2, 3, 4, 5])
+    np.testing.assert_array_equal(long.coefs_[:3], short.coefs_)
+    np.testing.assert_array_equal(long.coefs_[3], 0)
+    assert long.stop_at(longer[:0]).tolist() == []

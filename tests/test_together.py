@@ -40,6 +40,30 @@ def test_products_are_those_of_each_alone():
             )
 
 
+def test_functions_that_ask_for_products_of_other_kinds_and_shapes():
+    """A square matrix takes the factors of either product."""
+    X = np.arange(9.0).reshape(3, 3)
+    factors = [np.eye(3)[:, :2], np.array([1.0, 2.0, 3.0]), np.ones((3, 1))]
+
+    def work(i):
+        matrix, results = Matrix(X.astype(np.float32) if i == 3 else X), []
+        factor = factors[i % 3]
+        for kind in ("tT", "ttTt", "Tt", "tT")[i]:
+            if kind == "t":
+                results.append(matrix.times(factor))
+            else:
+                results.append(np.zeros(factor.shape))
+                matrix.add_transposed_times(factor, results[-1])
+        return results
+
+    together = run_together([partial(work, i) for i in range(4)])
+    for i, results in enumerate(together):
+        for result, expected in zip(results, work(i), strict=True):
+            assert result.shape == expected.shape == factors[i % 3].shape
+            np.testing.assert_array_equal(result, expected)
+    assert run_together([]) == []
+
+
 @pytest.mark.parametrize("which", [(0,), (1,), (2,), (0, 2), (0, 1, 2)])
 @pytest.mark.parametrize("when", ["no matrix", 0, 1, 3, 7])
 def test_an_error_in_one_function_stops_no_other(which, when):
@@ -139,7 +163,7 @@ def test_networks_fitted_together_are_those_fitted_apart():
             DistributionalOrdinalRegressor(**PAPER_2020, random_state=i).set_params(
                 estimator__n_hidden=h, estimator__alpha=alpha
             )
-            for i, (h, alpha) in enumerate([(1, 1.0), (5, 0.1), (3, 10.0), (2, 0.01)])
+            for i, (h, alpha) in enumerate([(1, 1.0), (5, 0.1), (0, 10.0), (2, 0.01)])
         ]
 
     def fits(models):

@@ -13,13 +13,13 @@ from sklearn.utils import Bunch
 from sklearn.utils.validation import check_consistent_length
 
 from .._biotac import PROCEDURES
-from .._check_ratings import check_ratings
+from .._check_ratings import check_counts, match_levels
 from .._check_trials import count
 from .._distributions import shares
-from .._recordings import ALONE, USUAL, iter_cells, trial_columns
+from .._recordings import ALONE, USUAL, is_frame, iter_cells, trial_columns
 from .._report import Report, Table, as_texts
-from .._sklearn import Trials, _safe_indexing, validate_params
-from .._validation import check_objects, check_regular
+from .._sklearn import Trials, validate_params
+from .._validation import check_objects, check_regular, drop_missing
 from ..ratings import interrater_agreement
 
 _CHUNK = 2**20  # values that are looked at in one go
@@ -168,6 +168,12 @@ def describe_corpus(
         of_corpus = given.get("sampling_rates", {})
         sampling_rates = {name: of_corpus.get(name) for name in columns}
     rates = _by_sensor(sampling_rates, columns, "sampling_rates")
+    for rate in rates.values():
+        if rate is not None and (not isinstance(rate, Real) or rate <= 0):
+            raise ValueError(
+                f"sampling_rates has {rate!r}; give samples per second, a number above "
+                "0."
+            )
     ranges = _by_sensor(limits, columns, "limits")
     found = {
         name: _look_at(column, name, ranges[name]) for name, column in columns.items()
@@ -206,15 +212,21 @@ def _columns(given):
             "corpus holds no trials; give a DataFrame or a list with one entry per "
             "trial."
         )
-    if isinstance(trials, pd.DataFrame):
+    if is_frame(trials):
         columns = trial_columns(trials)
         if not columns:
             raise ValueError(
-                f"corpus has the columns {list(trials)}, none of which holds arrays; "
-                "give one array per trial and sensor."
+                f"corpus has the columns {list(trials.columns)}, none of which holds "
+                "arrays; give one array per trial and sensor."
             )
         return columns
-    if isinstance(trials[0] if isinstance(trials, list) else None, Mapping):
+    dicts = [isinstance(trial, Mapping) for trial in trials if isinstance(trials, list)]
+    if any(dicts):
+        if not all(dicts):
+            raise ValueError(
+                f"corpus has no dict in trial {dicts.index(False)}; give one per "
+                "trial, empty where nothing was recorded."
+            )
         names = dict.fromkeys(name for trial in trials for name in trial)
         return {name: [trial.get(name) for trial in trials] for name in names}
     return {ALONE: trials}
@@ -246,7 +258,8 @@ def _look_at(column, name, limits):
         Whether the samples of a channel differ, are all missing, and reach `limits`;
         the last is None without these.
     """
-    if limits is not None and not (np.shape(limits) == (2,) and limits[0] < limits[1]):
+    pair = np.asarray((-1, 1) if limits is None else limits)
+    if pair.shape != (2,) or pair.dtype.kind not in "iuf" or not pair[0] < pair[1]:
         raise ValueError(
             f"limits={limits!r} must be the lowest and the highest value of the sensor."
         )
@@ -329,7 +342,10 @@ def _objects(objects, names, procedures):
     if objects is None:
         return None
     ids, first, which = np.unique(objects, return_index=True, return_inverse=True)
-    columns = {} if names is None else {"name": np.asarray(names)[first]}
+    columns = {}
+    if names is not None:
+        check_consistent_length(names, objects)
+        columns["name"] = np.asarray(names)[first]
     columns["trials"] = np.bincount(which)
     for name, mask in procedures.items():
         columns[name] = np.bincount(which[mask], minlength=len(ids))
@@ -354,28 +370,41 @@ def _ratings(ratings, objects, levels, n_trials):
             counts = {name: each[first] for name, each in counts.items()}
     names = pd.Index(list(counts), name="adjective", dtype=object)
     table = pd.DataFrame([_rating_row(each) for each in counts.values()], index=names)
-    shares = [
-        pd.Series(_mean_shares(counts[name]), index=levels_of[name]) for name in counts
-    ]
+    shares = pd.concat(
+        [pd.Series(_mean_shares(counts[name]), levels_of[name]) for name in counts],
+        axis=1,
+        keys=names,
+    ).T
+    several = any(
+        not np.array_equal(each, shares.columns) for each in levels_of.values()
+    )
+    if several and all(isinstance(level, Real) for level in shares):
+        shares = shares.sort_index(axis=1)  # scales that differ, lowest level first
     return {
         "ratings": table,
-        "shares": pd.concat(shares, axis=1, keys=names).T,
+        "shares": shares,
         "rated": rated,
     }
 
 
 def _counts(y, levels, name):
     """Return counts of shape (n_trials, n_levels), 0 where unrated, and the levels."""
-    values = check_regular(y, name)
-    if values.ndim > 1 and values.shape[1:] != (1,):
-        given = np.flatnonzero((values != 0).any(axis=1))
-    else:
-        given = np.flatnonzero(~pd.isna(values.reshape(len(values))))
-    if not given.size:
+    shape = check_regular(y, name).shape
+    if len(shape) > 2:
+        raise ValueError(
+            f"{name} has shape {shape}; give a dict with the counts of each adjective."
+        )
+    if len(shape) == 1 or shape[1] == 1:
+        ratings, given = drop_missing(y, name)
+        matches, levels = match_levels(
+            ratings, y, levels, name, rows=np.flatnonzero(given)
+        )
+        counts = np.zeros((len(given), len(levels)))
+        counts[given] = matches
+        return counts, levels
+    counts, levels = check_counts(y, levels, name=name, unrated=True)
+    if not counts.any():
         raise ValueError(f"{name} has no ratings at all; leave it out.")
-    found, levels = check_ratings(_safe_indexing(y, given), levels, name=name)
-    counts = np.zeros((len(values), found.shape[1]))
-    counts[given] = found
     return counts, levels
 
 
@@ -484,7 +513,11 @@ def _rating_table(ratings, shares, rated):
         "agreement": ("agreement, median", "{:.2f}".format),
         "least_agreement": ("least", "{:.2f}".format),
     }
-    shares = shares.rename(columns="chose {}".format)
+    shares = shares.rename(
+        columns=lambda level: (
+            f"chose {level:.15g}" if isinstance(level, Real) else f"chose {level}"
+        )
+    )
     texts |= {column: (column, "{:.0%}".format) for column in shares}
     return Table(
         "Ratings",

@@ -16,6 +16,7 @@ from .._check_ratings import check_ratings
 from .._distributions import shares
 from .._shrinkage import leave_one_out_strength, mean_of_others
 from .._sklearn import Interval, RandomState, validate_params
+from ._calibration import dispersion, pit_histogram
 from ._ranked_probability import crps, ranked_probability_score
 from ._score import summarise
 
@@ -97,6 +98,11 @@ def noise_ceiling(
     (0.341, 0.369)
     """
     function = getattr(score, "func", score)  # of a partial
+    if function in (dispersion, pit_histogram):
+        raise ValueError(
+            f"score={function.__name__} has no value of a single trial; give a score "
+            "that has average=False."
+        )
     if function is crps:
         answers = check_answers(y_true, "y_true")
         n = np.sum(~np.isnan(answers), axis=1)

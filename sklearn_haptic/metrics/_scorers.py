@@ -10,6 +10,7 @@ from sklearn.base import BaseEstimator
 from sklearn.pipeline import Pipeline
 
 from .._decided import ratings_decided_on
+from .._levels import in_named_order
 from .._sklearn import Trials
 from ._macro_mae import macro_mae, macro_mae_at_positions
 from ._ranked_probability import ranked_probability_score
@@ -53,7 +54,8 @@ def neg_rps_scorer(
     >>> neg_rps_scorer(DummyClassifier(strategy="prior").fit(X, y), X, y)
     -0.25
     """
-    proba, levels = estimator.predict_proba(X), estimator.classes_
+    proba = estimator.predict_proba(X)
+    proba, levels = in_named_order(proba, estimator.classes_, y)
     return -_score_predicted(ranked_probability_score, proba, levels, y, sample_weight)
 
 
@@ -101,13 +103,15 @@ def neg_macro_mae_scorer(
     -0.3333
     """
     model, X = _last_step(estimator, X)
+    levels = model.classes_
     decided = ratings_decided_on(model, X)
     if decided is None:
-        score, predicted = macro_mae, model.predict_proba(X)
+        score = macro_mae
+        predicted, levels = in_named_order(model.predict_proba(X), levels, y)
     else:
         predicted, p = decided
         score = partial(macro_mae_at_positions, p=p)
-    return -_score_predicted(score, predicted, model.classes_, y, sample_weight)
+    return -_score_predicted(score, predicted, levels, y, sample_weight)
 
 
 def _last_step(estimator, X):

@@ -100,7 +100,8 @@ def conclude(table: pd.DataFrame, overall: dict[str, Any], n_objects: int) -> st
     rps, guess, gain = overall["rps"], overall["rps_guess"], overall["gain"]
     on_average = f"on average over {len(table)} adjectives " * (len(table) > 1)
     change = "lower" if gain >= 0 else "higher"
-    share = f", {abs(gain) / guess:.0%} {change}" if abs(gain) > 0.005 * guess else ""
+    notable = guess > 0 and abs(gain) > 0.005 * guess
+    share = f", {abs(gain) / guess:.0%} {change}" if notable else ""
     text = (
         f"{said}: {on_average}its RPS is {rps:.3f} where guessing has {guess:.3f}"
         f"{share}. The difference is {gain:.3f}"

@@ -11,12 +11,14 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, clone
 from sklearn.compose import ColumnTransformer
+from sklearn.frozen import FrozenEstimator
 from sklearn.utils import Bunch, indexable
 from sklearn.utils.parallel import Parallel, delayed
 
-from .._check_ratings import check_adjectives
+from .._check_ratings import check_adjectives, check_ratings
 from .._check_trials import count, is_table
 from .._folds import make_splitter, route
+from .._levels import in_named_order, is_text
 from .._recordings import trial_columns
 from .._report import Report, Table, as_texts
 from .._sklearn import (
@@ -220,6 +222,9 @@ def model_report(
     for i, (name, each) in enumerate(zip(targets, ratings)):
         of_target = outcomes[i * len(folds) : (i + 1) * len(folds)]
         proba, levels = join_folds(each, [fold[:2] for fold in of_target], folds)
+        if is_text(levels) and np.ndim(each) == 1 and not _is_given(model, "levels"):
+            check_ratings(each, name=name)  # warns of words without an order
+        proba, levels = in_named_order(proba, levels, each)
         truth, _ = check_adjectives(each, levels, name=name)
         scales.append(f"{levels[0]} to {levels[-1]}")
         counts |= _by_adjective(name, truth)
@@ -236,7 +241,9 @@ def model_report(
         predicted=predicted,
         conclusion=conclusion,
     )
-    result["summary"] = _summary(result, folds, groups, _by_what(model, X), scales)
+    parts = [model, *model.get_params().values()]
+    by = _by_what(model, X)
+    result["summary"] = _summary(result, folds, groups, by, scales, parts)
     return result
 
 
@@ -246,6 +253,14 @@ def _fit_and_time(model, X, y, train, test, params):
     X_test = _safe_indexing(X, test)
     outcome = predict_fold(model, X_test)
     return *outcome, to_learn, seconds_per_trial(predictor(model), X_test)
+
+
+def _is_given(model, name):
+    """Whether the model, or a part of it, is given a parameter of this name."""
+    return any(
+        key.split("__")[-1] == name and value is not None
+        for key, value in model.get_params().items()
+    )
 
 
 def _by_adjective(name, values):
@@ -314,7 +329,7 @@ def sensors_of(model, X):
     return [name for name in names if name in taken] or names or None
 
 
-def _summary(result, folds, groups, by, scales):
+def _summary(result, folds, groups, by, scales, parts):
     """Say what was learned from, what was predicted, and how long that took."""
     it = f"In each of {len(folds)} folds it" if len(folds) > 1 else "It"
     n_train = [len(train) for train, _ in folds]
@@ -331,6 +346,11 @@ def _summary(result, folds, groups, by, scales):
         f"{result.seconds_to_learn:.3g} s{each}, and predicting "
         f"{1e3 * result.seconds_per_touch:.3g} ms per touch."
     )
+    if any(isinstance(part, FrozenEstimator) for part in parts):
+        text += (
+            " What is frozen had learned before: if from test objects too, the model "
+            "is worse on new objects than it looks."
+        )
     return text + _overlap(folds, groups)
 
 

@@ -155,6 +155,11 @@ def check_folds(folds, n_trials, least=1):
     """
     trials = np.arange(n_trials)
     folds = [(trials[train], trials[test]) for train, test in folds]
+    if not folds or not all(len(part) for fold in folds for part in fold):
+        raise ValueError(
+            "cv has no folds, or one without training or test trials; give each fold "
+            "some of both."
+        )
     n_tests = np.zeros(n_trials, dtype=int)
     for train, test in folds:
         np.add.at(n_tests, test, 1)
@@ -202,6 +207,18 @@ def predict_fold(model, X_test, method="predict_proba"):
             f"{type(model).__name__} took each column of y for labels of its own, and "
             "predicts a list of arrays; give it to a DistributionalOrdinalRegressor as "
             "estimator, which takes counts."
+        )
+    if not hasattr(model, "classes_"):
+        raise ValueError(
+            f"{type(model).__name__} has no classes_, which say what the columns of "
+            "its predictions are; set them in fit, lowest level first."
+        )
+    shape, n_trials = np.shape(proba), _num_samples(X_test)
+    if shape[:1] + shape[-1:] != (n_trials, len(model.classes_)):
+        raise ValueError(
+            f"{type(model).__name__} predicts an array of shape {shape} for "
+            f"{n_trials} trials and {len(model.classes_)} levels; return one row per "
+            "trial and one column per level."
         )
     return proba, model.classes_
 

@@ -13,6 +13,9 @@ from .._sklearn import Interval, validate_params
 from .._validation import check_objects
 from ._single_ratings import check_single_ratings
 
+# Differences smaller than this share of the largest one are of rounding.
+_ROUNDING = 1e-9
+
 
 @validate_params(
     {"limit": [Interval(Real, 0, None, closed="neither")]},
@@ -99,9 +102,10 @@ def outlying_raters(
     people, of_rater = np.unique(
         check_objects(raters, name="raters"), return_inverse=True
     )
-    total, number = np.zeros((2, len(people)))
+    (total, number), furthest = np.zeros((2, len(people))), 0.0
     for answer in answers.T:
-        row, beyond = _beyond_others(answer, of_object)
+        row, beyond, apart = _beyond_others(answer, of_object)
+        furthest = max(furthest, apart)
         total += np.bincount(of_rater[row], beyond, minlength=len(people))
         number += np.bincount(of_rater[row], minlength=len(people))
     if not number.any():
@@ -111,6 +115,7 @@ def outlying_raters(
         )
     distance = np.divide(total, number, np.full(len(people), np.nan), where=number > 0)
     centred = distance - np.nanmedian(distance)
+    centred[np.abs(centred) <= _ROUNDING * furthest] = 0
     unit = 1.4826 * np.nanmedian(np.abs(centred))
     with np.errstate(divide="ignore"):  # people who differ from many who are all equal
         score = np.divide(centred, unit, np.zeros(len(people)), where=centred != 0)
@@ -132,6 +137,8 @@ def _beyond_others(answer, of_object):
         The rows of answers that have others of their object.
     beyond : ndarray of the same shape
         Their mean absolute difference to the others, less its mean over the object.
+    furthest : float
+        The largest of these differences.
     """
     row = np.lexsort((answer, of_object))
     row = row[~np.isnan(answer[row])]
@@ -139,6 +146,7 @@ def _beyond_others(answer, of_object):
         of_object[row], return_index=True, return_inverse=True, return_counts=True
     )
     value, n = answer[row], number[which]
+    value = value - value[first][which]  # from the lowest: equal answers become 0
     rank = np.arange(len(row)) - first[which]
     below = np.cumsum(value) - value  # sum of all answers before this one
     below -= below[first][which]
@@ -149,4 +157,4 @@ def _beyond_others(answer, of_object):
     apart = apart[several] / (n[several] - 1)
     which = which[several]
     mean = np.bincount(which, apart) / np.maximum(np.bincount(which), 1)
-    return row[several], apart - mean[which]
+    return row[several], apart - mean[which], apart.max(initial=0)

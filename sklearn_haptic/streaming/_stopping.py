@@ -53,7 +53,7 @@ def losses(proba, shares, *, ordered):
     else:
         best = proba.argmax(axis=-1)[..., np.newaxis]
         loss = 1 - np.take_along_axis(shares, best, axis=-1)[..., 0]
-    return loss.reshape(len(loss), -1).mean(axis=1)
+    return loss.mean(axis=tuple(range(1, loss.ndim)))
 
 
 def expected_losses(proba, *, ordered):
@@ -66,7 +66,12 @@ def changes(path):
     if path.shape[1] == 1:
         return np.zeros(len(path))
     moved = np.abs(path[:, -1] - path[:, -2]).sum(axis=-1) / 2
-    return moved.reshape(len(moved), -1).mean(axis=1)
+    return moved.mean(axis=tuple(range(1, moved.ndim)))
+
+
+def _whole(proba):
+    """Return which predictions, of shape (n_trials, n_durations, ...), are there."""
+    return np.isfinite(proba).all(axis=tuple(range(2, proba.ndim)))
 
 
 def shrunken_regression(state, gain):
@@ -146,9 +151,18 @@ class _Rule(BaseEstimator):
                 f"proba has shape {shape}, but y has shape {expected}; give the counts "
                 "of the same trials and levels."
             )
+        if (np.diff(durations) <= 0).any():
+            raise ValueError("durations do not ascend; put the shortest first.")
+        check_numbers(y, "y")
+        counts = np.asarray(y, dtype=np.float64)
+        if not ((counts >= 0) & (counts < np.inf)).all() or (counts.sum(-1) == 0).any():
+            raise ValueError(
+                "y has a negative or missing count, or a trial without ratings; give "
+                "the counts of rated trials."
+            )
         self.durations_ = np.asarray(durations, dtype=np.float64)
         self.ordered_ = ordered
-        self._learn(proba, y)
+        self._learn(proba, counts)
         return self
 
     def _learn(self, proba, y):
@@ -166,7 +180,13 @@ class _Rule(BaseEstimator):
         -------
         stops : ndarray of bool of shape (n_trials,)
         """
-        return np.asarray(self._stops(np.asarray(path)))
+        path = np.asarray(path)
+        if path.ndim < 3:
+            raise ValueError(
+                f"path has shape {path.shape}; give one distribution per trial and "
+                "duration so far."
+            )
+        return np.asarray(self._stops(path))
 
     def _stops(self, path):
         """Whether to stop, for an array of predictions so far."""
@@ -186,7 +206,7 @@ class _Rule(BaseEstimator):
             Index of the duration; the last one of a touch that is never stopped.
         """
         proba = np.asarray(proba)
-        given = np.isfinite(proba.reshape(*proba.shape[:2], -1)).all(axis=2)
+        given = _whole(proba)
         index = np.maximum(given.sum(axis=1) - 1, 0)
         going = np.ones(len(proba), dtype=bool)
         for k in range(proba.shape[1] - 1):
@@ -274,7 +294,7 @@ class CertaintyThreshold(_Rule):
         else:
             logs = np.log(np.where(proba > 0, proba, 1))
             certainty = 1 + (proba * logs).sum(axis=-1) / np.log(proba.shape[-1])
-        certainty = certainty.reshape(len(certainty), -1).mean(axis=1)
+        certainty = certainty.mean(axis=tuple(range(1, certainty.ndim)))
         return certainty >= self.threshold
 
 
@@ -360,10 +380,9 @@ class ExpectedGain(_Rule):
         self.price = price
 
     def _learn(self, proba, y):
-        check_numbers(y, "y")
         proba = np.asarray(proba, dtype=np.float64)
-        true = as_shares(np.asarray(y, dtype=np.float64))
-        given = np.isfinite(proba.reshape(*proba.shape[:2], -1)).all(axis=2)
+        true = as_shares(y)
+        given = _whole(proba)
         steps = self.price * np.diff(self.durations_)
         self.coefs_ = np.zeros((len(steps), 3))
         cost = np.full(len(proba), np.nan)  # of a touch that goes on as the rule says

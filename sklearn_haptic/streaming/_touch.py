@@ -232,7 +232,8 @@ def check_limits(limits, sensors):
             "(low, high)."
         )
     for pair in limits.values():
-        if np.shape(pair) != (2,) or not pair[0] < pair[1]:
+        ends = np.asarray(pair)
+        if ends.shape != (2,) or ends.dtype.kind not in "iuf" or not ends[0] < ends[1]:
             raise ValueError(
                 f"limits holds {pair!r}; give a pair (low, high), the values at which "
                 "the sensor is saturated."
