@@ -5,6 +5,7 @@ import sys
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import stats
 from sklearn.calibration import calibration_curve
@@ -275,6 +276,20 @@ def test_ratings_may_be_labels(display):
     for name in ("heights", "predicted", "observed"):
         if hasattr(expected, name):
             np.testing.assert_array_equal(getattr(drawn, name), vars(expected)[name])
+
+
+@pytest.mark.parametrize("display", DISPLAYS)
+def test_words_are_ordered_as_the_ratings_name_them(display):
+    """Not by the alphabet, as a classifier of scikit-learn orders them."""
+    X = np.random.default_rng(0).normal(size=(60, 1))
+    place = np.clip(np.round(X[:, 0] + 1), 0, 2).astype(int)
+    levels = ["low", "mid", "high"]
+    words = pd.Series(pd.Categorical.from_codes(place, levels, ordered=True))
+    drawn = display.from_estimator(LogisticRegression().fit(X, words), X, words)
+    expected = display.from_estimator(LogisticRegression().fit(X, place), X, place)
+    for name in ("heights", "predicted", "observed"):
+        if hasattr(expected, name):
+            np.testing.assert_allclose(getattr(drawn, name), vars(expected)[name])
 
 
 @pytest.mark.parametrize("display", DISPLAYS)

@@ -14,6 +14,7 @@ from sklearn.utils import check_scalar
 
 from .._check_ratings import check_distributions
 from .._distributions import cdf, shares
+from .._levels import in_named_order
 from .._sklearn import Trials
 from .._validation import check_groups
 from ..metrics import pit_histogram
@@ -73,13 +74,11 @@ class _CalibrationDisplay(Display):
         ValueError
             If ``y`` does not fit the estimator's levels, or ``groups`` the trials.
         """
+        proba, levels = in_named_order(
+            estimator.predict_proba(X), estimator.classes_, y
+        )
         return cls.from_predictions(
-            y,
-            estimator.predict_proba(X),
-            n_bins=n_bins,
-            groups=groups,
-            levels=estimator.classes_,
-            ax=ax,
+            y, proba, n_bins=n_bins, groups=groups, levels=levels, ax=ax
         )
 
     @classmethod

@@ -10,6 +10,7 @@ from sklearn.base import BaseEstimator
 
 from .._check_ratings import check_distributions, check_ratings
 from .._distributions import cdf, shares
+from .._levels import in_named_order
 from .._sklearn import Trials, _safe_indexing
 from .._validation import check_regular
 from ..metrics import macro_mae
@@ -65,9 +66,10 @@ class _OneObjectDisplay(Display):
         ValueError
             If the rows of ``y`` differ, or do not fit the estimator's levels.
         """
-        return cls.from_predictions(
-            y, estimator.predict_proba(X), levels=estimator.classes_, ax=ax
+        proba, levels = in_named_order(
+            estimator.predict_proba(X), estimator.classes_, y
         )
+        return cls.from_predictions(y, proba, levels=levels, ax=ax)
 
     @classmethod
     def from_predictions(
