@@ -24,8 +24,9 @@ def run_together(functions: Sequence[Callable[[], _Result]]) -> list[_Result]:
     """Call functions in threads of their own, one of which runs at a time.
 
     A function runs until it needs a product of a `Matrix` that it shares with others;
-    then the next one does. Products are computed once all wait for theirs, in the order
-    of the functions, so what they return depends on nothing else.
+    then the next one does. Once all wait, the products of one kind, that which the
+    first of them needs, are computed in the order of the functions, so what they return
+    depends on nothing else.
 
     Parameters
     ----------
@@ -61,12 +62,13 @@ class _Turns:
     def __init__(self, n_functions):
         self.X = None
         self.ready = deque(range(n_functions))  # those that need no product to go on
-        self.factors, self.products = {}, {}  # by function: asked for, and computed
+        # By function: the kind of product, the product and its factor; and the result.
+        self.asked, self.products = {}, {}
         # Each waits for a lock of its own: passing the turn on wakes one thread.
         self.gates = [threading.Lock() for _ in range(n_functions)]
         for gate in self.gates:
             gate.acquire()
-        self._pass_on(None)
+        self._pass_on()
 
     @contextmanager
     def turn(self, i):
@@ -75,7 +77,7 @@ class _Turns:
         try:
             yield
         finally:
-            self._pass_on(None)
+            self._pass_on()
 
     def shares(self, X):
         """Return whether a matrix is the shared one, which the first becomes."""
@@ -85,23 +87,22 @@ class _Turns:
 
     def multiply(self, i, product, factor):
         """Return the columns of ``product(factors)`` that belong to this factor."""
-        self.factors[i] = factor
-        self._pass_on(product)
+        self.asked[i] = product.__name__, product, factor
+        self._pass_on()
         self.gates[i].acquire()
         columns = self.products.pop(i)
         if isinstance(columns, Exception):
             raise columns
         return columns
 
-    def _pass_on(self, product):
-        if product is not None:
-            self.product = product
-        if not self.ready and self.factors:
-            self.ready.extend(sorted(self.factors))
-            factors = [self.factors.pop(i) for i in self.ready]
+    def _pass_on(self):
+        if not self.ready and self.asked:
+            kind, product, _ = self.asked[min(self.asked)]
+            self.ready.extend(i for i in sorted(self.asked) if self.asked[i][0] == kind)
+            factors = [self.asked.pop(i)[2] for i in self.ready]
             ends = np.cumsum([factor.shape[1] for factor in factors])
             try:
-                columns = np.split(self.product(np.hstack(factors)), ends[:-1], axis=1)
+                columns = np.split(product(np.hstack(factors)), ends[:-1], axis=1)
             except Exception as error:  # for each of those who wait to raise
                 columns = [error] * len(factors)
             self.products = dict(zip(self.ready, columns))

@@ -40,6 +40,23 @@ def test_products_are_those_of_each_alone():
             )
 
 
+def test_functions_may_need_products_of_two_kinds_at_once():
+    X, ones = np.arange(9.0).reshape(3, 3), np.ones((3, 1))
+
+    def work(n_before):
+        matrix, out = Matrix(X), np.zeros((3, 1))
+        results = [matrix.times(ones) for _ in range(n_before)]
+        matrix.add_transposed_times(ones, out)
+        return [*results, out]
+
+    for n_before, results in enumerate(
+        run_together([partial(work, n) for n in range(4)])
+    ):
+        *rows, columns = results
+        np.testing.assert_array_equal(rows, [X @ ones] * n_before)
+        np.testing.assert_array_equal(columns, X.T @ ones)
+
+
 @pytest.mark.parametrize("which", [(0,), (1,), (2,), (0, 2), (0, 1, 2)])
 @pytest.mark.parametrize("when", ["no matrix", 0, 1, 3, 7])
 def test_an_error_in_one_function_stops_no_other(which, when):
