@@ -344,6 +344,27 @@ def test_parameters_of_members_are_set_by_name():
     np.testing.assert_allclose(flat, mean, atol=1e-6)
 
 
+def test_objects_of_weight_zero_are_as_if_left_out():
+    X, counts, objects = made()
+    used = np.isin(objects, [0, 5, 7])  # of which two would be tested in one fold
+    blend = fitted(X[used], counts[used], objects[used])
+    weighted = DistributionBlend(members()).fit(X, counts, used, groups=objects)
+    assert weighted.weights_ == pytest.approx(blend.weights_, abs=1e-6)
+    assert weighted.rps_ == pytest.approx(blend.rps_, abs=1e-6)
+    np.testing.assert_allclose(
+        weighted.predict_proba(X), blend.predict_proba(X), atol=1e-6
+    )
+    with pytest.raises(ValueError, match="there is 1 sample or object"):
+        blend.fit(X, counts, objects == 3, groups=objects)
+
+
+@pytest.mark.parametrize("cv", [[], [(range(3, 36), range(3))]])
+def test_folds_that_test_nothing_are_refused(cv):
+    X, counts, objects = made()
+    with pytest.raises(ValueError, match="cv tests no trial, or only trials of weight"):
+        DistributionBlend(members(), cv=cv).fit(X, counts, objects > 0, groups=objects)
+
+
 # Objects --------------------------------------------------------------------
 
 

@@ -383,6 +383,22 @@ def test_random_state_reaches_the_estimator_only_if_given():
 
 
 @pytest.mark.slow
+def test_equal_weights_count_beside_the_penalty_of_a_base():
+    X, counts = (
+        np.random.default_rng(0).normal(size=(30, 2)),
+        np.tile([2, 1, 3], (30, 1)),
+    )
+    once, twice = (
+        DistributionalOrdinalRegressor(
+            LogisticRegression(C=C, tol=1e-10, max_iter=1000), sampling="lattice"
+        )
+        .fit(X, counts, sample_weight=np.full(30, weight))
+        .predict_proba(X)
+        for C, weight in [(2.0, 1.0), (1.0, 2.0)]
+    )
+    np.testing.assert_allclose(once, twice, atol=1e-7)
+
+
 def test_base_without_weights_says_what_to_do():
     X, counts, _ = ordinal_trials()
     model = DistributionalOrdinalRegressor(KNeighborsClassifier())

@@ -5,7 +5,9 @@ import pytest
 from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.linear_model import Ridge
+from sklearn.multioutput import MultiOutputRegressor, RegressorChain
 from sklearn.neighbors import KNeighborsRegressor
+from sklearn.svm import SVR
 
 from sklearn_haptic import DummyDistribution, RegressedDistribution
 from sklearn_haptic.metrics import ranked_probability_score
@@ -61,8 +63,8 @@ def test_a_large_penalty_leads_to_the_marginal(regressor):
     np.testing.assert_allclose(model.predict_proba(X), mean, atol=1e-6)
 
 
-def test_weights_equal_repeated_trials():
-    weight = np.arange(40) % 3
+@pytest.mark.parametrize("weight", [np.arange(40) % 3, np.full(40, 2)])
+def test_weights_equal_repeated_trials(weight):
     rows = np.repeat(np.arange(40), weight)
     for regressor in (Ridge(), KernelRidge(alpha=0.5, kernel="rbf")):
         weighted = RegressedDistribution(regressor).fit(X, COUNTS, weight)
@@ -93,6 +95,15 @@ def test_a_regressor_without_weights_is_refused_only_if_they_differ():
     model.fit(X, COUNTS, np.full(40, 3.0))
     with pytest.raises(ValueError, match="KNeighborsRegressor takes no sample_weight"):
         model.fit(X, COUNTS, np.arange(40))
+
+
+@pytest.mark.parametrize("each", [MultiOutputRegressor, RegressorChain])
+def test_regressors_that_take_nothing_but_tables_learn_two_levels(each):
+    counts = COUNTS[:, 1:3] + 1
+    model, plain = (
+        RegressedDistribution(r).fit(X, counts) for r in (each(SVR()), SVR())
+    )
+    np.testing.assert_array_equal(model.predict_proba(X), plain.predict_proba(X))
 
 
 def test_the_default_learns_and_repeats_itself():

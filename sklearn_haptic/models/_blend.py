@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn import get_config
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
+from sklearn.model_selection import GroupKFold
 from sklearn.utils import indexable
 from sklearn.utils.metadata_routing import (
     MetadataRouter,
@@ -290,7 +291,8 @@ class DistributionBlend(
         """Return weights, the exponent, and each member's score on held-out trials."""
         objects = np.arange(len(counts)) if groups is None else groups
         names, objects = np.unique(objects, return_inverse=True)
-        folds = self._folds(X, counts, groups, names, objects)
+        weight = check_weights(sample_weight, X)
+        folds = self._folds(X, counts, groups, names, objects, weight)
         proba = Parallel(n_jobs=self.n_jobs)(
             delayed(_predict_fold)(name, member, X, counts, levels, params[name], fold)
             for name, member in members.items()
@@ -300,7 +302,7 @@ class DistributionBlend(
         proba = np.reshape(np.concatenate(proba), (len(members), len(tested), -1))
         true = cdf(counts[tested])[:, :-1]
         departure = np.moveaxis(cdf(proba)[..., :-1], 0, 1) - true[:, None]
-        weight, objects = check_weights(sample_weight, X)[tested], objects[tested]
+        weight, objects = weight[tested], objects[tested]
         if groups is not None:
             total = np.bincount(objects, weight)
             weight = weight / np.where(total, total, 1)[objects]
@@ -310,18 +312,28 @@ class DistributionBlend(
         scores = (departure**2).sum(axis=2).T + (true * (1 - true)).sum(axis=1)
         return share, exponent, np.average(scores, axis=1, weights=weight).tolist()
 
-    def _folds(self, X, y, groups, names, objects):
+    def _folds(self, X, y, groups, names, objects, weight):
         """Return the folds as indices; refuse those that part an object."""
-        if len(names) < 2:
+        used = np.flatnonzero(weight)
+        n_objects = len(np.unique(objects[used]))
+        if n_objects < 2:
             raise ValueError(
                 "The weights are learned on held-out objects, but there is 1 sample or "
                 "object; give more, or set weights='equal'."
             )
-        cv = min(5, len(names)) if self.cv is None else self.cv
-        groups = objects if isinstance(cv, Integral) else groups
-        splitter = make_splitter(self, y, objects, cv)
-        trials = np.arange(len(objects))
-        folds = [(trials[i], trials[j]) for i, j in splitter.split(X, y, groups)]
+        if self.cv is None or isinstance(self.cv, Integral):
+            splitter = GroupKFold(min(5, n_objects) if self.cv is None else self.cv)
+            split = splitter.split(used, groups=objects[used])
+            folds = [(used[i], used[j]) for i, j in split]
+        else:
+            trials = np.arange(len(objects))
+            split = make_splitter(self, y, objects, self.cv).split(X, y, groups)
+            folds = [(trials[i], trials[j]) for i, j in split]
+        if not any(weight[test].any() for _, test in folds):
+            raise ValueError(
+                "cv tests no trial, or only trials of weight 0; give folds that test "
+                "others."
+            )
         for train, test in folds:
             both = np.intersect1d(objects[train], objects[test])
             if len(both):

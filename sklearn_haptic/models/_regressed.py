@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.ensemble import ExtraTreesRegressor
-from sklearn.utils import check_random_state
-from sklearn.utils.validation import check_is_fitted, has_fit_parameter
+from sklearn.utils import check_random_state, get_tags
+from sklearn.utils.validation import check_is_fitted
 
 from .._check_ratings import validate_rated_trials
 from .._distributions import cdf
 from .._sklearn import DocumentedEstimator, HasMethods, RandomState, _fit_context
 from .._validation import check_table, check_weights
 from ._ordinal import OrdinalClassifierMixin
-from ._shared_features import refuse_adjectives, seed_estimator
+from ._shared_features import fit_with_weights, refuse_adjectives, seed_estimator
 
 
 def proper_shares(below):
@@ -155,16 +155,16 @@ class RegressedDistribution(
             seed_estimator(estimator, check_random_state(self.random_state))
         if target.shape[1] == 0:  # one level, which has nothing to learn
             return estimator
-        if target.shape[1] == 1:  # not every regressor takes a table of one column
+        # Some regressors take no table of one column, and some nothing else.
+        if target.shape[1] == 1 and get_tags(estimator).target_tags.single_output:
             target = target[:, 0]
-        if np.ptp(weight) == 0:
-            return estimator.fit(X, target)
-        if not has_fit_parameter(estimator, "sample_weight"):
-            raise ValueError(
-                f"{type(estimator).__name__} takes no sample_weight, but the trials "
-                "differ in weight; give equal weights or none."
-            )
-        return estimator.fit(X, target, sample_weight=weight)
+        return fit_with_weights(
+            estimator,
+            X,
+            target,
+            weight,
+            "the trials differ in weight; give equal weights or none.",
+        )
 
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
         """Predict the distribution of ratings.

@@ -118,6 +118,23 @@ def refuse_monotone(name):
     )
 
 
+def fit_with_weights(estimator, X, y, weight, refusal):
+    """Fit an estimator; one that takes no weights only if they are all equal.
+
+    Equal weights other than 1 matter beside a penalty. A ValueError says otherwise that
+    the estimator takes no weights, but, as `refusal` goes on, that they differ.
+    """
+    if (weight == 1).all():
+        return estimator.fit(X, y)
+    if has_fit_parameter(estimator, "sample_weight"):
+        return estimator.fit(X, y, sample_weight=weight)
+    if np.ptp(weight) > 0:
+        raise ValueError(
+            f"{type(estimator).__name__} takes no sample_weight, but {refusal}"
+        )
+    return estimator.fit(X, y)
+
+
 def refuse_adjectives(name):
     """Raise the error of an estimator that cannot learn several adjectives."""
     raise ValueError(
@@ -193,16 +210,14 @@ class RepeatedRows:
                 UserWarning,
                 stacklevel=4,  # beyond this, fit, and its decorator
             )
-        if np.ptp(weight) == 0:
-            self.estimator.fit(rows, level)
-        elif has_fit_parameter(self.estimator, "sample_weight"):
-            self.estimator.fit(rows, level, sample_weight=weight)
-        else:
-            raise ValueError(
-                f"{name} takes no sample_weight, but the observations differ in "
-                "weight; set sampling='lattice' and balance=None, and give equal "
-                "sample_weight or none."
-            )
+        fit_with_weights(
+            self.estimator,
+            rows,
+            level,
+            weight,
+            "the observations differ in weight; set sampling='lattice' and "
+            "balance=None, and give equal sample_weight or none.",
+        )
 
     def predict_proba_with_positions(self, X, positions):
         """Predict for each trial at each position, from few rows at a time."""
