@@ -466,3 +466,14 @@ def test_members_that_take_no_counts_are_refused():
     other = [("four", NNPOM(0, levels=[4, 3, 2, 1]))]
     with pytest.raises(ValueError, match=r"'four' was fitted to counts of \[1, 2, 3"):
         DistributionBlend(other).fit(X, counts, groups=objects)
+
+
+def test_three_objects_are_too_few_to_learn_an_exponent():
+    rng = np.random.default_rng(0)
+    X, counts = rng.normal(size=(4, 2)), np.array([[9, 3, 1], [1, 3, 9]] * 2)
+    counts[2:] += 1
+    members = [("linear", NNPOM(n_hidden=0)), ("dummy", DummyDistribution())]
+    few = DistributionBlend(members, cv=2).fit(X[:3], counts[:3], groups=range(3))
+    assert few.exponent_ == 1
+    more = DistributionBlend(members, cv=2).fit(X, counts, groups=range(4))
+    assert more.exponent_ != 1

@@ -12,6 +12,7 @@ from .._distributions import cdf
 
 _STEPS = 101
 _EXPONENTS = 2 ** np.linspace(-2, 2, 13)  # the one in the middle is 1
+_FEWEST_OBJECTS = 4  # whose standard error says something
 _LEAST = 1e-12  # smaller weights are rounding errors
 
 
@@ -107,6 +108,8 @@ def powered(proba, exponent):
 def cautious_exponent(proba, below, weight, objects):
     """Return the exponent nearest to 1 within one standard error of the best.
 
+    It is 1 if there are fewer than four objects, too few to know that error.
+
     Parameters
     ----------
     proba : ndarray of shape (n_trials, n_levels)
@@ -121,6 +124,8 @@ def cautious_exponent(proba, below, weight, objects):
     exponent : float
         Of a grid from 1/4 to 4.
     """
+    if len(np.unique(objects[weight > 0])) < _FEWEST_OBJECTS:
+        return 1.0
     scores = [
         ((cdf(powered(proba, exponent))[:, :-1] - below) ** 2).sum(axis=1)
         for exponent in _EXPONENTS
