@@ -11,6 +11,7 @@ from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import (
     NNPOM,
+    DummyDistribution,
     NoveltyGuard,
     Signal,
     SignalStatistics,
@@ -239,3 +240,15 @@ def test_distances_are_the_larger_of_features_and_signals(guards):
     np.testing.assert_allclose(
         guard.distances_, np.maximum(of_features, unit * of_signals), rtol=1e-6
     )
+
+
+@pytest.mark.parametrize("all_agree", [False, True])
+def test_a_model_that_predicts_the_mean_is_guarded_too(all_agree):
+    X, y, objects = made()
+    last = DummyDistribution()
+    if all_agree:
+        y, last = np.tile([0, 0, 12.0, 0], (len(y), 1)), NNPOM(0)
+    fitted = NoveltyGuard(make_pipeline(StandardScaler(), last))
+    fitted.fit(X, y, groups=objects)
+    expected = np.tile(y.sum(axis=0) / y.sum(), (2, 1))
+    np.testing.assert_allclose(fitted.predict_proba([X[0], X[0] + 99]), expected)
