@@ -233,6 +233,13 @@ def test_the_blur_is_exact_where_the_ends_are_rare(ends):
 # The estimator ---------------------------------------------------------------
 
 
+def test_no_rows_have_no_predictions():
+    X, y, objects = made()
+    pool = TouchPool(MEMBERS).fit(X, y, groups=objects)
+    assert pool.predict_proba(X[:0]).shape == (0, N_LEVELS)
+    assert pool.predict(X[:0]).shape == (0,)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_member_that_feels_nothing_has_no_weight(seed):
     """Its predictions differ from the mean distribution by rounding alone."""
