@@ -323,3 +323,12 @@ def test_groups_are_refused_by_an_estimator_that_takes_none():
         model.fit(X, y, groups=np.arange(len(X)))
     with pytest.raises(ValueError, match="groups has no object in trial 2"):
         ContinuousRatingsRegressor().fit(X, y, groups=[1, 2, None, *range(27)])
+
+
+def test_trials_without_weight_may_lie_outside_a_given_grid():
+    X, y = np.arange(8.0)[:, None], np.arange(16.0).reshape(8, 2)
+    weight = np.array([1.0] * 7 + [0.0])
+    grid = np.linspace(0, 13, 5)
+    without = ContinuousRatingsRegressor(grid=grid).fit(X[:-1], y[:-1])
+    model = ContinuousRatingsRegressor(grid=grid).fit(X, y, weight)
+    np.testing.assert_allclose(model.predict_cdf(X), without.predict_cdf(X))

@@ -11,11 +11,14 @@ from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import (
     NNPOM,
+    DummyDistribution,
     NoveltyGuard,
+    RepairTrials,
     Signal,
     SignalStatistics,
     make_haptic_pipeline,
 )
+from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import ranked_probability_score
 from sklearn_haptic.models._novelty import (
     belief_at,
@@ -238,4 +241,39 @@ def test_distances_are_the_larger_of_features_and_signals(guards):
     unit = np.median(of_features) / np.median(of_signals)
     np.testing.assert_allclose(
         guard.distances_, np.maximum(of_features, unit * of_signals), rtol=1e-6
+    )
+
+
+@pytest.mark.parametrize("all_agree", [False, True])
+def test_a_model_that_predicts_the_mean_is_guarded_too(all_agree):
+    X, y, objects = made()
+    last = DummyDistribution()
+    if all_agree:
+        y, last = np.tile([0, 0, 12.0, 0], (len(y), 1)), NNPOM(0)
+    fitted = NoveltyGuard(make_pipeline(StandardScaler(), last))
+    fitted.fit(X, y, groups=objects)
+    expected = np.tile(y.sum(axis=0) / y.sum(), (2, 1))
+    np.testing.assert_allclose(fitted.predict_proba([X[0], X[0] + 99]), expected)
+
+
+@pytest.mark.parametrize("sensors", [["pdc"], ["pdc", "tdc"]])
+def test_a_guard_takes_touches_that_its_model_repairs(sensors):
+    corpus = make_haptic_corpus(6, 2, sensors=sensors, random_state=0)
+    trials = corpus.trials[sensors].copy()
+    trials.at[trials.index[0], "pdc"] = None
+    broken = trials["pdc"].iloc[1].astype(float)
+    broken[3:9] = np.nan
+    trials.at[trials.index[1], "pdc"] = broken
+    repair, model = RepairTrials(), make_haptic_pipeline(sensors, random_state=0)
+    together = NoveltyGuard(
+        make_pipeline(repair, "passthrough", *(step for _, step in model.steps))
+    ).fit(trials, corpus.ratings["hard"], groups=corpus.objects)
+    repaired = clone(repair).fit_transform(trials)
+    apart = NoveltyGuard(model).fit(
+        repaired, corpus.ratings["hard"], groups=corpus.objects
+    )
+    np.testing.assert_allclose(together.distances_, apart.distances_)
+    np.testing.assert_allclose(together.p_values(trials), apart.p_values(repaired))
+    np.testing.assert_allclose(
+        together.predict_proba(trials), apart.predict_proba(repaired)
     )

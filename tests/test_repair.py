@@ -491,6 +491,28 @@ def test_stamps_may_be_a_column(library):
         infer_rate([trial], "at")
 
 
+@pytest.mark.parametrize("zone", [None, "UTC", "Asia/Tokyo"])
+def test_stamps_may_be_dates_of_a_time_zone(zone):
+    dates = pd.date_range("2026-11-22", periods=20, freq="20ms", tz=zone)
+    trial = pd.DataFrame({"when": dates, "a": np.arange(20.0)})
+    for stamps in ("when", [trial["when"]], [list(dates)], [dates.to_pydatetime()]):
+        assert infer_rate([trial], stamps) == pytest.approx(50)
+    resampled = resample_trials([trial], "when", 25)[0]
+    expected = resample_trials([trial[["a"]]], [np.arange(20) / 50], 25)[0]
+    np.testing.assert_allclose(resampled, expected, atol=1e-9)
+
+
+def test_a_trial_without_samples_is_passed_over():
+    times = np.arange(20) / 10
+    empty = stamped(times[:0], "durations")
+    trials = [empty, stamped(times, "durations"), None]
+    assert infer_rate(trials) == pytest.approx(10)
+    resampled = resample_trials(trials)
+    assert resampled[0] is None
+    assert resampled[2] is None
+    assert len(resampled[1]) == 20
+
+
 def test_a_rate_that_cannot_be_inferred_is_refused():
     times = np.arange(20) / 10
     with pytest.raises(ValueError, match=r"^Trials are sampled at 10 to 20 Hz; bring"):
@@ -500,6 +522,15 @@ def test_a_rate_that_cannot_be_inferred_is_refused():
     for trial in (waves(times), pd.DataFrame(waves(times))):  # an index that counts
         with pytest.raises(ValueError, match=r"^Trial 0 has no index of time stamps"):
             resample_trials([trial])
+
+
+def test_stamps_that_do_not_increase_are_named_by_their_place():
+    trial = stamped(np.zeros(5), "seconds")
+    with pytest.raises(ValueError, match=r"^The index of trial 0 must be finite and"):
+        SensorFeatures().fit([trial])
+    trial["when"] = 0.0
+    with pytest.raises(ValueError, match=r"^The column 'when' of trial 0 must be fin"):
+        resample_trials([trial], "when")
 
 
 def test_a_sensor_that_nobody_described_knows_its_rate():

@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.optimize import minimize
+from scipy.optimize import brentq, minimize
 from sklearn.base import clone
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GroupKFold
@@ -21,6 +21,7 @@ from sklearn_haptic.metrics import dispersion, ranked_probability_score
 from sklearn_haptic.models._pool_moments import (
     blur_share,
     error_moments,
+    mean_products,
     pairs_of,
     pool_weights,
     spread_moments,
@@ -209,7 +210,47 @@ def test_a_pool_that_no_blur_makes_broad_enough_is_blurred_as_far_as_it_helps():
     assert blur_share(spread, np.array([0.5, 0.5, 0]), pairs_of([[True, True]])) == 1
 
 
+@pytest.mark.parametrize("ends", [0, 1e-16, 1e-12, 1e-8, 1e-4])
+def test_the_blur_is_exact_where_the_ends_are_rare(ends):
+    """Then blurring moves no mean, and the equation is next to linear."""
+    proba, counts, objects = too_sure()
+    proba = np.pad(proba, ((0, 0), (0, 0), (2, 2)), constant_values=ends)
+    proba /= proba.sum(axis=2, keepdims=True)
+    share = np.array([0.5, 0.4, 0.1])
+    pairs = pairs_of([[True, True]])
+    true = np.pad(counts / 15, ((0, 0), (2, 2)))
+    spread = spread_moments(proba, true, objects)
+    error = mean_products(spread.means, np.tile(pairs, (2, 2)))
+
+    def lacking_breadth(blur):
+        every = np.concatenate(((1 - blur) * share, blur * share))
+        return every @ spread.square - 2 * every @ error @ every - spread.within
+
+    expected = brentq(lacking_breadth, 0, 1, xtol=1e-14)
+    assert blur_share(spread, share, pairs) == pytest.approx(expected, abs=1e-9)
+
+
 # The estimator ---------------------------------------------------------------
+
+
+def test_no_rows_have_no_predictions():
+    X, y, objects = made()
+    pool = TouchPool(MEMBERS).fit(X, y, groups=objects)
+    assert pool.predict_proba(X[:0]).shape == (0, N_LEVELS)
+    assert pool.predict(X[:0]).shape == (0,)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_member_that_feels_nothing_has_no_weight(seed):
+    """Its predictions differ from the mean distribution by rounding alone."""
+    X, y, objects = made(seed=seed)
+    X["a0"] = X["a1"] = 1.0
+    pool = TouchPool(MEMBERS).fit(X, y, groups=objects)
+    assert pool.weights([["a", "b"]])["a"] == 0
+    assert pool.weights([["a"]]) == {"a": 0, "b": 0, "marginal": 1}
+    alone = TouchPool(MEMBERS[1:]).fit(X, y, groups=objects)
+    expected = alone.predict_proba(X)
+    np.testing.assert_allclose(pool.predict_proba(X), expected, atol=1e-12)
 
 
 def test_predictions_equal_a_plain_loop():

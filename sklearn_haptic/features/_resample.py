@@ -12,7 +12,7 @@ from scipy.signal import resample_poly
 
 from .._recordings import as_floats
 from .._sklearn import FloatArray
-from .._validation import check_numbers, is_missing
+from .._validation import check_numbers, check_regular, has_no_samples
 
 _ALIKE = 1.1  # rates that differ by a smaller factor are taken for the same
 
@@ -38,8 +38,8 @@ def infer_rate(
     Raises
     ------
     ValueError
-        If trials have no such stamps, none has two samples, or the rates of two trials
-        differ by a tenth or more.
+        If trials have no such stamps, there are not as many as samples, no trial has
+        two samples, or the rates of two trials differ by a tenth or more.
 
     See Also
     --------
@@ -126,7 +126,8 @@ def resample_trials(
     -------
     resampled : list of ndarray of shape (n_samples_i, n_channels)
         Samples at the first stamp and every ``1 / rate`` seconds, up to the last stamp.
-        float32 if the trial is. None in place of a missing trial.
+        float32 if the trial is. None in place of a trial that is missing or has no
+        samples.
 
     Raises
     ------
@@ -163,7 +164,7 @@ def resample_trials(
             f"longest_gap={longest_gap!r} must be a number of seconds above 0."
         )
     pairs = [
-        (trial if stamps is None else _check(trial, stamps, i), stamps)
+        (None if stamps is None else as_floats(trial, f"Trial {i}"), stamps)
         for i, (trial, stamps) in enumerate(_with_stamps(trials, times))
     ]
     if rate is None:
@@ -177,7 +178,7 @@ def resample_trials(
 def _with_stamps(trials, times):
     """Return pairs of a trial, without its column of stamps, and stamps in seconds.
 
-    A missing trial has None in place of its stamps.
+    A trial that is missing or has no samples has None in place of its stamps.
     """
     given = times is not None and not isinstance(times, str)
     if given and len(trials) != len(times):
@@ -187,14 +188,17 @@ def _with_stamps(trials, times):
         )
     pairs = []
     for i, trial in enumerate(trials):
-        if is_missing(trial):
+        if has_no_samples(trial):
             pairs.append((None, None))
             continue
+        name = f"times[{i}]"
         if given:
             stamps = times[i]
         elif times is not None:
             trial, stamps = _without_column(trial, times, i)
+            name = f"The column {times!r} of trial {i}"
         else:
+            name = f"The index of trial {i}"
             stamps = getattr(trial, "index", None)
             if not isinstance(stamps, pd.Index) or not _is_of_time(stamps):
                 raise ValueError(
@@ -202,7 +206,13 @@ def _with_stamps(trials, times):
                     "or DataFrame of pandas whose index is of dates, durations or "
                     "seconds."
                 )
-        pairs.append((trial, _seconds(stamps, i)))
+        stamps = _seconds(stamps, name)
+        if hasattr(trial, "__len__") and stamps.shape != (len(trial),):
+            raise ValueError(
+                f"{name} has shape {stamps.shape}, but trial {i} has {len(trial)} "
+                "time samples; give one time stamp per sample."
+            )
+        pairs.append((trial, stamps))
     return pairs
 
 
@@ -223,35 +233,28 @@ def _is_of_time(index):
     )
 
 
-def _seconds(stamps, i):
+def _seconds(stamps, name):
     """Return time stamps as increasing seconds, dates from the first of them."""
-    index = stamps if isinstance(stamps, pd.Index) else np.asarray(stamps)
+    index = stamps
+    if not isinstance(stamps, pd.Index):
+        index = check_regular(stamps, name)
+        if index.dtype.kind == "O" and index.ndim == 1:  # as dates of a time zone are
+            index = pd.Index(index)
     if isinstance(index, pd.DatetimeIndex) or index.dtype.kind == "M":
         index = pd.DatetimeIndex(index)
         index = index - index.min()
     if index.dtype.kind == "m":
         index = pd.TimedeltaIndex(index).total_seconds()
-    check_numbers(index, f"times[{i}]")
+    check_numbers(index, name)
     stamps = np.asarray(index, dtype=np.float64)
     if stamps.ndim == 1 and not (
         np.isfinite(stamps).all() and (np.diff(stamps) > 0).all()
     ):
         raise ValueError(
-            f"times[{i}] must be finite and increase from sample to sample; sort the "
+            f"{name} must be finite and increase from sample to sample; sort the "
             "samples and remove those whose stamp is repeated."
         )
     return stamps
-
-
-def _check(trial, stamps, i):
-    """Return a trial of two dimensions, with NaN for masked samples."""
-    trial = as_floats(trial, f"Trial {i}")
-    if stamps.shape != (len(trial),) or not len(trial):
-        raise ValueError(
-            f"times[{i}] has shape {stamps.shape}, but trial {i} has {len(trial)} time "
-            "samples; give one time stamp per sample."
-        )
-    return trial
 
 
 def _resample(trial, stamps, rate, longest_gap):

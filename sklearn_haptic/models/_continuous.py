@@ -227,11 +227,11 @@ class ContinuousRatingsRegressor(
         return self
 
     def _make_grid(self, answers, weight):
-        lowest, highest = np.nanmin(answers), np.nanmax(answers)
         used = answers[weight > 0]
-        if (least := np.nanmin(used)) == np.nanmax(used):
+        lowest, highest = np.nanmin(used), np.nanmax(used)
+        if lowest == highest:
             raise ValueError(
-                f"All ratings in y are {least} (n_samples={len(used)}); a grid needs "
+                f"All ratings in y are {lowest} (n_samples={len(used)}); a grid needs "
                 "at least two different ones."
             )
         if isinstance(self.grid, str):

@@ -92,7 +92,8 @@ def fit_belief(departure, from_marginal, distance, weight):
     belief = IsotonicRegression(
         y_min=0, y_max=1, increasing=False, out_of_bounds="clip"
     )
-    return belief.fit(distance, best, sample_weight=weight * square)
+    weight = weight * square if square.any() else weight  # a model of the mean alone
+    return belief.fit(distance, best, sample_weight=weight)
 
 
 def belief_at(belief, distance):

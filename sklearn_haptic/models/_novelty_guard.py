@@ -31,7 +31,13 @@ from ._held_out import (
     true_shares,
 )
 from ._novelty import belief_at, conformal_p_values, fit_belief, nearest_distances
-from ._signals import columns_given, fit_statistics, rows_of, signals_of
+from ._signals import (
+    behind_repairs,
+    columns_given,
+    fit_statistics,
+    rows_of,
+    signals_of,
+)
 
 
 class NoveltyGuard(
@@ -86,7 +92,8 @@ class NoveltyGuard(
     The features are fitted once to all training touches, also for the predictions out
     of fold. Steps that learn from the ratings make them too good.
 
-    The signals are those that the first step is given: the columns of recordings of a
+    The signals are those that the first step is given, behind a :class:`RepairTrials`
+    the repaired ones, whose faults that one reports: the columns of recordings of a
     ColumnTransformer, or the recordings of one sensor. Their statistics are those of
     :class:`SignalStatistics`, standardised. Distances of both kinds are made to have
     the same median over training touches. So one of two broken sensors in a model of
@@ -157,8 +164,9 @@ class NoveltyGuard(
         fitted = clone(self.estimator)
         *_, (name, last) = fitted.steps
         rows = np.asarray(fitted[:-1].fit_transform(X, y))
-        columns = columns_given(fitted[0])
-        signals = signals_of(X, columns)
+        repaired, first = behind_repairs(fitted, X)
+        columns = columns_given(first)
+        signals = signals_of(repaired, columns)
         statistics = fit_statistics(signals)
         signal_rows = rows_of(signals, statistics)
         every = np.ones(len(true), dtype=bool)
@@ -220,7 +228,8 @@ class NoveltyGuard(
         distance = nearest_distances(rows, self._rows)
         if self._signal_rows is None:
             return distance
-        signals = rows_of(signals_of(X, self._columns), self._statistics)
+        repaired, _ = behind_repairs(self.estimator_, X)
+        signals = rows_of(signals_of(repaired, self._columns), self._statistics)
         of_signals = nearest_distances(signals, self._signal_rows)
         return np.maximum(distance, self._unit * of_signals)
 

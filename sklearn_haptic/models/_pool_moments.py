@@ -17,6 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import nnls
 
+# A member no further from the marginal, as a share of the marginal's mean square error,
+# says no more than rounding and unfinished solving do. Its weight could be anything.
+_LEAST = 1e-6
+
 
 class Moments(NamedTuple):
     """Mean products of the departures of pairs of members.
@@ -104,13 +108,17 @@ def pool_weights(moments, pairs):
     -------
     share : ndarray of shape (n_members,)
         Weights of the members, each shared equally by the touches that have it; 0 for
-        a member that has none.
+        a member that has none, or that predicts the marginal.
     score : float
         Expected squared distance from the truth.
     """
     count = pairs.diagonal()
-    used = np.flatnonzero(count)
-    mean = mean_products(moments, pairs)[np.ix_(used, used)]
+    mean = mean_products(moments, pairs)
+    own = mean.diagonal()
+    differs = own - 2 * mean[-1] + own[-1] > _LEAST * own[-1]
+    differs[-1] = True
+    used = np.flatnonzero((count > 0) & differs)
+    mean = mean[np.ix_(used, used)]
     values, vectors = np.linalg.eigh(mean)
     root = (vectors * np.sqrt(np.maximum(values, 0))).T  # root.T @ root is the mean
     share = np.zeros(len(count))
@@ -224,11 +232,11 @@ def blur_share(spread, share, pairs):
     bend = -2 * step @ error @ step
     if missing >= 0 or slope <= 0:
         return 0.0
-    if bend >= 0:  # no error that changes
-        return float(min(1.0, -missing / slope))
     root = slope**2 - 4 * bend * missing
-    best = (np.sqrt(max(root, 0.0)) - slope) / (2 * bend)
-    return float(min(1.0, best))
+    if root < 0:  # never as broad as it errs; here it is nearest to that
+        return float(min(1.0, -slope / (2 * bend)))
+    # In this form nothing cancels where ends are rare and bend is next to 0.
+    return float(min(1.0, -2 * missing / (slope + np.sqrt(root))))
 
 
 def mean_products(moments, pairs):

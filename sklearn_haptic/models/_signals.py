@@ -13,13 +13,29 @@ from .._check_trials import check_trials, is_table
 from .._sequences import Sequences
 from .._sklearn import _safe_indexing
 from .._validation import column_of
-from ..features import SignalStatistics
+from ..features import RepairTrials, SignalStatistics
+
+
+def behind_repairs(model, X):
+    """Return touches as repaired by the first steps, and the step behind these."""
+    steps = [*_steps(model)]
+    while len(steps) > 1 and isinstance(steps[0], RepairTrials):
+        X = steps.pop(0).transform(X)
+    return X, steps[0]
+
+
+def _steps(model):
+    """Yield the steps of a pipeline, those of inner ones too."""
+    if not isinstance(model, Pipeline):
+        yield model
+        return
+    for _, step in model.steps:
+        if step is not None and step != "passthrough":
+            yield from _steps(step)
 
 
 def columns_given(step):
     """Return the columns that a fitted step is given; None for all there is."""
-    while isinstance(step, Pipeline):
-        step = step[0]
     if not isinstance(step, ColumnTransformer):
         return None
     used = [columns for _, each, columns in step.transformers_ if each != "drop"]

@@ -304,6 +304,8 @@ class TouchPool(
 
     def _pool(self, proba, there, groups):
         """Return the weighted means of the members' predictions, of shape (n, k)."""
+        if not len(there):
+            return np.empty((0, len(self.classes_)))
         groups = np.arange(len(there)) if groups is None else groups
         _, objects = np.unique(groups, return_inverse=True)
         n_touches = np.zeros((objects.max() + 1, there.shape[1]))
