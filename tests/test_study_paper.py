@@ -316,7 +316,9 @@ def test_any_procedures_and_sensors(tmp_path):
     }
     settings = {"n_hidden": [1], "alpha": [1.0], "n_starts": 1, "split": "paper"}
     study = run_study({"stroke it": touches}, tmp_path / "a", verbose=False, **settings)
-    assert [*score_table(study)][:3] == ["combined", "my_mic", "skin"]
+    table = score_table(study)
+    assert [*table][:3] == ["combined", "my_mic", "skin"]
+    assert table["ceiling"].isna().all()  # one object is tested
     assert study.truth.empty
     sensors = {"my_mic": KSVDTransformer(5, window=8)}
     run_study(

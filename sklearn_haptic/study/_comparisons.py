@@ -45,10 +45,10 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
         ``marginal`` and ``barycentre``, the guesses of
         :class:`~sklearn_haptic.DummyDistribution`; ``ceiling``, what the whole
         population is expected to score, as
-        :func:`~sklearn_haptic.metrics.noise_ceiling` estimates it where each object has
-        two ratings or more; ``truth``, the score of the population itself, if the
-        corpus knows it; and ``no_better``, whether the combined network is no better
-        than the better guess. All are means over folds and test trials.
+        :func:`~sklearn_haptic.metrics.noise_ceiling` estimates it from several objects
+        of two ratings or more, NaN otherwise; ``truth``, the score of the population
+        itself, if the corpus knows it; and ``no_better``, whether the combined network
+        is no better than the better guess. All are means over folds and test trials.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def _ceiling(rows, score):
     """Return what the population is expected to score at the ratings of some trials."""
     by_object = rows.groupby("object")
     counts = by_object.first().filter(regex=r"^count_\d+$").to_numpy()
-    if (counts.sum(axis=1) < 2).any():
+    if len(counts) < 2 or (counts.sum(axis=1) < 2).any():
         return np.nan
     weight = by_object.size().to_numpy()
     return noise_ceiling(counts, score, sample_weight=weight, random_state=0).truth
