@@ -45,9 +45,9 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
         ``marginal`` and ``barycentre``, the guesses of
         :class:`~sklearn_haptic.DummyDistribution`; ``ceiling``, what the whole
         population is expected to score, as
-        :func:`~sklearn_haptic.metrics.noise_ceiling` estimates it from several objects
-        of two ratings or more, NaN otherwise; ``truth``, the score of the population
-        itself, if the corpus knows it; and ``no_better``, whether the combined network
+        :func:`~sklearn_haptic.metrics.noise_ceiling` estimates it, NaN if an object has
+        fewer than two ratings or, but for the RPS, is alone; ``truth``, the score of
+        the population itself, if the corpus knows it; and ``no_better``, whether the combined network
         is no better than the better guess. All are means over folds and test trials.
 
     Raises
@@ -87,7 +87,8 @@ def _ceiling(rows, score):
     """Return what the population is expected to score at the ratings of some trials."""
     by_object = rows.groupby("object")
     counts = by_object.first().filter(regex=r"^count_\d+$").to_numpy()
-    if len(counts) < 2 or (counts.sum(axis=1) < 2).any():
+    alone = len(counts) < 2 and score is not ranked_probability_score
+    if alone or (counts.sum(axis=1) < 2).any():
         return np.nan
     weight = by_object.size().to_numpy()
     return noise_ceiling(counts, score, sample_weight=weight, random_state=0).truth
