@@ -47,8 +47,9 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
         population is expected to score, as
         :func:`~sklearn_haptic.metrics.noise_ceiling` estimates it, NaN if an object has
         fewer than two ratings or, but for the RPS, is alone; ``truth``, the score of
-        the population itself, if the corpus knows it; and ``no_better``, whether the combined network
-        is no better than the better guess. All are means over folds and test trials.
+        the population itself, if the corpus knows it; and ``no_better``, whether the
+        combined network is no better than the better guess. All are means over folds
+        and test trials.
 
     Raises
     ------
