@@ -220,8 +220,10 @@ def _check_trial(trial, i, ndims):
             {2: "(n_times, n_channels)", 3: "(n_times, height, width)"}[n]
             for n in ndims
         )
+        images = trial.ndim == 3  # of a sensor whose channels are expected
+        mend = "; make one channel of each pixel by reshape(len(trial), -1)" * images
         raise ValueError(
-            f"Trial {i} of X has shape {trial.shape}; it must be {wanted}."
+            f"Trial {i} of X has shape {trial.shape}; it must be {wanted}{mend}."
         )
     _check_length(i, len(trial))
     if trial.size == 0:

@@ -134,24 +134,27 @@ def check_objects(objects, *, name="objects", row="row"):
     return objects
 
 
-def rows_of_objects(objects, known):
+def rows_of_objects(
+    objects, known, *, lacks="The table has no ratings", more="ratings"
+):
     """Find the row of each trial's object in a table of the `known` ones.
 
-    A ValueError names objects that are missing or not known.
+    A ValueError names objects that are missing or not known: what the table `lacks`,
+    and what there would have to be `more` of.
     """
     objects = check_objects(objects).tolist()
     row = {each: i for i, each in enumerate(known.tolist())}
     unknown = [each for each in dict.fromkeys(objects) if each not in row]
     if unknown:
         first = next(iter(row))
-        hint = "leave their trials out, or count their ratings too"
+        hint = f"leave their trials out, or add their {more}"
         if isinstance(first, str) != isinstance(unknown[0], str):
             hint = (
                 f"its objects are of another type, such as {first!r}: convert with "
                 f"numpy.asarray(objects).astype({type(first).__name__})"
             )
         raise ValueError(
-            f"The table has no ratings of objects {unknown[:5]}"
+            f"{lacks} of objects {unknown[:5]}"
             f"{' and more' * (len(unknown) > 5)}; {hint}."
         )
     return np.array([row[each] for each in objects], dtype=np.intp)

@@ -150,7 +150,9 @@ class PairwiseScale:
         ValueError
             If an object is missing or not on this scale.
         """
-        return self.values[rows_of_objects(objects, self.objects)]
+        lacks = "The scale has no judgements"
+        rows = rows_of_objects(objects, self.objects, lacks=lacks, more="judgements")
+        return self.values[rows]
 
 
 @validate_params(

@@ -946,7 +946,7 @@ ask(direct(ratings.rating_counts),
 TABLE_OF_RATINGS = ratings.rating_counts([1, 2, 2], [3, 3, 5])
 ask(direct(TABLE_OF_RATINGS.counts_for),
     check("an object that nobody rated", [3, 4, 5],
-        r"^The table has no ratings of objects \[4\]; leave their"),
+        r"^The table has no ratings of objects \[4\]; leave .* or add their ratings"),
     check("objects as text", ["3"],
         r"no ratings of objects \['3'\]; .* such as 3: convert .*int\)"),
     check("an object without a name", [3, None], OBJECT_WITHOUT_NAME))
@@ -1075,7 +1075,7 @@ ask(SCALE, *settings("alpha", 0, -1), *settings("model", "elo"),
 PLACES = pairs.pairwise_scale(["tile"], ["foam"])
 ask(direct(PLACES.values_for),
     check("an unknown object", ["tile", "cork"],
-        r"^The table has no ratings of objects \['cork'\]; leave their trials out"))
+        r"^The scale has no judgements of objects \['cork'\]; leave .* add their judg"))
 LONG = pd.DataFrame({"object": list("aab"), "rater": list("xyx"), "rating": [1, 2, 2]})
 ask(direct(RatingTable.from_long),
     check("somebody's second rating of an object", pd.concat([LONG, LONG[:1]]),

@@ -168,7 +168,7 @@ def test_scale_as_a_target_of_trials(frame):
     assert scale.values_for(["tile", "foam", "tile"]).tolist() == [tile, foam, tile]
     assert tile > cork > foam
     assert "tile" in repr(scale) and "covariance" not in repr(scale)  # a large matrix
-    with pytest.raises(ValueError, match=r"no ratings of objects \['felt'\]"):
+    with pytest.raises(ValueError, match=r"no judgements of objects \['felt'\]"):
         scale.values_for(["tile", "felt"])
 
 

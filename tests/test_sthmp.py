@@ -602,7 +602,11 @@ def test_cached_rows_depend_on_every_parameter(tmp_path):
         ({"spatial_cells": ()}, electrodes(), "spatial_cells=.*positive integers"),
         ({"layout": np.eye(19)}, electrodes(), r"layout has shape \(19, 19\)"),
         ({"layout": None}, electrodes(), r"Trial 0 .*\(n_times, height, width\)"),
-        ({}, [np.ones((5, 7, 6))], r"Trial 0 .*\(n_times, n_channels\)"),
+        (
+            {},
+            [np.ones((5, 7, 6))],
+            r"Trial 0 .*\(n_times, n_channels\); .* reshape\(len\(trial\), -1\)",
+        ),
     ],
 )
 def test_what_does_not_fit_together(params, trials, message):

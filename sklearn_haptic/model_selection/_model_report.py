@@ -231,7 +231,7 @@ def model_report(
         predicted |= _by_adjective(name, proba)
     objects = np.arange(_num_samples(X)) if groups is None else groups
     tested = np.sort(np.concatenate([test for _, test in folds]))
-    scores, gains, conclusion = _compare(counts, predicted, folds, objects[tested])
+    scores, gains, conclusion = _compare(counts, predicted, folds, tested, objects)
     result = _Model(
         scores=scores,
         gains=gains,
@@ -270,9 +270,9 @@ def _by_adjective(name, values):
     return {f"{name}[:, {i}]": values[:, i] for i in range(values.shape[1])}
 
 
-def _compare(counts, predicted, folds, objects):
+def _compare(counts, predicted, folds, tested, objects):
     """Return the tables of scores and gains, and the conclusion."""
-    tested = np.sort(np.concatenate([test for _, test in folds]))
+    objects = objects[tested]
     rows, of_trials, table = {}, [], {}
     for name, each in counts.items():
         guesses = {guess: guess_out_of_fold(guess, each, folds) for guess in GUESSES}
@@ -408,7 +408,7 @@ def _gain_texts(gains):
             "rps_guess": ("guessing", number),
             "gain": ("lower by", number),
             "standard_error": ("standard error", number),
-            "rps_ceiling": ("ceiling", lambda x: "–" if np.isnan(x) else number(x)),
+            "rps_ceiling": ("ceiling", number),
             "verdict": ("better than guessing?", _ANSWERS.get),
         },
     )
