@@ -5,9 +5,9 @@ The score of a mean of predictions is a quadratic function of its weights, so th
 products of errors out of fold, of two predictions of the same touch and of two touches
 of the same object, give the best weights for any set of touches.
 
-The best score does not make a pool as broad as it errs: what it has wrong is where it
-puts an object, for which most objects pay little and few pay much. So it is blurred, a
-share of each level going to its neighbours, until it is.
+The weights with the best score do not make a pool as broad as it errs, because it errs
+in where it puts an object, little for most objects and much for a few. So it is blurred,
+a share of each level going to its neighbours, until it is as broad.
 """
 
 from __future__ import annotations
