@@ -5,7 +5,7 @@ import pandas as pd
 from speed_accuracy_folds import SCORES
 
 SECONDS = ["features", "transform", "fit", "predict"]
-TITLES = ["MAE^M", "EMD", "RPS", "log score"]
+PRINTED = {"mae_m": "MAE^M", "rps": "RPS", "log": "log score"}
 COLUMNS = [
     *("set", "knob", "value", "repeat", "fold"),
     *(f"seconds_{stage}" for stage in SECONDS),
@@ -74,10 +74,10 @@ def table(summary, knob):
     """Markdown of one knob, without the seconds that do not depend on it."""
     lines = summary[summary["knob"] == knob]
     stages = [stage for stage in SECONDS if lines[f"{stage}_s"].notna().all()]
-    header = [knob, *(f"{stage}, s" for stage in stages), "memory, MB", *TITLES]
+    header = [knob, *(f"{stage}, s" for stage in stages), "memory, MB", *PRINTED.values()]
     cells = [header, ["---"] * len(header)]
     for _, line in lines.iterrows():
         measured = line[[*(f"{stage}_s" for stage in stages), "memory_mb"]]
-        scores = [describe(line, score) for score in SCORES]
+        scores = [describe(line, score) for score in PRINTED]
         cells.append([line["value"], *(f"{x:.3g}" for x in measured), *scores])
     return "\n".join("| " + " | ".join(row) + " |" for row in cells)
