@@ -74,7 +74,8 @@ def table(summary, knob):
     """Markdown of one knob, without the seconds that do not depend on it."""
     lines = summary[summary["knob"] == knob]
     stages = [stage for stage in SECONDS if lines[f"{stage}_s"].notna().all()]
-    header = [knob, *(f"{stage}, s" for stage in stages), "memory, MB", *PRINTED.values()]
+    costs = [*(f"{stage}, s" for stage in stages), "memory, MB"]
+    header = [knob, *costs, *PRINTED.values()]
     cells = [header, ["---"] * len(header)]
     for _, line in lines.iterrows():
         measured = line[[*(f"{stage}_s" for stage in stages), "memory_mb"]]

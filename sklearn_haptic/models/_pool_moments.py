@@ -6,8 +6,8 @@ products of errors out of fold, of two predictions of the same touch and of two 
 of the same object, give the best weights for any set of touches.
 
 The weights with the best score do not make a pool as broad as it errs, because it errs
-in where it puts an object, little for most objects and much for a few. So it is blurred,
-a share of each level going to its neighbours, until it is as broad.
+in where it puts an object, little for most objects and much for a few. So it is
+blurred, a share of each level going to its neighbours, until it is as broad.
 """
 
 from __future__ import annotations
