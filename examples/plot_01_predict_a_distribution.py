@@ -99,8 +99,8 @@ report = model_report(
 print(f"\n{report}\n")
 
 # %%
-# 4. What the model says about one new object
-# -------------------------------------------
+# 4. Predictions for one new object
+# ---------------------------------
 # The figure shows the crowd's inverse CDF and the inverse CDFs predicted from each of
 # ten touches (Figure 11 of the paper). An inverse CDF gives the rating of the person at
 # each quantile position of the population.

@@ -77,8 +77,8 @@ display = SignalsDisplay.from_trials(
 )
 
 # %%
-# 3. What must be said
-# --------------------
+# 3. Descriptions of the sensors
+# ------------------------------
 # The taxels need a layout: ``np.eye(16)[wiring]`` has the weight of each channel in
 # each pixel; here each pixel is one channel. If all rows were read in the same
 # direction, ``(4, 4)`` would be enough. The accelerometer needs the rate and, if events
@@ -97,8 +97,8 @@ codes = model[0].named_transformers_["taxels"]["codes"]
 display = AtomsDisplay.from_estimator(codes[0])
 
 # %%
-# 4. What went wrong
-# ------------------
+# 4. Faulty recordings
+# --------------------
 # Real recordings have faults. Here a taxel is dead, frames are lost and one trial has
 # no acceleration. `RepairTrials` repairs these faults, and lists each repair.
 for i in range(5):

@@ -42,8 +42,8 @@ pool = TouchPool(
 pool.fit(trials[~test], hard[~test], groups=objects[~test])
 
 # %%
-# 2. Whichever touches there are
-# ------------------------------
+# 2. Predictions from any touches
+# -------------------------------
 # If a touch was not made, its columns are None. With ``groups``, all rows of an object
 # are also pooled.
 touched = trials[test]
