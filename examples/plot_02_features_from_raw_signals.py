@@ -2,18 +2,19 @@
 Features from raw signals
 =========================
 
-A touch is thousands of samples of several sensors; a model needs one row of numbers.
-This example follows one touch all the way, from signals to windows, atoms, codes and
-their maxima, and says what each step keeps and what it drops.
+A touch is thousands of samples of several sensors, but a model needs one row of
+numbers. This example follows one touch from signals to windows, atoms, codes and their
+maxima, and says what each step keeps and what it drops.
 """
 
 # %%
 # 1. Signals
 # ----------
 # A trial is a row of a DataFrame and a sensor is a column; each cell is an array of
-# samples of two fingers. With one seed, the corpus holds the same objects for every
-# exploratory procedure, so the procedures can stand side by side: vibration (pac),
-# pressure (pdc), heat flow (tac), temperature (tdc) and the electrodes under the skin.
+# samples of two fingers. With the same seed, the corpus holds the same objects for
+# every exploratory procedure, so the figure can compare the procedures. It shows
+# vibration (pac), pressure (pdc), heat flow (tac), temperature (tdc) and the electrodes
+# under the skin.
 import time
 
 import matplotlib
@@ -40,8 +41,8 @@ display.figure_.suptitle("One plastic object, touched in four ways")
 # 2. Windows
 # ----------
 # From here on we follow the vibration of fast slides. Each finger's signal is cut into
-# windows of 22 samples, 10 ms, each of which shares half with the next. The order of
-# the windows is kept; samples after the last whole window are dropped.
+# windows of 22 samples (10 ms). Neighbouring windows overlap by half. The order of the
+# windows is kept; samples after the last whole window are dropped.
 rate = corpora["fast_slide"].sampling_rates["pac"]
 trials = corpora["fast_slide"].trials["pac"]
 trial = trials.iloc[number]
@@ -55,17 +56,18 @@ print(f"dictionary and codes: {time.perf_counter() - started:.1f} s")
 # %%
 # 3. Atoms
 # --------
-# K-SVD learns 40 atoms such that each window, less its mean, is nearly a sum of at most
-# four of them. The atoms have no unit, for each has norm 1: the code says how much of
-# it is there. We sort the atoms by the share of all windows that use them.
+# K-SVD learns 40 atoms such that each window, minus its mean, is nearly a weighted sum
+# of at most four atoms. Atoms have no unit, because each has norm 1; the code says how
+# much of each atom a window contains. We sort the atoms by the share of all windows
+# that use them.
 display = AtomsDisplay.from_estimator(coder, trials, sampling_rate=rate)
 display.figure_.suptitle("Atoms of vibration, and the share of windows that use each")
 
 # %%
 # 4. What the reconstruction error says
 # -------------------------------------
-# A code is turned back into a window by multiplying it with the atoms. Positive and
-# negative parts have columns of their own, finger after finger.
+# Multiplying a code by the atoms reconstructs the window. Positive and negative parts
+# are in separate columns, finger after finger.
 positive, negative = codes.reshape(len(codes), 2, 2, 40).transpose(2, 0, 1, 3)
 rebuilt = (positive - negative) @ coder.components_
 windows = np.lib.stride_tricks.sliding_window_view(trial, 22, axis=0)[::11]
@@ -85,9 +87,9 @@ axes[0].legend()
 # %%
 # The transformer reports the root mean square error over the training windows, in the
 # unit of the signal. Each further atom that a code may use lowers the error, by less
-# each time. A small error says that the codes keep the windows. It does not say that
-# what they keep tells how objects feel: only the scores of a model on unseen objects
-# can decide that.
+# each time. A small error shows that the codes represent the windows well. It does not
+# show that the codes predict how objects feel: only the scores of a model on unseen
+# objects can show that.
 spread = np.sqrt(
     np.mean(
         [
@@ -107,9 +109,9 @@ for n_nonzero_coefs in (1, 2, 4, 8):
 # %%
 # 5. Means
 # --------
-# By default each window's mean is removed, because in vibration it is a nuisance. Two
+# By default, each window's mean is removed, because it is not useful in vibration. Two
 # windows that differ only in their mean then have the same code. In pressure and
-# temperature the mean is information, and ``remove_mean=False`` keeps it.
+# temperature, the mean is information, and ``remove_mean=False`` keeps it.
 pressure = corpora["fast_slide"].trials["pdc"]
 for remove_mean in (True, False):
     of_pressure = KSVDTransformer(
@@ -123,9 +125,9 @@ for remove_mean in (True, False):
 # 6. One row per trial
 # --------------------
 # Trials differ in length. `TemporalMaxPool` takes the maximum of each code in four
-# quarters, two halves and the whole of the recording, so that every trial has the same
-# number of features. It keeps that an atom appeared, how strongly and in which quarter;
-# it drops how often, and when exactly.
+# quarters, two halves and the whole recording, so every trial has the same number of
+# features. These features say whether an atom appeared, how strongly and in which
+# quarter. They do not say how often or when exactly.
 coder.set_params(n_nonzero_coefs=4)
 pipeline = make_pipeline(coder, TemporalMaxPool((4, 2, 1)))
 features = pipeline.fit_transform(trials)
@@ -133,8 +135,8 @@ print(f"{features.shape[0]} trials, {features.shape[1]} features each, such as")
 print(pipeline.get_feature_names_out()[[0, 200, -1]])
 
 # %%
-# The figure shows this for one finger and ten atoms, so that single codes can be seen.
-# Below the codes, the maxima lie where their cells are.
+# The figure shows this for one finger and ten atoms, so that single codes are visible.
+# Below the codes are the maxima, at the places of their cells.
 few = make_pipeline(
     KSVDTransformer(n_atoms=10, window=22, n_nonzero_coefs=2, random_state=0),
     TemporalMaxPool((4, 2, 1)),

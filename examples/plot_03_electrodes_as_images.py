@@ -3,19 +3,19 @@ Electrodes as images
 ====================
 
 `STHMPTransformer` turns the readings of electrodes into images, and codes small patches
-of these as `KSVDTransformer` codes windows of a signal. A BioTac finger has 19
-electrodes under its skin, and where they lie matters: a slide raises the readings on
-one side of the finger and lowers them on the other.
+of these images as `KSVDTransformer` codes windows of a signal. A BioTac finger has 19
+electrodes under its skin. Their positions matter: a slide raises the readings on one
+side of the finger and lowers them on the other.
 """
 
 # %%
 # 1. From electrodes to pixels
 # ----------------------------
-# ``layout="biotac"`` stands for a matrix of shape (7, 3, 19): the weight of each of a
-# finger's electrodes in each pixel of 7 rows, tip of the finger first, and 3 columns.
-# Most pixels are one electrode. The middle pixels of rows 3 and 4 have none, so they
-# take the mean of those neighbours that have one. A fitted transformer holds the matrix
-# as ``layout_``.
+# ``layout="biotac"`` stands for an array of shape (7, 3, 19): the weight of each of a
+# finger's 19 electrodes in each pixel of 7 rows, tip of the finger first, and 3
+# columns. Most pixels are one electrode. The middle pixels of rows 3 and 4 have no
+# electrode, so they take the mean of those neighbours that have one. A fitted
+# transformer stores the array as ``layout_``.
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
@@ -39,8 +39,8 @@ for row in (3, 4):
     print(f"row {row}, middle: mean of electrodes {electrodes}")
 
 # %%
-# The matrix times the readings of a finger gives its images. Two fingers, of 19
-# channels each, lie side by side: 7 × 6 pixels.
+# The weights times the readings of a finger give its images. Two fingers, of 19
+# channels each, are placed side by side: 7 × 6 pixels.
 images = np.concatenate([weights @ f.T for f in (trial[:, :19], trial[:, 19:])], axis=1)
 print(f"{len(trial)} frames of {images.shape[0]} × {images.shape[1]} pixels")
 
@@ -63,11 +63,11 @@ bar.ax.figure.suptitle("Electrodes of a finger; two fingers sliding over glass")
 # %%
 # 2. Atoms of patches
 # -------------------
-# Every 3 × 3 patch of every frame, less its mean, is an observation: what the skin does
-# at some location, wherever that is and however high the readings are. K-SVD learns
-# atoms from these; light and dark are weights of opposite signs. The shares say in how
-# many frames and cells (section 3) an atom appears. They are high because most cells
-# hold several patches.
+# Every 3 × 3 patch of every frame, minus its mean, is an observation of what the skin
+# does at some location, independent of the location and of the level of the readings.
+# K-SVD learns atoms from these observations; light and dark are weights of opposite
+# signs. The shares say in how many frames and cells (section 3) an atom appears. They
+# are high because most cells hold several patches.
 display = AtomsDisplay.from_estimator(coder, trials)
 display.figure_.suptitle("Atoms of patches of electrodes")
 
@@ -75,10 +75,10 @@ display.figure_.suptitle("Atoms of patches of electrodes")
 # 3. A pyramid of cells
 # ---------------------
 # A 3 × 3 patch has 5 × 4 locations in an image of 7 × 6 pixels. Codes are pooled over
-# cells of these locations: the maximum in each of 3 × 3 cells, of 2 × 2 and of the
-# whole. Small cells keep where something was felt, large ones that it was felt
-# anywhere. The numbers are those in the names of features: ``s4of9`` is the fourth of
-# nine cells.
+# cells of these locations: by the maximum in each of 3 × 3 cells, of 2 × 2 cells and of
+# the whole image. Small cells keep where something was felt, large cells only that it
+# was felt. The names of features have the numbers in the figure: ``s4of9`` is the
+# fourth of nine cells.
 _, axes = plt.subplots(1, 3, figsize=(6.4, 2.8), layout="constrained", sharey=True)
 for ax, n_cells in zip(axes, (3, 2, 1)):
     down, right = [np.ceil(np.arange(1, n + 1) * n_cells / n) - 1 for n in (5, 4)]
@@ -92,9 +92,9 @@ axes[0].set(ylabel="row of patch", yticks=range(5))
 # %%
 # 4. Features of a slide
 # ----------------------
-# Each frame gives 14 cells of 20 codes, since positive and negative parts have one
-# column each, and is scaled to norm 1. `TemporalMaxPool` takes maxima over time, as for
-# any other sensor.
+# Each frame gives 14 cells of 20 codes (positive and negative parts have one column
+# each), and is scaled to norm 1. `TemporalMaxPool` takes maxima over time, as for any
+# other sensor.
 pipeline = make_pipeline(coder, TemporalMaxPool((4, 2, 1)))
 features = pipeline.fit_transform(trials)
 print(f"{features.shape[0]} trials, {features.shape[1]} features each, such as")
@@ -105,9 +105,9 @@ display.figure_.suptitle("Codes of the slide over glass, and their maxima")
 # %%
 # 5. Other layouts
 # ----------------
-# ``layout`` takes the matrix of any sensor, for any number of fingers, and
-# ``layout=None`` takes trials that are images already. The images above give the same
-# codes as the electrodes.
+# ``layout`` takes the weights of any sensor, for any number of fingers. With
+# ``layout=None``, trials are images already. The images above give the same codes as
+# the electrodes.
 frames = np.moveaxis(images, 2, 0)
 of_images = STHMPTransformer(
     n_atoms=10, layout=None, max_iter=0, dict_init=coder.components_

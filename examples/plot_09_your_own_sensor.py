@@ -2,10 +2,10 @@
 Your own sensor
 ===============
 
-Say what each sensor is, and the model follows. Here it is a gripper with a skin of
-4 × 4 taxels and an accelerometer of three axes. This example describes both, repairs
-recordings that went wrong, and shows how well the model predicts what people say.
-Nothing depends on a BioTac.
+Describe each sensor to get a model for it. Here a gripper has a skin of 4 × 4 taxels
+and an accelerometer with three axes. This example describes both, repairs faulty
+recordings, and shows how well the model predicts people's ratings. Nothing depends on a
+BioTac.
 """
 
 # %%
@@ -13,8 +13,8 @@ Nothing depends on a BioTac.
 # -------------
 # A few lines simulate the sensor. The softer the object, the larger the area of skin
 # that touches it; the rougher the object, the stronger the vibration. Trials differ in
-# length, in force and in where the skin is touched. The taxels are read row by row, to
-# and fro, as the wire runs.
+# length, in force and in where the skin is touched. The taxels are read row by row, in
+# alternating directions, as the wire runs.
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
@@ -54,8 +54,8 @@ def touch(softness, roughness):
 # %%
 # 2. Ratings
 # ----------
-# Each of 30 objects is touched five times, and rated by 15 people from 1 to 5. They
-# differ in what they call rough, and feel some things that no sensor records.
+# Each of 30 objects is touched five times, and 15 people rate it from 1 to 5. People
+# differ in what they call rough, and feel some properties that no sensor records.
 n_objects, n_trials, n_people = 30, 5, 15
 softness, roughness = rng.uniform(size=(2, n_objects))
 objects = np.repeat(np.arange(n_objects), n_trials)
@@ -77,12 +77,12 @@ display = SignalsDisplay.from_trials(
 )
 
 # %%
-# 3. What must be said
-# --------------------
-# For the taxels, the layout: ``np.eye(16)[wiring]`` has the weight of each channel in
-# each pixel, one here. Had the taxels been read row by row all the way, ``(4, 4)``
-# would do. For the accelerometer, the rate and, if events are shorter than 50 samples,
-# the length of a window in seconds.
+# 3. Descriptions of the sensors
+# ------------------------------
+# The taxels need a layout: ``np.eye(16)[wiring]`` has the weight of each channel in
+# each pixel; here each pixel is one channel. If all rows were read in the same
+# direction, ``(4, 4)`` would be enough. The accelerometer needs the rate and, if events
+# are shorter than 50 samples, the length of a window in seconds.
 sensors = {
     "taxels": TaxelGrid(np.eye(16)[wiring]),
     "accelerometer": Signal(rate=500, window=0.04),
@@ -91,16 +91,16 @@ model = make_haptic_pipeline(sensors, random_state=0)
 print(model[0].fit_transform(trials).shape)
 
 # %%
-# The dictionary of the skin has patches of 2 × 2 taxels. Every part of the model can
-# be reached and set, as in any Pipeline.
+# The dictionary of the skin has patches of 2 × 2 taxels. You can access and set every
+# part of the model, as in any Pipeline.
 codes = model[0].named_transformers_["taxels"]["codes"]
 display = AtomsDisplay.from_estimator(codes[0])
 
 # %%
-# 4. What went wrong
-# ------------------
-# Real recordings have faults. Here a taxel dies, frames are lost and one trial has no
-# acceleration. `RepairTrials` repairs them, and says what it did.
+# 4. Faulty recordings
+# --------------------
+# Real recordings have faults. Here a taxel is dead, frames are lost and one trial has
+# no acceleration. `RepairTrials` repairs these faults, and lists each repair.
 for i in range(5):
     trials["taxels"][i][:, 6] = 0
 trials["taxels"][20][15:18] = np.nan
@@ -111,11 +111,11 @@ print(model[0].faults_[["trial", "sensor", "channel", "fault", "answer"]].to_str
 # %%
 # 5. Objects never touched before
 # -------------------------------
-# In each fold all trials of some objects are left out, or the model would be asked
-# about objects that it knows. `cross_val_predict_proba` keeps the trials of an object
-# together, and the counts as they are; scikit-learn's `cross_val_predict` would train
-# on ranks. The baselines predict one distribution for all, whatever the sensors say.
-# Lower is better.
+# In each fold, all trials of some objects are left out; otherwise the model would be
+# tested on objects that it knows. `cross_val_predict_proba` keeps the trials of an
+# object together and the counts as they are; scikit-learn's `cross_val_predict` would
+# train on ranks. The baselines ignore the sensors and predict one distribution for all
+# trials. Lower scores are better.
 models = {
     "model": model,
     "marginal": DummyDistribution("marginal"),
@@ -132,7 +132,7 @@ for adjective, counts in y.items():
         print(f"{adjective:<10} {name:<12} {rps:5.3f}  {emd:5.3f}")
 
 # %%
-# The figure shows what the model says of the roughest object, from each of its five
+# The figure shows the predictions for the roughest object, from each of its five
 # touches.
 of_object = objects == roughness.argmax()
 display = InverseCDFDisplay.from_predictions(

@@ -3,8 +3,8 @@ A search that computes nothing twice
 ====================================
 
 A cache saves most of the time of a search. A grid search fits a whole model for every
-setting and fold, and most of its time goes into features that are the same for all
-settings. This example also shows how far a search has come, and hands its fits to a
+setting and fold, and spends most of its time on features that are the same for all
+settings. This example also shows the progress of a search, and runs its fits on a
 cluster. None of this changes a score.
 """
 
@@ -12,8 +12,8 @@ cluster. None of this changes a score.
 # 1. A search
 # -----------
 # Twelve objects are squeezed twice each and recorded by three sensors. Eight penalties
-# of the model behind the features, in three folds of whole objects, make 24 fits, and
-# one more of the best.
+# of the ordinal model, in three folds of whole objects, make 24 fits, and the best
+# penalty is fitted once more.
 import tempfile
 import time
 
@@ -57,26 +57,26 @@ def run(name, search):
 # %%
 # 2. Progress
 # -----------
-# A line in the terminal counts the fits, and has another bar for the steps of the
-# pipeline that is being fitted. scikit-learn's `ProgressBar` would show a bar for each
-# of the 25 fits.
+# A line in the terminal counts the fits, and has a second bar for the steps of the
+# current pipeline. scikit-learn's `ProgressBar` would show one bar for each of the 25
+# fits.
 search = new_search().set_callbacks(ProgressLine(max_propagation_depth=1))
 run("no cache", search)
 
 # %%
 # 3. A cache
 # ----------
-# `memory` is a folder where the steps keep their dictionaries and pooled features. In
-# each fold, the first setting computes them and the others read them.
+# `memory` is a folder where the steps store their dictionaries and pooled features. In
+# each fold, the first setting computes these and the other settings read them.
 with tempfile.TemporaryDirectory() as folder:
     run("cache", new_search(memory=folder))
 
 # %%
 # 4. A cluster
 # ------------
-# dask spreads the fits over the machines of a cluster. To try it, two threads of this
-# process will do, with a cache of their own that is empty at first. For a real cluster,
-# give `Client` the address of its scheduler, and put the cache into a folder that all
+# dask distributes the fits over the machines of a cluster. This test uses two threads
+# of this process, with their own cache that is empty at first. For a real cluster, give
+# `Client` the address of its scheduler, and put the cache into a folder that all
 # machines share.
 cluster = Client(
     processes=False, n_workers=1, threads_per_worker=2, dashboard_address=None
@@ -91,9 +91,9 @@ print(all(np.array_equal(scores["no cache"], each) for each in scores.values()))
 # %%
 # 5. What it saves
 # ----------------
-# The cache saves most of the time. The two threads save none of what is left: they take
-# turns at one interpreter, and changing turns costs time. Workers are worth it where
-# they are processes, each with a processor of its own.
+# The cache saves most of the time. The two threads save no more: they take turns in one
+# Python interpreter, and switching costs time. Workers save time if they are processes,
+# each with its own processor.
 _, ax = plt.subplots(figsize=(6.4, 2.4), layout="constrained")
 bars = ax.barh(list(seconds), list(seconds.values()), color="#0072B2")
 ax.bar_label(bars, fmt="%.1f s", padding=3)

@@ -2,19 +2,19 @@
 A touch in progress
 ===================
 
-A robot pays for accuracy in seconds of touch. Here a model predicts while the finger is
-still on the object, and a rule lifts the finger when touching on gains less than it
+Longer touches predict better, but cost time. Here a model predicts while the finger is
+still on the object, and a rule lifts the finger when a longer touch gains less than it
 costs.
 """
 
 # %%
 # 1. A model of prefixes
 # ----------------------
-# A model of whole touches is worse than guessing on the first seconds of one.
-# :class:`~sklearn_haptic.AnytimeRegressor` therefore learns from the first seconds of
-# the training touches too, at each of several durations. Windows of 20 samples let
-# pressure and heat flow speak after a quarter of a second. The objects are given as
-# groups, so that the calibration and the rule are learned from objects held out.
+# A model of whole touches is worse than guessing on the first seconds of a touch.
+# :class:`~sklearn_haptic.AnytimeRegressor` therefore also learns from the beginnings of
+# the training touches, at each of several durations. With windows of 20 samples,
+# pressure and heat flow are used after a quarter of a second. The objects are given as
+# groups, so the calibration and the rule are learned from objects held out.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -47,9 +47,9 @@ model.fit(touches[~held_out], hard[~held_out], groups=corpus.objects[~held_out])
 # %%
 # 2. A callback per message
 # -------------------------
-# Samples arrive in messages of 10 ms. The touch takes them, whatever their number, and
-# predicts from the longest duration that is complete. On a robot the loop is a callback
-# of the driver; the guide *Touches in progress* has one for ROS 2.
+# Samples arrive in messages of 10 ms. The touch takes any number of samples, and
+# predicts from the longest complete duration. On a robot, a callback of the driver
+# replaces the loop; the guide *Touches in progress* has one for ROS 2.
 trial = np.flatnonzero(held_out)[4]
 recorded, touch = touches.iloc[trial], model.start()
 steps = {}
@@ -63,8 +63,8 @@ for i in range(500):
         steps[touch.seconds] = proba
 
 # %%
-# The distribution grows sharper. Before the first duration it is that of all training
-# touches. The bars in the last panel are what people said.
+# The distribution becomes sharper with time. Before the first duration, it is that of
+# all training touches. The last panel shows people's ratings.
 figure, axes = plt.subplots(1, 6, figsize=(10, 2.4), sharey=True, layout="constrained")
 for ax, (seconds, proba) in zip(axes, steps.items()):
     ax.bar(corpus.levels, proba, color="0.4")
@@ -76,11 +76,10 @@ axes[0].set_ylabel("share of people")
 # %%
 # 3. When to stop
 # ---------------
-# The rule expects to gain nothing from touching on if the loss that it has learned to
-# expect, the ranked probability score, falls by less than the price of the seconds. A
-# higher price buys shorter touches. One price after another gives the rule's curve,
-# to be compared with that of fixed durations; the bar shows where touches stop at the
-# price of the model.
+# The rule stops a touch if it expects the loss (the ranked probability score) to fall
+# by less than the price of the further seconds. A higher price gives shorter touches.
+# Several prices give a curve of the rule, which can be compared with that of fixed
+# durations. The bars show where touches stop at the price of the model.
 seconds = model.durations_
 proba = model.predict_proba_over_time(touches[held_out], seconds)
 counts = hard[~held_out]
@@ -97,9 +96,9 @@ TouchTimeDisplay.from_predictions(
 )
 
 # %%
-# On ratings the rule is about as good as a fixed duration of the same mean: how fast an
-# object is known hardly differs between objects, and that people disagree is not
-# mended by touching on. Where one of several classes is right the rule gains more.
+# On ratings, the rule is about as good as a fixed duration of the same mean: objects
+# hardly differ in how soon they are known, and longer touches do not reduce the
+# disagreement of people. If one of several classes is right, the rule gains more.
 _, stopped_at = model.predict_when_done(touches[held_out])
 for seconds, n in zip(*np.unique(stopped_at, return_counts=True)):
     print(f"{n} touches are done after {seconds:g} s")

@@ -2,17 +2,17 @@
 Several touches, and a broken sensor
 ====================================
 
-What is a second touch of an object worth, and what if a sensor breaks? Here a robot
-holds objects and squeezes them. A pool predicts from whichever touches there are, and a
-guard notices when a sensor says what no training touch said.
+How much does a second touch of an object gain, and what happens if a sensor breaks?
+Here a robot holds objects and squeezes them. A pool predicts from any available
+touches, and a guard notices signals that are unlike those of all training touches.
 """
 
 # %%
 # 1. A pool of two kinds of touch
 # -------------------------------
 # Each row of the corpus is an object held once and squeezed once. A
-# :class:`~sklearn_haptic.TouchPool` has a model of each, and learns on objects held out
-# how to weigh them.
+# :class:`~sklearn_haptic.TouchPool` has one model of holds and one of squeezes, and
+# learns their weights on objects held out.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -42,10 +42,10 @@ pool = TouchPool(
 pool.fit(trials[~test], hard[~test], groups=objects[~test])
 
 # %%
-# 2. Whichever touches there are
-# ------------------------------
-# A touch that was not made is missing in its columns. With ``groups``, all rows of an
-# object are pooled too.
+# 2. Predictions from any touches
+# -------------------------------
+# If a touch was not made, its columns are None. With ``groups``, all rows of an object
+# are also pooled.
 touched = trials[test]
 held = touched.assign(squeeze_pdc=None, squeeze_tdc=None)
 squeezed = touched.assign(hold_pdc=None, hold_tdc=None)
@@ -67,7 +67,7 @@ for label, proba in predicted.items():
 
 # %%
 # Objects differ a lot, so each prediction is compared with that of one hold on the same
-# objects. Bars are standard errors over sixteen of them. Another kind of touch is worth
+# objects. Bars are standard errors over sixteen objects. A touch of another kind gains
 # more than two further touches of the same kind.
 fig, ax = plt.subplots(figsize=(6.4, 2.4), layout="constrained")
 labels = [*predicted][2:]
@@ -84,8 +84,9 @@ ax.set_xlabel("RPS lower than that of one hold by … (more is better)")
 # 3. A sensor that died
 # ---------------------
 # A :class:`~sklearn_haptic.NoveltyGuard` around a model compares each touch with the
-# training touches, sensor by sensor. Its p-value is small where no training touch was
-# like this one. Here the pressure of every second held touch is dead: always zero.
+# training touches, sensor by sensor. Its p-value is small if no training touch was like
+# this one. Here the pressure sensor is dead in every second hold: its signal is always
+# zero.
 pressure = columns["hold"]
 guard = NoveltyGuard(make_haptic_pipeline(pressure, random_state=0), cv=3)
 guard.fit(trials.loc[~test, pressure], hard[~test], groups=objects[~test])

@@ -8,13 +8,13 @@ Run it as
     python examples/run_full_study.py --jobs 8 --phac2 \
         phac_train_test_pos_neg_90_10_1_20.h5 --ratings ratings.mat
 
-Interrupt it whenever you like: the same command goes on where it stopped. It prints the
-scores beside those of single sensors, of guesses that know no touch and, for generated
-touches, of the truth; whether the combined network beats single sensors; whether the
-exploratory procedures differ; and what each sensor contributes. The
-folder then holds every prediction (see docs/study.md), and two figures like those of
-the paper: figure_11.png has the predicted and true ratings of an object, figure_12.png
-what each sensor contributes.
+You can interrupt it at any time: the same command resumes where it stopped. It prints
+the scores beside those of single sensors, of guesses without touch and, for generated
+touches, of the truth. It also says whether the combined network beats single sensors,
+whether the exploratory procedures differ, and what each sensor contributes. The folder
+then holds every prediction (see docs/study.md), and two figures like those of the
+paper: figure_11.png has the predicted and true ratings of an object, figure_12.png the
+contribution of each sensor.
 """
 
 import argparse

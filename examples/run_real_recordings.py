@@ -2,26 +2,26 @@
 Materials and grip force from real recordings
 =============================================
 
-Do features that were learned, never designed, tell materials and forces apart? A robot
-with two BioTac fingers gripped five materials at three forces, about five times each:
-74 recordings in the layout of PHAC-2. Another robot slid one BioTac over twenty
-materials, fifteen times each. This script asks three questions:
+Do learned features tell materials and forces apart? A robot with two BioTac fingers
+gripped five materials at three forces, about five times each: 74 recordings in the
+layout of PHAC-2. Another robot slid one BioTac over twenty materials, fifteen times
+each. This script asks three questions:
 
 (a) Which material is it, gripped at a force never trained on? One force is left out,
-    and logistic regression answers: for each procedure alone and all four together,
-    with and without removing the mean of every window, from the features of all sensors
-    in a row or from a vote of one model per sensor. Dictionaries are learned and all
-    choices made on the two training forces.
+    and logistic regression predicts the material, for each procedure alone and all four
+    together. There are features with and without the mean of every window, and either
+    one model of all sensors or a vote of one model per sensor. Dictionaries are learned
+    and all choices made on the two training forces.
 (b) How strong was the grip (100 < 150 < 200 counts of pressure), on a material never
-    touched? One material is left out; the regressor stands beside both baselines.
+    touched? One material is left out; the regressor is compared with both baselines.
 (c) Which of twenty materials is it, from a slide of one finger? Five of the fifteen
-    runs are left out, and logistic regression answers from whole slides and stretches
-    of them.
+    runs are left out, and logistic regression predicts the material from whole slides
+    and from parts of them.
 
     python examples/run_real_recordings.py bolt_pilot_phac2_layout.h5 biotac_slides.npz
 
-The files are told apart by their names; either may be left out. About ten minutes on
-one core.
+The endings of the names tell the files apart; either file may be left out. The script
+takes about ten minutes on one core.
 """
 
 import sys

@@ -1,7 +1,7 @@
 """Predict while a robot touches: a node for ROS 2, or any loop of callbacks.
 
-``TouchNode`` knows nothing of ROS. A driver calls `on_samples` whenever it has samples
-of a sensor; a timer calls `on_timer` ten times a second. Both must run in one thread,
+``TouchNode`` does not depend on ROS. A driver calls `on_samples` when it has samples of
+a sensor; a timer calls `on_timer` ten times per second. Both must run in one thread,
 as the callbacks of a ROS node do by default.
 
     python examples/run_touch_node.py model.joblib      # a ROS 2 node, with rclpy
