@@ -28,8 +28,9 @@ from .models import (
     RegressedDistribution,
 )
 
-# Atoms of the sensors that have not 25 in the 2020 paper.
+# Atoms of the sensors that have not 25 in the 2020 paper; bands of those of 2200 Hz.
 _N_ATOMS = {"pac": 40, "tdc": 10}
+_N_BANDS = {"pac": 32}
 
 # Sensors of a BioTac by their columns in corpora of one procedure and of several.
 _COLUMNS = {name: name for name in SENSORS} | {
@@ -38,9 +39,13 @@ _COLUMNS = {name: name for name in SENSORS} | {
 
 
 _PRESETS: dict[str, dict[str, Any]] = {
-    "fast": {"max_iter": 5, "statistics": ("max",)},
+    "fast": {"max_iter": 5, "statistics": ("max",), "bands": False},
     # Training windows as atoms, which cost half as much to learn.
-    "accurate": {"max_iter": 0, "statistics": ("mean", "share", "max")},
+    "accurate": {
+        "max_iter": 0,
+        "statistics": ("mean", "share", "max"),
+        "bands": True,
+    },
 }
 _MAX_TRAIN = 5000
 _CELLS = (4, 2, 1)
@@ -71,7 +76,7 @@ class _Features:
     """Transformers of sensors with the settings of a preset."""
 
     def __init__(self, settings, memory, random_state):
-        self.statistics = settings["statistics"]
+        self.statistics, self.bands = settings["statistics"], settings["bands"]
         self.options = {
             "n_nonzero_coefs": 2,
             "max_iter": settings["max_iter"],
@@ -84,14 +89,18 @@ class _Features:
         """Return the transformer of a sensor."""
         if sensor is None:
             return SensorFeatures(images=self.codes(TaxelGrid()))
-        name = _COLUMNS.get(name)
-        if BIOTAC.get(name) is sensor or sensor == TaxelGrid():
-            return self.codes(sensor, _N_ATOMS.get(name, 25))
         if sensor == Signal():
             return SignalStatistics()
-        return FeatureUnion(
-            [("codes", self.codes(sensor)), ("statistics", SignalStatistics())]
-        )
+        statistics, n_atoms = SignalStatistics(), 25
+        name = _COLUMNS.get(name)
+        of_biotac = BIOTAC.get(name) is sensor
+        if of_biotac:
+            n_atoms, n_bands = _N_ATOMS.get(name, 25), _N_BANDS.get(name, 16)
+            statistics = SignalStatistics(["bands"], n_bands=n_bands, cells=(2, 1))
+        codes = self.codes(sensor, n_atoms)
+        if sensor == TaxelGrid() or (of_biotac and not self.bands):
+            return codes
+        return FeatureUnion([("codes", codes), ("statistics", statistics)])
 
     def codes(self, sensor, n_atoms=25):
         """Return a dictionary, and the maxima of its codes or roots of statistics."""
@@ -118,18 +127,22 @@ class _Features:
         return make_pipeline(coder, pool, root)
 
 
-def _head(preset, random_state):
-    """Return a linear model, or its blend with trees, which errs differently."""
-    linear = DistributionalOrdinalRegressor(
-        NNPOM(n_hidden=0, alpha=3.0), random_state=random_state
+def _linear(alpha, random_state):
+    return DistributionalOrdinalRegressor(
+        NNPOM(n_hidden=0, alpha=alpha), random_state=random_state
     )
+
+
+def _head(preset, random_state):
+    """Return a linear model, or a blend of two and of trees, which err differently."""
     if preset == "fast":
-        return linear
+        return _linear(3.0, random_state)
     trees = RegressedDistribution(
         ExtraTreesRegressor(100, min_samples_leaf=3, max_features="sqrt"),
         random_state=random_state,
     )
-    return DistributionBlend([("linear", linear), ("trees", trees)])
+    weak, strong = (_linear(alpha, random_state) for alpha in (1.0, 10.0))
+    return DistributionBlend([("weak", weak), ("strong", strong), ("trees", trees)])
 
 
 def make_haptic_pipeline(
@@ -144,11 +157,12 @@ def make_haptic_pipeline(
     """Build a model of raw recordings of BioTac fingers or of any other sensors.
 
     Signals and electrodes are coded over a dictionary of their own, and the codes are
-    pooled over time; beside them stand the statistics of each channel, except for the
-    sensors of a BioTac. The features of all sensors are standardised and given to a
-    model of distributions of ratings. The result is an ordinary Pipeline, whose
-    parameters can be set and searched, with the steps ``"features"`` (a
-    ColumnTransformer with one transformer per sensor), ``"scale"`` and ``"model"``.
+    pooled over time. Beside them stand the statistics of each channel, of which a
+    BioTac has none with "fast" and spectral bands with "accurate". The features of all
+    sensors are standardised and given to a model of distributions of ratings. The
+    result is an ordinary Pipeline, whose parameters can be set and searched, with the
+    steps ``"features"`` (a ColumnTransformer with one transformer per sensor),
+    ``"scale"`` and ``"model"``.
 
     Parameters
     ----------
@@ -166,8 +180,9 @@ def make_haptic_pipeline(
         "fast" pools the maxima of codes over learned dictionaries, for a linear
         `DistributionalOrdinalRegressor`. "accurate" takes training windows as atoms,
         which learns faster, and pools the roots of mean, share and maximum, for a
-        `DistributionBlend` of the linear model, of trees and of the marginal, whose
-        weights and sharpness are learned; it takes two to four times as long to fit.
+        `DistributionBlend` of two linear models of weak and strong penalty, of trees
+        and of the marginal, whose weights and sharpness are learned; it takes two to
+        four times as long to fit.
         The blend has to know which touches are of one object:
         ``fit(X, y, model__groups=objects)``.
     memory : str or object with the joblib.Memory interface, default=None

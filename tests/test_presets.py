@@ -82,19 +82,28 @@ def test_fast_has_maxima_of_codes_over_improved_atoms(corpus):
     )
 
 
-def test_accurate_has_roots_of_statistics_of_codes(corpus):
+def test_accurate_has_roots_of_statistics_of_codes_and_bands(corpus):
     model = make_haptic_pipeline(["pdc"], preset="accurate", random_state=0).fit(
         corpus.trials, corpus.ratings["hard"], model__groups=corpus.objects
     )
-    coder = clone(part(model, "pdc"))
+    coder = clone(part(model, "pdc", "codes")[0])
     assert isinstance(coder, KSVDTransformer) and coder.max_iter == 0
     codes = coder.fit(corpus.trials["pdc"]).transform(corpus.trials["pdc"])
     features = model["features"].transform(corpus.trials)
-    assert features.shape[1] == 3 * 7 * codes[0].shape[1]
+    n_channels = corpus.trials["pdc"].iloc[0].shape[1]
+    n_bands = 3 * 16 * n_channels  # a whole trial and its halves
+    assert features.shape[1] == 3 * 7 * codes[0].shape[1] + n_bands
     whole = np.sqrt([code.mean(axis=0) for code in codes])
     names = model["features"].get_feature_names_out()
-    columns = [name.startswith("pdc__t1of1_mean_") for name in names]
+    columns = [name.startswith("pdc__codes__t1of1_mean_") for name in names]
     np.testing.assert_allclose(features[:, columns], whole, rtol=1e-6)
+    assert sum(name.startswith("pdc__statistics__") for name in names) == n_bands
+
+
+def test_accurate_has_more_bands_of_vibration():
+    model = make_haptic_pipeline(["hold_pac", "hold_pdc"], preset="accurate")
+    n_bands = [part(model, s, "statistics").n_bands for s in ("hold_pac", "hold_pdc")]
+    assert n_bands == [32, 16]
 
 
 def test_the_blend_learns_on_whole_objects(corpus):
@@ -108,7 +117,7 @@ def test_the_blend_learns_on_whole_objects(corpus):
         routed = clone(model).fit(trials, counts, groups=corpus.objects)
         search = GridSearchCV(
             model,
-            {"model__linear__estimator__alpha": [1.0, 100.0]},
+            {"model__strong__estimator__alpha": [10.0, 100.0]},
             cv=GroupKFold(3),
             scoring=neg_rps_scorer,
         ).fit(trials, counts, groups=corpus.objects)
