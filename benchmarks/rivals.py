@@ -10,10 +10,10 @@ from the CSV file, to which further runs add.
 Rows are other features with the linear model of "fast", then other models of the
 features of "fast". Whole objects are left out. What has a penalty chooses it inside the
 training trials, as in `frontier_heads.py`. Features that learn from no ratings but draw
-kernels are fitted once, to the first training trials. Scores are means
-over objects, lower is better; differences are paired with "fast", ± is the standard
-error over objects. On the slides, "score" is the share of materials taken for another,
-three blocks of five runs left out in turn, with a ridge classifier.
+kernels are fitted once, to the first training trials. Scores are means over objects,
+lower is better; differences are paired with "fast" and with "accurate", ± is the
+standard error over objects. On the slides, "score" is the share of materials taken for
+another, three blocks of five runs left out in turn, with a ridge classifier.
 
 Costs are processor time of this run, of all folds: learning features and model for one
 adjective, and of features and prediction per touch. MB is the size of the pickled
@@ -40,8 +40,9 @@ from sklearn_haptic import make_haptic_pipeline
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 from sklearn_haptic.metrics import dispersion, log_score, ranked_probability_score
 
-COLUMNS = ["set", "row", "score", "difference", "error", "log", "dispersion"]
-COLUMNS += ["learning_s", "ms", "mb"]
+COLUMNS = ["set", "row", "score", "difference", "error"]
+COLUMNS += ["to_accurate", "to_accurate_error"]
+COLUMNS += ["log", "dispersion", "learning_s", "ms", "mb"]
 
 
 def rows(n_features):
@@ -152,24 +153,35 @@ def evaluate(tables, family, model, components, adjectives):
     return np.mean(rps, axis=0), np.mean(log), np.mean(spread), *costs
 
 
-def to_fast(each, base):
-    """Mean over objects, and its paired difference to that of "fast"."""
-    gain = each - base
-    return each.mean(), gain.mean(), gain.std(ddof=1) / np.sqrt(len(gain))
+PRESETS = "fast", "accurate"
+
+
+def compared(each, bases):
+    """Mean over objects, and paired differences to the presets; missing ones are NaN."""
+    found = [each.mean()]
+    for preset in PRESETS:
+        gain = each - bases.get(preset, np.nan)
+        found += [gain.mean(), gain.std(ddof=1) / np.sqrt(len(gain))]
+    return found
+
+
+def described(differences):
+    pairs = zip(differences[::2], differences[1::2])
+    return " | ".join(f"{gain:+.4f} ± {error:.4f}" for gain, error in pairs)
 
 
 def wanted(label, only):
-    return not only or label in only or label == "fast"
+    return not only or label in only or label in PRESETS
 
 
 def table(name, folder, adjectives, only):
     """Print the table of a set; return its rows."""
-    tables, base, result = Tables(name, folder), None, []
+    tables, bases, result = Tables(name, folder), {}, []
     adjectives = [a for a in adjectives or [] if a in tables.targets]
     n_features = tables.of("fast")[0][0][2].shape[1]
     print(f"\n{name}: {len(tables.groups)} touches, {len(set(tables.groups))} objects")
-    print("\n| row | RPS | to fast | log | dispersion | learning, s | ms | MB |")
-    print("|---|---|---|---|---|---|---|---|")
+    print("\n| row | RPS | to fast | to accurate | log | dispersion | s | ms | MB |")
+    print("|---|---|---|---|---|---|---|---|---|")
     for label, (family, model, components) in rows(n_features).items():
         if not wanted(label, only):
             continue
@@ -180,25 +192,28 @@ def table(name, folder, adjectives, only):
         except ImportError as error:
             print(f"{label} left out: {error}")
             continue
-        base = rps if base is None else base
-        score, gain, error = to_fast(rps, base)
+        bases |= {label: rps} if label in PRESETS else {}
+        score, *differences = compared(rps, bases)
         log, spread, learning, ms, size = others
         print(
-            f"| {label} | {score:.4f} | {gain:+.4f} ± {error:.4f} | "
-            f"{log:.3f} | {spread:.2f} | {learning:.2f} | {ms:.2f} | {size:.1f} |",
+            f"| {label} | {score:.4f} | {described(differences)} | {log:.3f} | "
+            f"{spread:.2f} | {learning:.2f} | {ms:.2f} | {size:.1f} |",
             flush=True,
         )
-        result.append((name, label, score, gain, error, *others))
+        result.append((name, label, score, *differences, *others))
     return result
 
 
 def of_slides(folder, only):
     """Print how features tell known materials apart, and the roughness of unknown."""
     trials, material, run = slides(folder)
-    result = []
+    result, bases, rough_bases = [], {}, {}
     print("\nslides: accuracy over blocks of runs and from 1, 2, 5 runs; roughness")
-    print("\n| row | accuracy | errors to fast | roughness, RPS | to fast | s | ms |")
-    print("|---|---|---|---|---|---|---|")
+    to_presets = "to fast | to accurate"
+    print(
+        f"\n| row | accuracy | errors {to_presets} | roughness {to_presets} | s | ms |"
+    )
+    print("|---|---|---|---|---|---|---|---|")
     head = {name: model for name, (_, model, _) in rows(1).items()}
     chosen = heads.models(1)["linear, alpha chosen"][0]
     for label in [*families(), "marginal"]:
@@ -212,24 +227,23 @@ def of_slides(folder, only):
         except ImportError as error:
             print(f"{label} left out: {error}")
             continue
-        if label == "fast":
-            base, base_rough = errors, rough
-        score, gain, error = to_fast(errors, base)
-        rough = "{:.3f} | {:+.3f} ± {:.3f}".format(*to_fast(rough, base_rough))
+        if label in PRESETS:
+            bases[label], rough_bases[label] = errors, rough
+        score, *differences = compared(errors, bases)
+        rough, *others = compared(rough, rough_bases)
+        rough = f"{rough:.4f} {described(others)}"
         if label == "marginal":
-            print(f"| {label} | | | {rough} | | |", flush=True)
+            print(f"| {label} | | | | {rough} | | |", flush=True)
             continue
         learning, ms, size = costs[0], 1000 * costs[1], costs[2] / 1e6
         cells = " ".join(f"{a:.3f}" for a in accuracy)
         print(
-            f"| {label} | {cells} | {gain:+.3f} ± {error:.3f} | {rough} | "
+            f"| {label} | {cells} | {described(differences)} | {rough} | "
             f"{learning:.2f} | {ms:.1f} |",
             flush=True,
         )
-        nan = np.nan
-        result.append(
-            ("slides", label, score, gain, error, nan, nan, learning, ms, size)
-        )
+        others = np.nan, np.nan, learning, ms, size
+        result.append(("slides", label, score, *differences, *others))
     return result
 
 
