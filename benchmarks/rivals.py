@@ -157,7 +157,7 @@ PRESETS = "fast", "accurate"
 
 
 def compared(each, bases):
-    """Mean over objects, and paired differences to the presets; missing ones are NaN."""
+    """Mean over objects, and paired differences to the presets, NaN if missing."""
     found = [each.mean()]
     for preset in PRESETS:
         gain = each - bases.get(preset, np.nan)
