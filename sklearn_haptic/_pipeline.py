@@ -182,7 +182,7 @@ def make_haptic_pipeline(
         which learns faster, and pools the roots of mean, share and maximum, for a
         `DistributionBlend` of two linear models of weak and strong penalty, of trees
         and of the marginal, whose weights and sharpness are learned; it takes two to
-        four times as long to fit.
+        six times as long to fit.
         The blend has to know which touches are of one object:
         ``fit(X, y, model__groups=objects)``.
     memory : str or object with the joblib.Memory interface, default=None
