@@ -6,9 +6,11 @@ import numpy as np
 from sklearn import get_config
 from sklearn.base import is_classifier
 from sklearn.model_selection import GroupKFold, GroupShuffleSplit, check_cv
+from sklearn.pipeline import Pipeline
 from sklearn.utils.metadata_routing import (
     MetadataRouter,
     MethodMapping,
+    get_routing_for_object,
     process_routing,
 )
 
@@ -61,6 +63,29 @@ def route(estimator, splitter, groups, params):
         router.add(method_mapping=mapping, **{name: each})
     routed = process_routing(router, "fit", **params)
     return routed.splitter.split, routed.estimator.fit
+
+
+def groups_for(estimator, groups):
+    """Return the arguments that tell an estimator's ``fit`` the groups it requests.
+
+    Examples
+    --------
+    >>> from sklearn_haptic import NNPOM, make_haptic_pipeline
+    >>> from sklearn_haptic._folds import groups_for
+    >>> groups_for(NNPOM(), ["cork", "foam"])
+    {}
+    >>> groups_for(make_haptic_pipeline(preset="accurate"), ["cork", "foam"])
+    {'model__groups': ['cork', 'foam']}
+    """
+    if isinstance(estimator, Pipeline) and not get_config()["enable_metadata_routing"]:
+        name, last = estimator.steps[-1]
+        params = groups_for(last, groups)
+        return {f"{name}__{param}": value for param, value in params.items()}
+    try:
+        routing = get_routing_for_object(estimator)
+    except NotImplementedError:  # by AdaBoost, which takes no metadata
+        return {}
+    return dict.fromkeys(routing.consumes("fit", ["groups"]), groups)
 
 
 def validation_split(n_trials, groups, fraction, random_state):

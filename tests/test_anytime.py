@@ -23,6 +23,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline, make_union
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from told_groups import Told
 
 from sklearn_haptic import (
     NNPOM,
@@ -121,6 +122,16 @@ def test_out_of_fold_predictions_are_of_objects_never_touched():
             flattened(head.predict_proba(rows[test]), model.powers_[2]),
             rtol=1e-9,
         )
+
+
+@pytest.mark.parametrize("groups", [OBJECTS, None])
+def test_a_head_is_told_the_objects_of_prefixes(groups):
+    """Prefixes of one touch are of one object, also if objects are not given."""
+    model = make_model(make_pipeline(features(), Told()))
+    model.fit(TOUCHES, np.arange(len(TOUCHES)) % 2, groups=groups)
+    expected = np.arange(len(TOUCHES)) if groups is None else groups
+    for head, n_near in zip(model.heads_, [2, 3, 2]):
+        np.testing.assert_array_equal(head[-1].groups_, np.tile(expected, n_near))
 
 
 def test_powers_have_the_best_log_score(model):

@@ -8,6 +8,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
+from told_groups import Told
 
 from sklearn_haptic import (
     NNPOM,
@@ -122,6 +123,13 @@ def test_predictions_equal_the_steps():
     kept = model.belief_.predict(model.distances_)
     assert ranked_probability_score(counts, proba) < 0.7
     assert kept.mean() > 0.7
+
+
+def test_a_model_that_asks_is_told_the_objects():
+    X, counts, objects = made(10)
+    model = NoveltyGuard(make_pipeline(StandardScaler(), Told()))
+    model.fit(X, counts.argmax(axis=1), groups=objects)
+    np.testing.assert_array_equal(model.estimator_[-1].groups_, objects)
 
 
 def test_far_touches_are_found_and_hardly_believed():

@@ -6,9 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.optimize import brentq, minimize
+from sklearn import config_context
 from sklearn.base import clone
+from sklearn.ensemble import AdaBoostClassifier
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GroupKFold
+from sklearn.pipeline import make_pipeline
+from told_groups import Told
 
 from sklearn_haptic import (
     NNPOM,
@@ -302,6 +306,22 @@ def test_predictions_out_of_fold_are_of_models_without_the_object():
             np.testing.assert_array_equal(
                 pool.oof_proba_[test, i], fitted.predict_proba(X[columns].iloc[test])
             )
+
+
+@pytest.mark.parametrize("routing", [False, True])
+def test_members_that_ask_are_told_the_objects(routing):
+    X, counts, objects = made(10)
+    X.loc[:4, "b"] = np.nan
+    members = [
+        ("plain", AdaBoostClassifier(n_estimators=2), ["a0", "a1"]),
+        ("alone", Told(), ["b"]),
+        ("last", make_pipeline("passthrough", Told()), ["b"]),
+    ]
+    with config_context(enable_metadata_routing=routing):
+        pool = TouchPool(members).fit(X, counts.argmax(axis=1), groups=objects)
+    told = pool.estimators_["alone"], pool.estimators_["last"][-1]
+    for member in told:
+        np.testing.assert_array_equal(member.groups_, objects[5:])
 
 
 def test_a_row_without_anything_gets_the_mean_distribution():

@@ -12,11 +12,12 @@ from sklearn.pipeline import Pipeline
 
 from .._check_ratings import check_adjectives
 from .._distributions import cdf, shares
+from .._folds import groups_for
 from .._sklearn import _num_samples, _safe_indexing
 from ._shared_features import refuse_adjectives
 
 
-def fit_fold(member, X, y, there, fold, classes):
+def fit_fold(member, X, y, objects, there, fold, classes):
     """Fit to the training rows that have the columns, and predict such test rows.
 
     Parameters
@@ -25,6 +26,8 @@ def fit_fold(member, X, y, there, fold, classes):
         Name, and estimator to clone.
     X, y
         Features or trials, and labels or counts.
+    objects : ndarray of shape (n_rows,)
+        The object of each row, for members whose ``fit`` requests groups.
     there : ndarray of bool of shape (n_rows,)
         Whether a row has what the member predicts from.
     fold : tuple of (ndarray of int, ndarray of int)
@@ -45,7 +48,11 @@ def fit_fold(member, X, y, there, fold, classes):
             f"No training row has all columns of the member {name!r}; give rows that "
             "have them, in every fold, or leave the member out."
         )
-    fitted = clone(estimator).fit(_safe_indexing(X, train), _safe_indexing(y, train))
+    fitted = clone(estimator).fit(
+        _safe_indexing(X, train),
+        _safe_indexing(y, train),
+        **groups_for(estimator, objects[train]),
+    )
     if not np.isin(fitted.classes_, classes).all():
         raise ValueError(
             f"The member {name!r} predicts {fitted.classes_}, which are not all among "

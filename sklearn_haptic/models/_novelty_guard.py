@@ -11,7 +11,7 @@ from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
-from .._folds import make_splitter
+from .._folds import groups_for, make_splitter
 from .._perhaps_ordered import PerhapsOrderedMixin
 from .._sklearn import (
     CrossValidator,
@@ -174,8 +174,10 @@ class NoveltyGuard(
         folds = make_folds(make_splitter(self, y, objects, cv), rows, y, objects)
         proba = np.full(true.shape, np.nan)
         for fold in folds:
-            proba[fold[1]] = fit_fold((name, last), rows, y, every, fold, classes)[2]
-        last.fit(rows, y)
+            _, _, proba[fold[1]] = fit_fold(
+                (name, last), rows, y, objects, every, fold, classes
+            )
+        last.fit(rows, y, **groups_for(last, objects))
         self._ordered = np.ndim(y) == 2 or knows_order(last)
         self._rows, self._objects = rows, objects
         self._columns, self._statistics = columns, statistics

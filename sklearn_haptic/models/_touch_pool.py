@@ -212,7 +212,7 @@ class TouchPool(
         groups = np.arange(len(there)) if groups is None else groups
         names, objects = np.unique(groups, return_inverse=True)
         folds = self._folds(X, y, names, objects)
-        fitted, oof = self._fit_members(X, y, there, folds, classes)
+        fitted, oof = self._fit_members(X, y, objects, there, folds, classes)
         marginal = mean_without(true, folds)[:, np.newaxis]
         ordered = np.ndim(y) == 2 or all(map(knows_order, fitted.values()))
         proba = np.concatenate((oof, marginal), axis=1)
@@ -254,12 +254,12 @@ class TouchPool(
             [_has_values(_columns(X, columns)) for *_, columns in self.estimators]
         )
 
-    def _fit_members(self, X, y, there, folds, classes):
+    def _fit_members(self, X, y, objects, there, folds, classes):
         """Return the members fitted to all rows, and predictions out of fold."""
         every = np.arange(len(there)), np.arange(0)
         parts = [_columns(X, columns) for *_, columns in self.estimators]
         fits = Parallel(n_jobs=self.n_jobs)(
-            delayed(fit_fold)(member, part, y, here, fold, classes)
+            delayed(fit_fold)(member, part, y, objects, here, fold, classes)
             for member, part, here in zip(self._members, parts, there.T)
             for fold in [*folds, every]
         )

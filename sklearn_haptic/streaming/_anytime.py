@@ -181,7 +181,8 @@ class AnytimeRegressor(
             several adjectives, of shape (n_trials, n_adjectives, n_levels).
         groups : array-like of shape (n_trials,), default=None
             The object of each touch, so that predictions out of fold are for objects
-            never touched.
+            never touched, and for a last step that requests groups. By default each
+            touch is of another object.
 
         Returns
         -------
@@ -214,14 +215,15 @@ class AnytimeRegressor(
         self._branches, n_steps = fit_features(steps, touches, y)
         rows = self._fit_rows(touches, reached)
         head = steps[n_steps:]
-        self.heads_ = fit_heads(head, rows, reached, y, self.sharing)
+        objects = np.arange(len(touches)) if groups is None else groups
+        self.heads_ = fit_heads(head, rows, reached, y, objects, self.sharing)
         self.classes_ = max((each.classes_ for each in self.heads_), key=len)
         self._ordered = hasattr(self.heads_[0][-1], "levels_")
         true = self._shares(y)
         self.shares_ = shares(true.sum(axis=0))
         folds = make_splitter(head[-1][1], y, groups, self.cv).split(X, y, groups)
         self.oof_proba_ = predict_out_of_fold(
-            head, rows, reached, y, self.sharing, self.classes_, folds
+            head, rows, reached, y, objects, self.sharing, self.classes_, folds
         )
         self.powers_ = _calibrate(self.oof_proba_, true)
         stopping = None

@@ -12,11 +12,13 @@ from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils import _safe_indexing
 
+from .._folds import groups_for
+
 # Least probability in the logarithms of a calibration.
 _TINY = 1e-12
 
 
-def fit_heads(steps, rows, reached, y, sharing):
+def fit_heads(steps, rows, reached, y, objects, sharing):
     """Fit one head per duration.
 
     The weights of a head sum to its number of touches, so that a penalty means the same
@@ -32,6 +34,8 @@ def fit_heads(steps, rows, reached, y, sharing):
         Whether a touch is so long.
     y : array-like of length n_touches
         Labels or counts.
+    objects : ndarray of shape (n_touches,)
+        The object of each touch, for an estimator whose ``fit`` requests groups.
     sharing : float
         Weight of the rows of the durations just before and behind, from 0 to 1.
 
@@ -46,18 +50,16 @@ def fit_heads(steps, rows, reached, y, sharing):
         near = near if sharing else [k]
         which = [np.flatnonzero(reached[:, j]) for j in near]
         weight = np.repeat([sharing ** abs(j - k) for j in near], [*map(len, which)])
-        heads.append(
-            _fit_head(
-                steps,
-                np.concatenate([rows[j][each] for j, each in zip(near, which)]),
-                _safe_indexing(y, np.concatenate(which)),
-                weight * reached[:, k].sum() / weight.sum() if sharing else None,
-            )
-        )
+        X = np.concatenate([rows[j][each] for j, each in zip(near, which)])
+        which = np.concatenate(which)
+        options = groups_for(steps[-1][1], objects[which])
+        if sharing:
+            options["sample_weight"] = weight * reached[:, k].sum() / weight.sum()
+        heads.append(_fit_head(steps, X, _safe_indexing(y, which), options))
     return heads
 
 
-def _fit_head(steps, X, y, weight):
+def _fit_head(steps, X, y, options):
     *transformers, (name, estimator) = steps
     fitted = []
     for each, step in transformers:
@@ -66,7 +68,6 @@ def _fit_head(steps, X, y, weight):
         step = clone(step)
         X = step.fit_transform(X, y)
         fitted.append((each, step))
-    options = {} if weight is None else {"sample_weight": weight}
     return Pipeline([*fitted, (name, clone(estimator).fit(X, y, **options))])
 
 
@@ -80,12 +81,12 @@ def predict_head(head, rows, classes):
     return full
 
 
-def predict_out_of_fold(steps, rows, reached, y, sharing, classes, folds):
+def predict_out_of_fold(steps, rows, reached, y, objects, sharing, classes, folds):
     """Predict each training touch at each duration by heads fitted without it.
 
     Parameters
     ----------
-    steps, rows, reached, y, sharing
+    steps, rows, reached, y, objects, sharing
         As in :func:`fit_heads`.
     classes : ndarray of shape (n_classes,)
     folds : iterable of (ndarray, ndarray)
@@ -100,7 +101,7 @@ def predict_out_of_fold(steps, rows, reached, y, sharing, classes, folds):
     for train, test in folds:
         own = [each[train] for each in rows]
         y_train = _safe_indexing(y, train)
-        heads = fit_heads(steps, own, reached[train], y_train, sharing)
+        heads = fit_heads(steps, own, reached[train], y_train, objects[train], sharing)
         for k, fitted in enumerate(heads):
             which = test[reached[test, k]]
             if len(which) == 0:
