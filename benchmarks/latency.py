@@ -8,6 +8,7 @@ and largest of 200. "model" is the size of the pickled model, "while predicting"
 peak of what Python allocates for one touch, by tracemalloc. Two minutes on one core.
 """
 
+import gc
 import pickle
 import time
 import tracemalloc
@@ -29,6 +30,8 @@ SENSORS = {
 def milliseconds(model, trials, n_calls=200):
     """Median and largest processor time of predicting one touch after another."""
     model.predict_proba(trials.iloc[[0]])  # a first call imports and allocates
+    gc.collect()
+    gc.freeze()
     taken = []
     for call in range(n_calls):
         touch = trials.iloc[[call % len(trials)]]

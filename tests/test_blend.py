@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import minimize
 from sklearn import config_context
 from sklearn.base import clone
+from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression, Ridge
 from sklearn.model_selection import GridSearchCV, GroupKFold, KFold
 from sklearn.neighbors import KNeighborsRegressor
@@ -448,6 +449,18 @@ def test_few_objects(n_objects):
     X, counts, objects = made(0, n_objects)
     blend = fitted(X, counts, objects)
     assert sum(blend.weights_.values()) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("n_objects", [2, 3, 4])
+def test_weights_of_fewer_than_four_objects_are_equal(n_objects):
+    """Their standard error may be zero by chance, and let one member take all."""
+    X, counts, objects = made(0, n_objects)
+    knowing = FrozenEstimator(RegressedDistribution(Ridge(1e-9)).fit(X, counts))
+    pair = [("mean", DummyDistribution()), ("knows", knowing)]
+    blend = DistributionBlend(pair).fit(X, counts, groups=objects)
+    are_equal = blend.weights_ == {"mean": 0.5, "knows": 0.5, "marginal": 0}
+    assert are_equal == (n_objects < 4)
+    assert n_objects == 4 or blend.exponent_ == 1
 
 
 @pytest.mark.slow

@@ -69,8 +69,9 @@ class DistributionBlend(
         "learned": by predictions of trials, each from models that were fitted without
         their object; those that minimise the ranked probability score, drawn towards
         equal weights as far as that is within a standard error. The exponent is learned
-        in the same way, and drawn towards 1; it is 1 below four objects. "equal": the
-        mean of the members given, without the marginal; nothing is held out then.
+        in the same way, and drawn towards 1. Below four objects, the weights are equal
+        and the exponent is 1. "equal": the mean of the members given, without the
+        marginal; nothing is held out then.
     cv : int, splitter or iterable of (train, test), default=None
         The folds on which the weights are learned, whole objects in each; by default 5,
         or as many as there are objects.

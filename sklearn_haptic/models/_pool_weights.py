@@ -12,7 +12,7 @@ from .._distributions import cdf
 
 _STEPS = 101
 _EXPONENTS = 2 ** np.linspace(-2, 2, 13)  # the one in the middle is 1
-_FEWEST_OBJECTS = 4  # whose standard error says something
+_FEWEST_OBJECTS = 4
 _LEAST = 1e-12  # smaller weights are rounding errors
 
 
@@ -52,7 +52,8 @@ def cautious_weights(departure, weight, objects, start):
 
     They lie between `start` and what `best_weights` returns. The standard error is
     that of the paired difference of their scores over objects, so that few objects,
-    for which the best weights are found by luck, hardly move them.
+    for which the best weights are found by luck, hardly move them; fewer than four, too
+    few to know that error, do not.
 
     Parameters
     ----------
@@ -69,6 +70,8 @@ def cautious_weights(departure, weight, objects, start):
     -------
     share : ndarray of shape (n_members,)
     """
+    if _are_few(objects, weight):
+        return start
     best = best_weights(departure, weight)
     near, far = (np.einsum("tmk,m->tk", departure, w) for w in (start, best))
     least = np.einsum("tk,tk->t", far, far)
@@ -78,6 +81,11 @@ def cautious_weights(departure, weight, objects, start):
         if _is_within_error(excess, weight, objects):
             break
     return start + step * (best - start)
+
+
+def _are_few(objects, weight):
+    """Whether objects are too few for a standard error over them to say something."""
+    return len(np.unique(objects[weight > 0])) < _FEWEST_OBJECTS
 
 
 def _is_within_error(excess, weight, objects):
@@ -124,7 +132,7 @@ def cautious_exponent(proba, below, weight, objects):
     exponent : float
         Of a grid from 1/4 to 4.
     """
-    if len(np.unique(objects[weight > 0])) < _FEWEST_OBJECTS:
+    if _are_few(objects, weight):
         return 1.0
     scores = [
         ((cdf(powered(proba, exponent))[:, :-1] - below) ** 2).sum(axis=1)
