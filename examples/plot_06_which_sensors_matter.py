@@ -99,8 +99,8 @@ print(without[columns].head(5).to_string(index=False, float_format="{:.2f}".form
 # -------------
 # Each point shows how much worse the model predicts without a sensor, as a mean over
 # objects with its interval of 95 %. If the interval contains zero, the sensor may add
-# nothing. :class:`~sklearn_haptic.plotting.SensorContributionsDisplay` draws the scores
-# themselves, as Figure 12 of the paper does.
+# nothing. :class:`~sklearn_haptic.plotting.SensorContributionsDisplay` draws such
+# differences for many adjectives at once, with deviations over random starts.
 by_sensor = by_object.groupby("held_out", sort=False)["difference"]
 mean, error = by_sensor.mean(), 1.96 * by_sensor.sem()
 _, ax = plt.subplots(figsize=(6.4, 2.8), layout="constrained")

@@ -134,13 +134,14 @@ def print_summary(study):
 
 
 def plot_contributions(scores):
-    """Plot Figure 12: one row per procedure, one group of bars per adjective."""
+    """Plot Figure 12: one row per procedure, one group of points per adjective."""
     by_procedure = list(scores.groupby("procedure"))
-    n_bars = scores["adjective"].nunique() * scores["held_out"].nunique()
+    n_points = scores["adjective"].nunique() * scores["held_out"].nunique()
     figure, axes = plt.subplots(
         len(by_procedure),
         squeeze=False,
-        figsize=(max(6.4, 0.28 * n_bars), 3.6 * len(by_procedure)),
+        sharey=True,
+        figsize=(max(6.4, 0.22 * n_points), 3.2 * len(by_procedure)),
         layout="constrained",
     )
     for ax, (procedure, rows) in zip(axes[:, 0], by_procedure):

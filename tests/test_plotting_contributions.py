@@ -1,4 +1,4 @@
-"""SensorContributionsDisplay: bars, whiskers, marks and groups."""
+"""SensorContributionsDisplay: points, whiskers, marks and groups."""
 
 import sys
 
@@ -22,7 +22,7 @@ def holdout_scores():
     values = np.empty((2, 3, 5, 8))
     values[:] = 1 + 0.01 * np.arange(5)[:, None]
     values[0, 1] += np.tile([0.2, -0.2], 4)
-    values[1, 2] += 0.5
+    values[1, 2] += 0.5 + 0.02 * np.array([1, -1, 2, 0, -2])[:, None]
     return pd.DataFrame({"emd": values.ravel()}, index).reset_index()
 
 
@@ -32,14 +32,12 @@ def test_contributions_display_draws_what_the_table_holds(holdout_scores):
         holdout_scores, metric="emd", by="procedure"
     )
     by_model = holdout_scores.groupby(["procedure", "held_out", "start"], sort=False)
-    starts = by_model["emd"].mean().groupby(["procedure", "held_out"], sort=False)
-    heights = [bar.get_height() for bar in display.bars_]
-    np.testing.assert_allclose(heights, starts.mean())
-    (whiskers,) = display.bars_.errorbar.lines[2]
+    of_starts = by_model["emd"].mean().to_numpy().reshape(2, 3, 5)
+    gains = (of_starts[:, 1:] - of_starts[:, :1]).reshape(4, 5)
+    points, _, (whiskers,) = display.points_
+    np.testing.assert_allclose(points.get_ydata(), gains.mean(axis=1), atol=1e-12)
     lengths = [np.ptp(segment[:, 1]) for segment in whiskers.get_segments()]
-    np.testing.assert_allclose(lengths, 2 * starts.std())
-    lines = [segment[0, 1] for segment in display.full_lines_.get_segments()]
-    np.testing.assert_allclose(lines, [heights[0], heights[3]])
+    np.testing.assert_allclose(lengths, 2 * gains.std(axis=1, ddof=1), atol=1e-12)
     table = contribution_summary(holdout_scores, metric="emd", by="procedure")
     pd.testing.assert_frame_equal(display.summary, table)
 
@@ -50,26 +48,24 @@ def test_contributions_display_marks_what_is_significant(holdout_scores):
     )
     marks = [mark.get_text() for mark in display.marks_]
     assert marks == ["", "", "", "∗†"]
-    below = [bar.get_x() + bar.get_width() / 2 for bar in display.bars_]
-    assert [mark.xy[0] for mark in display.marks_] == pytest.approx(
-        below[1:3] + below[4:]
-    )
+    below = display.points_[0].get_xdata()
+    assert [mark.xy[0] for mark in display.marks_] == pytest.approx(below)
 
 
 @pytest.mark.slow
-def test_contributions_display_names_axes_bars_and_groups(holdout_scores):
+def test_contributions_display_names_axes_points_and_groups(holdout_scores):
     display = SensorContributionsDisplay.from_scores(
         holdout_scores, metric="emd", by="procedure"
     )
     ax = display.ax_
-    assert ax.get_ylabel() == "EMD, levels, lower is better"
+    assert ax.get_ylabel() == "EMD without the sensor\nless EMD with all, levels"
     assert "p < .05 over starts" in ax.get_xlabel()
     assert "over objects" in ax.get_xlabel()
     names = [label.get_text() for label in ax.get_xticklabels()]
-    assert names == ["all", "−tdc", "−pac"] * 2
+    assert names == ["tdc", "pac"] * 2
     (above,) = ax.child_axes
     groups = [label.get_text() for label in above.get_xticklabels()]
-    assert groups == ["slow slide", "hold"]
+    assert groups == ["slow slide\nEMD 1.02", "hold\nEMD 1.02"]
     display.figure_.canvas.draw()
 
 
@@ -78,14 +74,16 @@ def test_contributions_display_by_object_and_by_threshold(holdout_scores):
     scores = holdout_scores.query("procedure == 'hold'")
     display = SensorContributionsDisplay.from_scores(scores, metric="emd", by="object")
     assert "over objects" not in display.ax_.get_xlabel()
-    assert len(display.bars_) == 8 * 3
+    assert len(display.points_[0].get_xdata()) == 8 * 2
     terms = scores.rename(columns={"emd": "rps_1"}).assign(rps_2=0.5)
     display = SensorContributionsDisplay.from_scores(terms, by="threshold")
-    assert display.ax_.get_ylabel() == "RPS, levels, lower is better"
+    assert (
+        display.ax_.get_ylabel() == "RPS without the sensor\nless RPS with all, levels"
+    )
     (above,) = display.ax_.child_axes
     groups = [label.get_text() for label in above.get_xticklabels()]
-    assert groups == ["threshold 1", "threshold 2"]
-    np.testing.assert_allclose([bar.get_height() for bar in display.bars_][3:], 0.5)
+    assert groups == ["threshold 1\nRPS 1.02", "threshold 2\nRPS 0.50"]
+    np.testing.assert_allclose(display.points_[0].get_ydata()[2:], 0, atol=1e-12)
 
 
 def test_contributions_display_on_given_axes(holdout_scores):

@@ -17,20 +17,20 @@ if TYPE_CHECKING:
 
 # Name and unit of each score of `sensor_contributions`.
 _SCORE_LABELS = {
-    "macro_mae": "MAE$^M$, levels",
-    "emd": "EMD, levels",
-    "rps": "RPS, levels",
-    "log_score": "log score, nats",
+    "macro_mae": ("MAE$^M$", "levels"),
+    "emd": ("EMD", "levels"),
+    "rps": ("RPS", "levels"),
+    "log_score": ("log score", "nats"),
 }
 
 
 class SensorContributionsDisplay(Display):
-    """Scores of a model and of the same without each sensor, as bars.
+    """How much a model's score changes without each sensor.
 
-    Use :meth:`from_scores` to create a display. Bars are means over random starts, with
-    error bars of one standard deviation; the dotted line is the full model. An asterisk
-    marks p < .05 over starts, a dagger p < .05 over objects; only the dagger holds for
-    objects that were not yet touched.
+    Use :meth:`from_scores` to create a display. Points are mean differences to the full
+    model over random starts, with error bars of one standard deviation; above zero, the
+    sensor helps. An asterisk marks p < .05 over starts, a dagger p < .05 over objects;
+    only the dagger holds for objects that were not yet touched.
 
     Parameters
     ----------
@@ -39,17 +39,15 @@ class SensorContributionsDisplay(Display):
     metric : str, default="macro_mae"
         Name of the score.
     by : sequence of str, default=()
-        Columns of ``summary`` that have one group of bars per value.
+        Columns of ``summary`` that have one group of points per value.
 
     Attributes
     ----------
     ax_ : matplotlib Axes
-        Axes with the bars.
+        Axes with the points.
     figure_ : matplotlib Figure
-    bars_ : matplotlib BarContainer
-        The bars, group by group, the full model first.
-    full_lines_ : matplotlib LineCollection
-        The score of the full model, one line per group.
+    points_ : matplotlib ErrorbarContainer
+        The points and their error bars, group by group.
     marks_ : list of matplotlib Annotation
         The asterisks and daggers of each row of ``summary``.
 
@@ -75,7 +73,7 @@ class SensorContributionsDisplay(Display):
     ... )
     >>> display = SensorContributionsDisplay.from_scores(scores, metric="emd")
     >>> [label.get_text() for label in display.ax_.get_xticklabels()]
-    ['all', '−pac']
+    ['pac']
     """
 
     def __init__(
@@ -108,7 +106,7 @@ class SensorContributionsDisplay(Display):
         metric : str, default="macro_mae"
             Name of the score.
         by : str or list of str, default=None
-            Columns that have one group of bars per value, such as ``"procedure"``.
+            Columns that have one group of points per value, such as ``"procedure"``.
             ``"threshold"`` gives the terms of the ranked probability score, in place of
             ``metric``.
         ax : matplotlib Axes, default=None
@@ -132,53 +130,47 @@ class SensorContributionsDisplay(Display):
     def _draw(self, ax):
         summary, sensors = self.summary, self.summary["held_out"].unique()
         groups = summary[:: len(sensors)]  # one of its rows stands for each group
-
-        def side_by_side(full, holdout):
-            of_holdouts = summary[holdout].to_numpy().reshape(len(groups), -1)
-            return np.column_stack((groups[full], of_holdouts))
-
-        height = side_by_side("full", "holdout")
-        sd = side_by_side("full_sd", "holdout_sd")
-        n_models = height.shape[1]
-        x = np.add.outer((n_models + 1) * np.arange(len(groups)), np.arange(n_models))
-        self.bars_ = ax.bar(
+        x = np.add.outer(
+            (len(sensors) + 1) * np.arange(len(groups)), np.arange(len(sensors))
+        )
+        difference, sd = summary[["difference", "difference_sd"]].to_numpy().T
+        ax.axhline(0, color="black", linewidth=0.8)
+        self.points_ = ax.errorbar(
             x.ravel(),
-            height.ravel(),
-            yerr=sd.ravel(),
-            color=(["0.75"] + [BLUE] * len(sensors)) * len(groups),
-            error_kw={"elinewidth": 1, "capsize": 2.5},
+            difference,
+            sd,
+            fmt="o",
+            color=BLUE,
+            markersize=4,
+            elinewidth=1,
+            capsize=2.5,
         )
-        self.full_lines_ = ax.hlines(
-            height[:, 0],
-            x[:, 0] - 0.5,
-            x[:, -1] + 0.5,
-            color="black",
-            linewidth=0.8,
-            linestyle=":",
-        )
-        top = (height + sd)[:, 1:].ravel()
         self.marks_ = [
             ax.annotate(
                 mark, xy, (0, 2), textcoords="offset points", ha="center", va="bottom"
             )
-            for mark, xy in zip(_marks(summary), zip(x[:, 1:].ravel(), top))
+            for mark, xy in zip(_marks(summary), zip(x.ravel(), difference + sd))
         ]
-        ax.margins(x=0.02, y=0.1)
+        ax.margins(x=0.02, y=0.15)
         over = {"p_starts": "∗ p < .05 over starts", "p_objects": "† over objects"}
         known = ", ".join(text for name, text in over.items() if name in summary)
+        score, *unit = _SCORE_LABELS.get(self.metric, (self.metric,))
         ax.set(
-            xlabel=f"sensor held out   ({known})",
-            ylabel=f"{_SCORE_LABELS.get(self.metric, self.metric)}, lower is better",
+            xlabel=f"sensor left out   ({known})",
+            ylabel=", ".join(
+                [f"{score} without the sensor\nless {score} with all", *unit]
+            ),
         )
         ax.set_xticks(
-            x.ravel(),
-            labels=["all", *(f"−{sensor}" for sensor in sensors)] * len(groups),
-            rotation=90 if x.size > 8 else 0,
+            x.ravel(), [*sensors] * len(groups), rotation=90 if x.size > 8 else 0
         )
+        full = [f"{score} {value:.2f}" for value in groups["full"]]
         if len(self.by):
-            names = ax.secondary_xaxis("top")
-            names.set_xticks(x.mean(axis=1), labels=_group_names(groups[[*self.by]]))
-            names.tick_params(length=0)
+            names = _group_names(groups[[*self.by]])
+            full = [f"{name}\n{value}" for name, value in zip(names, full)]
+        above = ax.secondary_xaxis("top")
+        above.set_xticks(x.mean(axis=1), full)
+        above.tick_params(length=0)
 
 
 def _marks(summary):
