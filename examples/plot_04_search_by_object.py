@@ -123,8 +123,8 @@ best, chosen = mean.argmin(), search.best_index_
 for name, index in {"best": best, "chosen": chosen}.items():
     print(
         f"{name}: RPS {mean[index]:.3f} ± {se[index]:.3f}, predicts a touch in "
-        f"{-1000 * results['mean_test_neg_seconds'][index]:.2f} ms: "
-        f"{results['params'][index]}"
+        f"{-1000 * results['mean_test_neg_seconds'][index]:.2f} ms:\n"
+        f"  {results['params'][index]}"
     )
 
 # %%
