@@ -171,7 +171,7 @@ def models(n_features):
             True,
         ),
         "mord LogisticAT": (
-            searched(threshold, estimator__alpha=[10.0, 100.0, 1000.0]),
+            searched(threshold, estimator__alpha=[10.0, 100.0, 1e3, 1e4]),
             True,
         ),
         "quantile forest": (QuantileForest(), False),

@@ -221,7 +221,10 @@ def _check_trial(trial, i, ndims):
             for n in ndims
         )
         images = trial.ndim == 3  # of a sensor whose channels are expected
-        mend = "; make one channel of each pixel by reshape(len(trial), -1)" * images
+        mend = (
+            "; make one channel of each pixel by reshape(len(trial), -1), or describe "
+            "the sensor of a whole model as TaxelGrid()"
+        ) * images
         raise ValueError(
             f"Trial {i} of X has shape {trial.shape}; it must be {wanted}{mend}."
         )

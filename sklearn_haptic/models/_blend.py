@@ -350,7 +350,8 @@ class DistributionBlend(
         warnings.warn(
             "The weights are learned on held-out single trials, since fit was given no "
             "groups: trials of an object may be on both sides, which favours members "
-            "that know objects by heart. Call fit(..., groups=objects), with "
+            "that know objects by heart. Call fit(..., groups=objects), in a Pipeline "
+            "fit(..., model__groups=objects) by the name of its step, with "
             "range(n_trials) if each trial is of another object. Searches and "
             f"cross-validation pass them on to {name} after "
             "sklearn.set_config(enable_metadata_routing=True).",
