@@ -171,7 +171,7 @@ def models(n_features):
             True,
         ),
         "mord LogisticAT": (
-            searched(threshold, estimator__alpha=[10.0, 100.0, 1e3, 1e4]),
+            searched(threshold, estimator__alpha=10.0 ** np.arange(1, 6)),
             True,
         ),
         "quantile forest": (QuantileForest(), False),
