@@ -179,11 +179,11 @@ def make_haptic_pipeline(
     preset : {"fast", "accurate"}, default="fast"
         "fast" pools the maxima of codes over learned dictionaries, for a linear
         `DistributionalOrdinalRegressor`. "accurate" takes training windows as atoms,
-        which learns faster, and pools the roots of mean, share and maximum, for a
-        `DistributionBlend` of two linear models of weak and strong penalty, of trees
-        and of the marginal, whose weights and sharpness are learned; it takes two to
-        six times as long to fit.
-        The blend has to know which touches are of one object:
+        which learns faster, and pools the roots of mean, share and maximum. Its model
+        is a `DistributionBlend` of two linear models with a weak and a strong penalty,
+        of trees and of the marginal, whose weights and sharpness are learned. It takes
+        two to six times as long to fit. The blend has to know which touches are of one
+        object:
         ``fit(X, y, model__groups=objects)``.
     memory : str or object with the joblib.Memory interface, default=None
         Where the transformers cache dictionaries and pooled features, so that a search
