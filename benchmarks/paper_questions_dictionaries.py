@@ -15,14 +15,16 @@ from paper_questions_data import (
     stacked,
     together,
 )
+from sklearn.compose import ColumnTransformer
+from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic import make_haptic_pipeline
+from sklearn_haptic import TemporalMaxPool, make_haptic_pipeline
 from sklearn_haptic.metrics import ranked_probability_score
 
 ADJECTIVES = FEW[:2]
 WINDOWED = ["pac", "pdc", "tac", "tdc"]  # electrodes take most of the time
-PRESET = "as many as in the preset"
+PRESET = "as many as in the presets"
 SIZES = {"half as many atoms": 0.5, PRESET: 1.0, "twice as many atoms": 2.0}
 CHOSEN, USEFUL, BY_CLASS = (
     "number of atoms chosen for each adjective",
@@ -32,12 +34,16 @@ CHOSEN, USEFUL, BY_CLASS = (
 
 
 def coders(factor=1.0):
-    """The features of the preset "fast" with some multiple of its atoms."""
-    steps = make_haptic_pipeline(WINDOWED, random_state=0)[0]
-    for name, pipeline, _ in steps.transformers:
-        n_atoms = int(factor * pipeline[0].n_atoms)
-        steps.set_params(**{f"{name}__{pipeline.steps[0][0]}__n_atoms": n_atoms})
-    return steps
+    """Maxima of codes over some multiple of the atoms of the presets, learned here."""
+    parts = []
+    for sensor in WINDOWED:
+        (_, union, _) = make_haptic_pipeline([sensor], random_state=0)[0].transformers[
+            0
+        ]
+        coder = union["codes"][0]
+        coder.set_params(n_atoms=int(factor * coder.n_atoms), max_iter=5)
+        parts.append((sensor, make_pipeline(coder, TemporalMaxPool((4, 2, 1))), sensor))
+    return ColumnTransformer(parts)
 
 
 def compute_sizes(seed):

@@ -11,7 +11,7 @@ The first streams a minute of five sensors in updates of 10 ms and prints millis
 of processor time, beside those of recomputing from all samples so far (half a minute).
 `halves` prints why half of a slow slide costs something: the loss by the first two
 seconds, the next two, and all four, by heads that share more or less with their
-neighbours, and with statistics, beside the loss out of fold on the training objects.
+neighbours, beside the loss out of fold on the training objects.
 The others print the loss at each duration: the RPS of three adjectives on 24 generated
 objects, with models fitted to 48 others, or the share of errors of twenty materials on
 later runs of slides. Below are dispersion and the outer tenths of the PIT histogram of
@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 from sklearn.linear_model import LogisticRegression
 
-from sklearn_haptic import AnytimeRegressor, SignalStatistics, make_haptic_pipeline
+from sklearn_haptic import AnytimeRegressor, make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import (
     dispersion,
@@ -49,8 +49,8 @@ def pipeline(head=None):
     """The preset "fast", with windows short enough for a quarter of a second."""
     model = make_haptic_pipeline(list(RATES), random_state=0)
     for sensor in ("pdc", "tac", "tdc"):
-        model.set_params(**{f"features__{sensor}__ksvdtransformer__window": 20})
-    model.set_params(features__electrodes__sthmptransformer__spatial_cells=(1,))
+        model.set_params(**{f"features__{sensor}__codes__ksvdtransformer__window": 20})
+    model.set_params(features__electrodes__codes__sthmptransformer__spatial_cells=(1,))
     return model if head is None else model.set_params(model=head)
 
 
@@ -178,24 +178,12 @@ def accuracy(what):
             )
 
 
-def with_statistics():
-    """The pipeline above, with statistics of all sensors but the electrodes beside."""
-    model = pipeline()
-    model["features"].transformers += [
-        (f"{s}_statistics", SignalStatistics(n_bands=32 if s == "pac" else 16), s)
-        for s in RATES
-        if s != "electrodes"
-    ]
-    return model
-
-
 def halves():
     corpus, train = generated("slow_slide")
     cases = [
         ("0–2 s", 0, 2, 0, pipeline()),
         ("2–4 s", 2, 4, 0, pipeline()),
         *((f"0–4 s, sharing {x}", 0, 4, x, pipeline()) for x in (0, 0.5, 1)),
-        ("0–4 s, with statistics", 0, 4, 0.5, with_statistics()),
     ]
     for name, start, end, sharing, steps in cases:
         cut = {

@@ -66,8 +66,8 @@ print("Learning features of each sensor from the training objects …", flush=Tr
 pipeline = make_haptic_pipeline(random_state=0)
 transformers = pipeline["features"].transformers
 progress = ProgressLine(len(transformers), max_propagation_depth=2)
-for _, transformer, _ in transformers:
-    transformer.set_callbacks(progress)
+for _, parts, _ in transformers:
+    parts["codes"].set_callbacks(progress)
 features = make_pipeline(pipeline["features"], pipeline["scale"], PCA())
 X_train = features.fit_transform(corpus.trials.iloc[train])
 X_test = features.transform(corpus.trials.iloc[test])

@@ -32,8 +32,8 @@ touches, hard = corpus.trials, corpus.ratings["hard"]
 
 pipeline = make_haptic_pipeline(sensors, random_state=0)
 pipeline.set_params(
-    features__pdc__ksvdtransformer__window=20,
-    features__tac__ksvdtransformer__window=20,
+    features__pdc__codes__ksvdtransformer__window=20,
+    features__tac__codes__ksvdtransformer__window=20,
 )
 model = AnytimeRegressor(
     pipeline,

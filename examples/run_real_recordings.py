@@ -244,16 +244,17 @@ def which_of_twenty(path):
         name: (rng.uniform(size=len(slides)) * (lengths - n)).astype(int)
         for name, n in durations.items()
     }
-    drop = {f"features__{s}__temporalmaxpool__drop_fine_levels": True for s in SENSORS}
-    finer = {f"features__{s}__temporalmaxpool__cells": (8, 4, 2, 1) for s in SENSORS}
+    codes = {s: f"features__{s}__codes" for s in SENSORS}
+    drop = {f"{c}__temporalmaxpool__drop_fine_levels": True for c in codes.values()}
+    finer = {f"{c}__temporalmaxpool__cells": (8, 4, 2, 1) for c in codes.values()}
     for s in SENSORS:
         of_images = s == "electrodes"
         coder = "sthmptransformer" if of_images else "ksvdtransformer"
         unit = "patches" if of_images else "windows"
         finer |= {
-            f"features__{s}__{coder}__n_nonzero_coefs": 4,
-            f"features__{s}__{coder}__max_iter": 50,
-            f"features__{s}__{coder}__max_train_{unit}": 20_000,
+            f"{codes[s]}__{coder}__n_nonzero_coefs": 4,
+            f"{codes[s]}__{coder}__max_iter": 50,
+            f"{codes[s]}__{coder}__max_train_{unit}": 20_000,
         }
     rows = {"fast": {}, "finer": finer, "finer, fine levels dropped": finer | drop}
     print("\n(c) accuracy of twenty materials, mean of three blocks of five runs")

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Literal
 
-import numpy as np
 from sklearn.compose import ColumnTransformer
 from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from ._biotac import PROCEDURES, SENSORS, columns_of
+from ._roots import signed_root
 from ._sensors import BIOTAC, Sensor, Signal, TaxelGrid
 from ._sklearn import Memory, RandomState
 from .features import (
@@ -37,18 +37,8 @@ _COLUMNS = {name: name for name in SENSORS} | {
     column: column.rsplit("_", 1)[-1] for column in columns_of(PROCEDURES, SENSORS)
 }
 
-
-_PRESETS: dict[str, dict[str, Any]] = {
-    "fast": {"max_iter": 5, "statistics": ("max",), "bands": False},
-    # Training windows as atoms, which cost half as much to learn.
-    "accurate": {
-        "max_iter": 0,
-        "statistics": ("mean", "share", "max"),
-        "bands": True,
-    },
-}
-_MAX_TRAIN = 5000
-_CELLS = (4, 2, 1)
+_PRESETS = ["fast", "accurate"]
+_MAX_TRAIN = 5000  # windows or patches, of which the atoms are drawn
 
 
 def _described(sensors):
@@ -73,13 +63,12 @@ def _described(sensors):
 
 
 class _Features:
-    """Transformers of sensors with the settings of a preset."""
+    """Transformers of sensors: roots of pooled codes, and statistics of channels."""
 
-    def __init__(self, settings, memory, random_state):
-        self.statistics, self.bands = settings["statistics"], settings["bands"]
+    def __init__(self, memory, random_state):
         self.options = {
             "n_nonzero_coefs": 2,
-            "max_iter": settings["max_iter"],
+            "max_iter": 0,  # training windows as atoms
             "remove_mean": False,
             "memory": memory,
             "random_state": random_state,
@@ -91,19 +80,18 @@ class _Features:
             return SensorFeatures(images=self.codes(TaxelGrid()))
         if sensor == Signal():
             return SignalStatistics()
+        if sensor == TaxelGrid():
+            return self.codes(sensor)
         statistics, n_atoms = SignalStatistics(), 25
         name = _COLUMNS.get(name)
-        of_biotac = BIOTAC.get(name) is sensor
-        if of_biotac:
+        if BIOTAC.get(name) is sensor:
             n_atoms, n_bands = _N_ATOMS.get(name, 25), _N_BANDS.get(name, 16)
             statistics = SignalStatistics(["bands"], n_bands=n_bands, cells=(2, 1))
         codes = self.codes(sensor, n_atoms)
-        if sensor == TaxelGrid() or (of_biotac and not self.bands):
-            return codes
         return FeatureUnion([("codes", codes), ("statistics", statistics)])
 
     def codes(self, sensor, n_atoms=25):
-        """Return a dictionary, and the maxima of its codes or roots of statistics."""
+        """Return roots of statistics of codes over training windows or patches."""
         if isinstance(sensor, Signal):
             coder = KSVDTransformer(
                 n_atoms,
@@ -119,11 +107,11 @@ class _Features:
                 **self.options,
             )
         pool = TemporalMaxPool(
-            _CELLS, statistics=self.statistics, memory=self.options["memory"]
+            (4, 2, 1),
+            statistics=("mean", "share", "max"),
+            memory=self.options["memory"],
         )
-        if len(self.statistics) == 1:
-            return make_pipeline(coder, pool)
-        root = FunctionTransformer(np.sqrt, feature_names_out="one-to-one")
+        root = FunctionTransformer(signed_root, feature_names_out="one-to-one")
         return make_pipeline(coder, pool, root)
 
 
@@ -157,12 +145,11 @@ def make_haptic_pipeline(
     """Build a model of raw recordings of BioTac fingers or of any other sensors.
 
     Signals and electrodes are coded over a dictionary of their own, and the codes are
-    pooled over time. Beside them stand the statistics of each channel, of which a
-    BioTac has none with "fast" and spectral bands with "accurate". The features of all
-    sensors are standardised and given to a model of distributions of ratings. The
-    result is an ordinary Pipeline, whose parameters can be set and searched, with the
-    steps ``"features"`` (a ColumnTransformer with one transformer per sensor),
-    ``"scale"`` and ``"model"``.
+    pooled over time. Beside them stand statistics of each channel, of a BioTac its
+    spectral bands. The features of all sensors are standardised and given to a model of
+    distributions of ratings, which the preset chooses. The result is an ordinary
+    Pipeline, whose parameters can be set and searched, with the steps ``"features"`` (a
+    ColumnTransformer with one transformer per sensor), ``"scale"`` and ``"model"``.
 
     Parameters
     ----------
@@ -177,14 +164,11 @@ def make_haptic_pipeline(
         list. What has no description (None, or a name alone) is found out from the
         trials when they are fitted, see :class:`SensorFeatures`.
     preset : {"fast", "accurate"}, default="fast"
-        "fast" pools the maxima of codes over learned dictionaries, for a linear
-        `DistributionalOrdinalRegressor`. "accurate" takes training windows as atoms,
-        which learns faster, and pools the roots of mean, share and maximum. Its model
-        is a `DistributionBlend` of two linear models with a weak and a strong penalty,
-        of trees and of the marginal, whose weights and sharpness are learned. It takes
-        two to six times as long to fit. The blend has to know which touches are of one
-        object:
-        ``fit(X, y, model__groups=objects)``.
+        The model of the ratings. "fast" is a linear `DistributionalOrdinalRegressor`.
+        "accurate" is a `DistributionBlend` of two linear models with a weak and a
+        strong penalty, of trees and of the marginal, whose weights and sharpness are
+        learned. It takes three to ten times as long to fit, and has to know which
+        touches are of one object: ``fit(X, y, model__groups=objects)``.
     memory : str or object with the joblib.Memory interface, default=None
         Where the transformers cache dictionaries and pooled features, so that a search
         over the model computes the features once per fold.
@@ -204,9 +188,11 @@ def make_haptic_pipeline(
 
     Notes
     -----
-    The settings were chosen by measurements on generated and on recorded touches. The
-    means of windows and patches are kept, because the level of pressure and temperature
-    carries information and the level of other signals did no harm.
+    The settings were chosen by measurements on generated and on recorded touches.
+    Training windows and patches are the atoms, because those that K-SVD learns from
+    them predict no better. Their means are kept, because the level of pressure and
+    temperature carries information and the level of other signals did no harm. The
+    features are square roots of mean, share and maximum of each code.
 
     Examples
     --------
@@ -247,8 +233,8 @@ def make_haptic_pipeline(
     """
     described = _described(sensors)
     if preset not in _PRESETS:
-        raise ValueError(f"preset={preset!r} must be one of {list(_PRESETS)}.")
-    build = _Features(_PRESETS[preset], memory, random_state)
+        raise ValueError(f"preset={preset!r} must be one of {_PRESETS}.")
+    build = _Features(memory, random_state)
     features = (
         ColumnTransformer([(s, build.of(d, s), s) for s, d in described.items()])
         if isinstance(described, dict)

@@ -172,8 +172,8 @@ def test_caches_of_fitted_parts_are_off_in_the_copy_alone(tmp_path):
     model.set_params(memory=str(tmp_path)).fit(corpus.trials, corpus.ratings["hard"])
 
     def caches(model):
-        columns = model[0].transformers_[0][1]
-        return [model.memory, *(step.memory for step in columns)]
+        coder, pool, _ = model[0].transformers_[0][1]["codes"]
+        return [model.memory, coder.memory, pool.memory]
 
     def entries():
         return sorted(tmp_path.rglob("*"))

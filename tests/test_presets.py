@@ -21,9 +21,11 @@ pytestmark = pytest.mark.slow
 SENSORS = ["pac", "pdc", "tac", "tdc", "electrodes"]
 
 
-def part(model, sensor, step=0):
-    (branch,) = [t for name, t, _ in model["features"].transformers if name == sensor]
-    return branch[step]
+def part(model, sensor, name):
+    (union,) = [
+        t for column, t, _ in model["features"].transformers if column == sensor
+    ]
+    return union[name]
 
 
 @pytest.fixture(scope="module")
@@ -67,24 +69,9 @@ def test_predicts_objects_never_touched(corpus, preset):
     assert [s for s in SENSORS if names[0].startswith(s)] == ["pac"]
 
 
-def test_fast_has_maxima_of_codes_over_improved_atoms(corpus):
-    model = make_haptic_pipeline(["pdc"], preset="fast", random_state=0).fit(
+def test_features_are_roots_of_statistics_of_codes_and_bands(corpus):
+    model = make_haptic_pipeline(["pdc"], random_state=0).fit(
         corpus.trials, corpus.ratings["hard"]
-    )
-    coder = model["features"].named_transformers_["pdc"][0]
-    assert coder.n_iter_ == 5
-    codes = coder.transform(corpus.trials["pdc"])
-    names = model["features"].get_feature_names_out()
-    columns = [name.startswith("pdc__t1of1_") for name in names]
-    np.testing.assert_array_equal(
-        model["features"].transform(corpus.trials)[:, columns],
-        [code.max(axis=0) for code in codes],
-    )
-
-
-def test_accurate_has_roots_of_statistics_of_codes_and_bands(corpus):
-    model = make_haptic_pipeline(["pdc"], preset="accurate", random_state=0).fit(
-        corpus.trials, corpus.ratings["hard"], model__groups=corpus.objects
     )
     coder = clone(part(model, "pdc", "codes")[0])
     assert isinstance(coder, KSVDTransformer) and coder.max_iter == 0
@@ -93,15 +80,38 @@ def test_accurate_has_roots_of_statistics_of_codes_and_bands(corpus):
     n_channels = corpus.trials["pdc"].iloc[0].shape[1]
     n_bands = 3 * 16 * n_channels  # a whole trial and its halves
     assert features.shape[1] == 3 * 7 * codes[0].shape[1] + n_bands
-    whole = np.sqrt([code.mean(axis=0) for code in codes])
     names = model["features"].get_feature_names_out()
-    columns = [name.startswith("pdc__codes__t1of1_mean_") for name in names]
-    np.testing.assert_allclose(features[:, columns], whole, rtol=1e-6)
+    whole = {
+        "mean_": [code.mean(axis=0) for code in codes],
+        "share_": [(code != 0).mean(axis=0) for code in codes],
+        "": [code.max(axis=0) for code in codes],
+    }
+    for statistic, expected in whole.items():
+        start = f"pdc__codes__t1of1_{statistic}ch"
+        columns = [name.startswith(start) for name in names]
+        np.testing.assert_allclose(
+            features[:, columns], np.sqrt(expected), rtol=1e-6, atol=1e-12
+        )
     assert sum(name.startswith("pdc__statistics__") for name in names) == n_bands
 
 
-def test_accurate_has_more_bands_of_vibration():
-    model = make_haptic_pipeline(["hold_pac", "hold_pdc"], preset="accurate")
+def test_presets_have_the_same_features():
+    fast, accurate = (
+        make_haptic_pipeline(preset=name, random_state=0)[:-1]
+        for name in ("fast", "accurate")
+    )
+    assert repr(fast) == repr(accurate)
+
+
+def test_codes_of_either_sign_have_roots_with_their_sign(corpus):
+    model = make_haptic_pipeline("tac", random_state=0)
+    model.set_params(features__tac__codes__ksvdtransformer__sign="none")
+    X = model["features"].fit_transform(corpus.trials)
+    assert np.isfinite(X).all() and X.min() < 0 < X.max()
+
+
+def test_vibration_has_more_bands():
+    model = make_haptic_pipeline(["hold_pac", "hold_pdc"])
     n_bands = [part(model, s, "statistics").n_bands for s in ("hold_pac", "hold_pdc")]
     assert n_bands == [32, 16]
 
@@ -128,8 +138,8 @@ def test_the_blend_learns_on_whole_objects(corpus):
 def test_memory_is_for_dictionaries_and_pooled_rows(tmp_path):
     model = make_haptic_pipeline(memory=str(tmp_path))
     for sensor in SENSORS:
-        assert part(model, sensor).memory == part(model, sensor, 1).memory
-        assert part(model, sensor).memory == str(tmp_path)
+        coder, pool, _ = part(model, sensor, "codes")
+        assert coder.memory == pool.memory == str(tmp_path)
 
 
 def test_real_slides_of_one_finger(biotac_slides):

@@ -325,7 +325,7 @@ def two_sensors(seed):
 @pytest.fixture(scope="module")
 def repairing():
     """A model of two sensors that repairs both."""
-    sensors = {"skin": Signal(100), "force": Signal(100)}
+    sensors = {"skin": Signal(), "force": Signal()}
     repair = RepairTrials(limits={"skin": (-9, 9)}, rest={"skin": 5})
     model = make_pipeline(repair, make_haptic_pipeline(sensors, random_state=0))
     return model.fit(*two_sensors(0))

@@ -63,8 +63,8 @@ def test_described_features_are_those_of_the_transformers():
     trials, y = touches()
     sensors = {"skin": TaxelGrid((4, 4)), "acc": Signal(rate=1000, window=0.02)}
     model = make_haptic_pipeline(sensors, random_state=0).fit(trials, y)
-    common = {"n_nonzero_coefs": 2, "max_iter": 5, "remove_mean": False}
-    pool = TemporalMaxPool((4, 2, 1))
+    common = {"n_nonzero_coefs": 2, "max_iter": 0, "remove_mean": False}
+    pool = TemporalMaxPool((4, 2, 1), statistics=("mean", "share", "max"))
     skin = STHMPTransformer(
         layout=np.eye(16).reshape(4, 4, 16),
         patch_size=(2, 2),
@@ -75,12 +75,13 @@ def test_described_features_are_those_of_the_transformers():
     acc = KSVDTransformer(window=20, max_train_windows=5000, random_state=0, **common)
     blocks = []
     for name, coder in {"skin": skin, "acc": acc}.items():
-        blocks.append(clone(pool).fit_transform(coder.fit_transform(trials[name])))
+        codes = clone(pool).fit_transform(coder.fit_transform(trials[name]))
+        blocks.append(np.sqrt(codes))
         blocks.append(SignalStatistics().fit_transform(trials[name]))
     np.testing.assert_array_equal(model[0].transform(trials), np.hstack(blocks))
     names = model[:-1].get_feature_names_out()
     assert len(set(names)) == len(names) == model[-1].n_features_in_
-    assert names[0] == "skin__codes__t1of4_s1of9_atom0+"
+    assert names[0] == "skin__codes__t1of4_mean_s1of9_atom0+"
     assert names[-1] == "acc__statistics__t1of1_ch2_band16of16"
     loaded = pickle.loads(pickle.dumps(model))
     np.testing.assert_array_equal(
@@ -90,8 +91,9 @@ def test_described_features_are_those_of_the_transformers():
 
 def test_names_of_a_biotac_are_not_described_twice():
     named = make_haptic_pipeline(["pac", "acc"])[0].transformers
-    assert isinstance(named[0][1][0], KSVDTransformer)
-    assert named[0][1][0].window == 22 and named[0][1][0].n_atoms == 40
+    coder = named[0][1]["codes"][0]
+    assert isinstance(coder, KSVDTransformer)
+    assert coder.window == 22 and coder.n_atoms == 40
     assert isinstance(named[1][1], SensorFeatures)
 
 

@@ -248,7 +248,8 @@ def test_what_is_kept_and_what_an_update_costs_do_not_grow(of_codes):
         seconds.append(time.process_time() - start)
     assert touch.seconds == 2500
     assert np.median(seconds[-500:]) < 3 * np.median(seconds[100:600]) + 1e-4
-    kept = [pool._rest.nbytes + pool._maxima.nbytes for pool in touch._pools.values()]
+    pools = touch._pools.values()
+    kept = [each.nbytes for p in pools for each in (p._rest, *p._kept.values())]
     assert sum(kept) < 100_000
 
 

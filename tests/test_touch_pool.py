@@ -499,5 +499,7 @@ def test_recordings_of_which_some_are_missing():
     alone = pool.estimators_["fast_slide"].predict_proba(trials[both[2:]][:5])
     weight = pool.weights([["fast_slide"]])
     pooled = weight["fast_slide"] * alone + weight["marginal"] * pool.shares_
+    blur = pool.blur([["fast_slide"]])
+    pooled = np.array([blurred_by_hand(each, blur) for each in pooled])
     below = np.sort(np.clip(np.cumsum(pooled, axis=1), 0, 1), axis=1)
     np.testing.assert_allclose(np.cumsum(proba[:5], axis=1), below, atol=1e-12)

@@ -161,7 +161,16 @@ def test_example_of_the_guide(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "of_sklearn"),
     [
-        ("pipeline", {"Pipeline", "ColumnTransformer", "StandardScaler"}),
+        (
+            "pipeline",
+            {
+                "Pipeline",
+                "ColumnTransformer",
+                "FeatureUnion",
+                "FunctionTransformer",
+                "StandardScaler",
+            },
+        ),
         ("regressor of a classifier", {"LogisticRegression"}),
     ],
 )

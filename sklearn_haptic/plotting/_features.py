@@ -11,6 +11,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from .._cells import cell_bounds
+from .._roots import signed_root
 from .._sklearn import FloatArray, Names, Trials
 from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
 from ._display import Display
@@ -352,7 +353,7 @@ class FeatureMapDisplay(Display):
         self.axes_ = panels.ravel()
         signed, largest = bool((self.codes < 0).any()), np.abs(self.codes).max() or 1
         scale = FuncNorm(
-            (_signed_root, _signed_square), vmin=-largest * signed, vmax=largest
+            (signed_root, _signed_square), vmin=-largest * signed, vmax=largest
         )
         self.images_ = [
             panel.pcolormesh(
@@ -393,10 +394,6 @@ def _cell_edges(edges, n_cells, split):
     if n_cells >= len(edges):  # more cells than samples, all of one length
         return np.linspace(edges[0], edges[-1], n_cells + 1)
     return edges[[*cell_bounds(len(edges) - 1, n_cells, split)[0], -1]]
-
-
-def _signed_root(values):
-    return np.sign(values) * np.sqrt(np.abs(values))
 
 
 def _signed_square(values):

@@ -1,9 +1,9 @@
 """The samples of a sensor as they arrive: mended, coded, and kept while needed.
 
 The cells of a prefix depend on its length, but the durations are known in advance, and
-so are the edges of all of their cells. Between two neighbouring edges only the maximum
-of every column has to be kept. Memory is bounded by the durations, and an update costs
-the same at any time.
+so are the edges of all of their cells. Between two neighbouring edges only the maxima,
+sums or numbers of non-zero values of every column have to be kept. Memory is bounded by
+the durations, and an update costs the same at any time.
 """
 
 import numpy as np
@@ -95,7 +95,7 @@ class KeptSamples:
 
 
 class PooledCodes:
-    """Code windows and keep the maxima between the edges of cells.
+    """Code windows and keep what is pooled of them between the edges of cells.
 
     Parameters
     ----------
@@ -130,8 +130,11 @@ class PooledCodes:
             None if pair is None else np.searchsorted(self._edges, pair).T
             for pair in bounds
         ]
-        n_columns = pool.n_features_in_
-        self._maxima = np.full((len(self._edges), n_columns), -np.inf)
+        shape = len(self._edges), pool.n_features_in_
+        self._kept = {
+            name: np.full(shape, -np.inf if name == "max" else 0.0)
+            for name in pool.statistics_
+        }
 
     @staticmethod
     def _cells(pool, n_rows):
@@ -165,11 +168,21 @@ class PooledCodes:
         self._n_rows += len(codes)
         segment = np.searchsorted(self._edges, rows, side="right") - 1
         first = np.flatnonzero(np.diff(segment, prepend=-1))
-        best = np.maximum.reduceat(codes, first, axis=0)
         here = segment[first]
-        self._maxima[here] = np.maximum(self._maxima[here], best)
+        for name, kept in self._kept.items():
+            join = np.maximum if name == "max" else np.add
+            values = codes != 0 if name == "share" else codes
+            new = join.reduceat(values, first, axis=0, dtype=kept.dtype)
+            kept[here] = join(kept[here], new)
 
     def pooled(self, k):
         """Return the features of the k-th duration, of shape (1, n_features)."""
-        cells = [self._maxima[start:end].max(axis=0) for start, end in self._spans[k]]
+        cells = []
+        for name, kept in self._kept.items():
+            for start, end in self._spans[k]:
+                if name == "max":
+                    cells.append(kept[start:end].max(axis=0))
+                else:
+                    n_rows = self._edges[end] - self._edges[start]
+                    cells.append(kept[start:end].sum(axis=0) / n_rows)
         return np.concatenate(cells)[np.newaxis]

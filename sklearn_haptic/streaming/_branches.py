@@ -48,14 +48,13 @@ class Branch(NamedTuple):
         return as_rows(self.transformer.transform(prefixes))
 
     def incremental(self):
-        """Return the coder, the maxima and later steps; None for other steps."""
+        """Return the coder, the pool and later steps; None for other steps."""
         steps = _flat(self.transformer)
         if (
             len(self.sensors) == 1
             and len(steps) >= 2
             and isinstance(steps[0], (KSVDTransformer, STHMPTransformer))
             and isinstance(steps[1], TemporalMaxPool)
-            and steps[1].statistics_ == ("max",)
         ):
             return steps[0], steps[1], steps[2:]
         return None

@@ -73,7 +73,8 @@ def default_coder(sensor, update, trials):
     """
     options = {"update": update, "remove_mean": False}
     if sensor in SENSORS:
-        coder = make_haptic_pipeline([sensor])["features"].transformers[0][1][0]
+        _, parts, _ = make_haptic_pipeline([sensor])["features"].transformers[0]
+        coder = parts["codes"][0]
         if isinstance(coder, STHMPTransformer):
             return STHMPTransformer(**options)
         return KSVDTransformer(coder.n_atoms, window=coder.window, **options)
