@@ -6,6 +6,7 @@ from paper_questions_data import (
     FEW,
     SCORES,
     SEEDS,
+    coders,
     corpus_of,
     each_adjective,
     linear,
@@ -15,11 +16,8 @@ from paper_questions_data import (
     stacked,
     together,
 )
-from sklearn.compose import ColumnTransformer
-from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic import TemporalMaxPool, make_haptic_pipeline
 from sklearn_haptic.metrics import ranked_probability_score
 
 ADJECTIVES = FEW[:2]
@@ -33,19 +31,6 @@ CHOSEN, USEFUL, BY_CLASS = (
 )
 
 
-def coders(factor=1.0):
-    """Maxima of codes over some multiple of the atoms of the presets, learned here."""
-    parts = []
-    for sensor in WINDOWED:
-        (_, union, _) = make_haptic_pipeline([sensor], random_state=0)[0].transformers[
-            0
-        ]
-        coder = union["codes"][0]
-        coder.set_params(n_atoms=int(factor * coder.n_atoms), max_iter=5)
-        parts.append((sensor, make_pipeline(coder, TemporalMaxPool((4, 2, 1))), sensor))
-    return ColumnTransformer(parts)
-
-
 def compute_sizes(seed):
     """For each fold, features of training and test trials for each number of atoms.
 
@@ -56,7 +41,7 @@ def compute_sizes(seed):
     for train, test in split(2, corpus.objects, seed):
         of_sizes = {}
         for name, factor in SIZES.items():
-            steps = coders(factor).fit(trials.iloc[train])
+            steps = coders(WINDOWED, factor).fit(trials.iloc[train])
             of_sizes[name] = [steps.transform(trials.iloc[r]) for r in (train, test)]
         features.append(of_sizes)
     return features, atom_of_columns(steps)
@@ -73,9 +58,10 @@ def compute_by_class(seed, adjective):
     for train, test in split(2, corpus.objects, seed):
         low = mean[train] < np.median(mean[train])
         halves = [
-            coders(0.5).fit(corpus.trials.iloc[train[rows]]) for rows in (low, ~low)
+            coders(WINDOWED, 0.5).fit(corpus.trials.iloc[train[rows]])
+            for rows in (low, ~low)
         ]
-        steps = coders()
+        steps = coders(WINDOWED)
         for name, pipeline, _ in steps.transformers:
             fitted = [half.named_transformers_[name][0] for half in halves]
             atoms = np.vstack([each.components_ for each in fitted])

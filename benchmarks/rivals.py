@@ -8,12 +8,12 @@ Catch22 need aeon; rows whose packages are missing are left out. The figure is d
 from the CSV file, to which further runs add.
 
 Rows are other features with the linear model of "fast", then other models of the
-features of "fast". Whole objects are left out. What has a penalty chooses it inside the
-training trials, as in `frontier_heads.py`. Features that learn from no ratings but draw
-kernels are fitted once, to the first training trials. Scores are means over objects,
-lower is better; differences are paired with "fast" and with "accurate", ± is the
-standard error over objects. On the slides, "score" is the share of materials taken for
-another, three blocks of five runs left out in turn, with a ridge classifier.
+features of the presets. Whole objects are left out. What has a penalty chooses it
+inside the training trials, as in `frontier_heads.py`. Features that learn from no
+ratings but draw kernels are fitted once, to the first training trials. Scores are means
+over objects, lower is better; differences are paired with "fast" and with "accurate",
+± is the standard error over objects. On the slides, "score" is the share of materials
+taken for another, three blocks of five runs left out in turn, with a ridge classifier.
 
 Costs are processor time of this run, of all folds: learning features and model for one
 adjective, and of features and prediction per touch. MB is the size of the pickled
@@ -29,7 +29,15 @@ from pathlib import Path
 import frontier_heads as heads
 import numpy as np
 import pandas as pd
-from rivals_features import families, known, of_folds, rotated, roughness, slides
+from rivals_features import (
+    PRESETS,
+    families,
+    known,
+    of_folds,
+    rotated,
+    roughness,
+    slides,
+)
 from rivals_figure import draw
 from sklearn import config_context
 from sklearn.base import clone
@@ -50,10 +58,10 @@ def rows(n_features):
     found = heads.models(n_features)
     accurate = make_haptic_pipeline(preset="accurate", random_state=0)[-1]
     linear = make_haptic_pipeline(random_state=0)[-1]
-    table = {"fast": ("fast", linear, True), "accurate": ("accurate", accurate, False)}
-    table |= {name: (name, linear, True) for name in list(families())[2:]}
+    table = {"fast": (PRESETS, linear, True), "accurate": (PRESETS, accurate, False)}
+    table |= {name: (name, linear, True) for name in families() if name != PRESETS}
     names = [n for n in found if not n.startswith(("default", "blend"))]
-    return table | {n: ("fast", *found[n]) for n in names}
+    return table | {n: (PRESETS, *found[n]) for n in names}
 
 
 # Sets -----------------------------------------------------------------------
@@ -86,6 +94,8 @@ TOUCHED = {"bolt": grips, "bolt, all": all_grips} | {
     for name, procedure in (("slow", "slow_slide"), ("hold", "hold"))
     for seed in (0, 1)
 }
+BASES = "fast", "accurate"
+SLID = *BASES, "marginal"  # models of the features of the presets, on slides
 SETS = [*TOUCHED, "phac2", "films", "slides"]
 
 
@@ -99,8 +109,7 @@ class Tables:
             self.trials, self.targets, self.groups, self.folds = TOUCHED[name](folder)
         else:
             self.targets, self.groups, given = heads.SETS[name](folder)
-            given = list(given), (0.0, 0.0, 0)
-            self.found = {"fast": given, "accurate": given}
+            self.found = {PRESETS: (list(given), (0.0, 0.0, 0))}
         self.groups = np.asarray(self.groups)
 
     def has(self, family):
@@ -153,13 +162,10 @@ def evaluate(tables, family, model, components, adjectives):
     return np.mean(rps, axis=0), np.mean(log), np.mean(spread), *costs
 
 
-PRESETS = "fast", "accurate"
-
-
 def compared(each, bases):
     """Mean over objects, and paired differences to the presets, NaN if missing."""
     found = [each.mean()]
-    for preset in PRESETS:
+    for preset in BASES:
         gain = each - bases.get(preset, np.nan)
         found += [gain.mean(), gain.std(ddof=1) / np.sqrt(len(gain))]
     return found
@@ -171,14 +177,14 @@ def described(differences):
 
 
 def wanted(label, only):
-    return not only or label in only or label in PRESETS
+    return not only or label in only or label in BASES
 
 
 def table(name, folder, adjectives, only):
     """Print the table of a set; return its rows."""
     tables, bases, result = Tables(name, folder), {}, []
     adjectives = [a for a in adjectives or [] if a in tables.targets]
-    n_features = tables.of("fast")[0][0][2].shape[1]
+    n_features = tables.of(PRESETS)[0][0][2].shape[1]
     print(f"\n{name}: {len(tables.groups)} touches, {len(set(tables.groups))} objects")
     print("\n| row | RPS | to fast | to accurate | log | dispersion | s | ms | MB |")
     print("|---|---|---|---|---|---|---|---|---|")
@@ -192,7 +198,7 @@ def table(name, folder, adjectives, only):
         except ImportError as error:
             print(f"{label} left out: {error}")
             continue
-        bases |= {label: rps} if label in PRESETS else {}
+        bases |= {label: rps} if label in BASES else {}
         score, *differences = compared(rps, bases)
         log, spread, learning, ms, size = others
         print(
@@ -214,20 +220,22 @@ def of_slides(folder, only):
         f"\n| row | accuracy | errors {to_presets} | roughness {to_presets} | s | ms |"
     )
     print("|---|---|---|---|---|---|---|---|")
-    head = {name: model for name, (_, model, _) in rows(1).items()}
     chosen = heads.models(1)["linear, alpha chosen"][0]
-    for label in [*families(), "marginal"]:
-        if not wanted(label, only):
+    found = {}
+    for label, (family, model, _) in rows(1).items():
+        of_presets = family == PRESETS
+        if not wanted(label, only) or (of_presets and label not in SLID):
             continue
-        family = label if label in families() else "fast"
-        model = head[label] if label in ("fast", "accurate", "marginal") else chosen
+        model = model if of_presets else chosen
         try:
-            accuracy, errors, costs = known(family, trials, material, run)
+            if family not in found:
+                found[family] = known(family, trials, material, run)
+            accuracy, errors, costs = found[family]
             rough = roughness(family, model, label != "accurate", trials, material)
         except ImportError as error:
             print(f"{label} left out: {error}")
             continue
-        if label in PRESETS:
+        if label in BASES:
             bases[label], rough_bases[label] = errors, rough
         score, *differences = compared(errors, bases)
         rough, *others = compared(rough, rough_bases)

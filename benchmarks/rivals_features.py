@@ -28,6 +28,7 @@ COLUMNS = {
 }
 SENSORS = list(COLUMNS)
 ROUGHNESS = [2, 0, 1, 0, 0, 0, 2, 0, 0, 0, 2, 1, 0, 0, 0, 2, 2, 2, 2, 0]
+PRESETS = "presets"  # the features of both
 LEVELS = "mean", "std", "max", "min", "slope", "change"
 
 
@@ -89,10 +90,7 @@ def of_sensors(columns, make):
 def families(columns=SENSORS):
     """Features by name; only some of several procedures side by side."""
     found = {
-        "fast": make_haptic_pipeline(columns, random_state=0)[:-1],
-        "accurate": make_haptic_pipeline(columns, preset="accurate", random_state=0)[
-            :-1
-        ],
+        PRESETS: make_haptic_pipeline(columns, random_state=0)[:-1],
         "statistics": of_sensors(columns, lambda s: statistics(s, *LEVELS)),
         "bands": of_sensors(columns, lambda s: statistics(s, "bands", cells=(4, 2, 1))),
     }

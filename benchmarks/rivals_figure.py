@@ -33,7 +33,7 @@ STYLES = {
 TITLES = {
     "presets:": ["fast", "accurate"],
     "other features, linear model:": list(STYLES)[2:6],
-    'other models, features of "fast":': list(STYLES)[6:],
+    "other models, features of the presets:": list(STYLES)[6:],
 }
 
 

@@ -29,14 +29,16 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from paper_questions_data import coders
 from real_ratings import phac2
 from sklearn.base import clone
 from sklearn.decomposition import PCA
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, make_haptic_pipeline
+from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import (
     earth_movers_distance,
@@ -161,7 +163,7 @@ class Data(NamedTuple):
 
 def synthetic(seed):
     corpus = make_haptic_corpus(60, 10, procedure="slow_slide", random_state=seed)
-    features = make_pipeline(make_haptic_pipeline(random_state=0)[:-1], PCA())
+    features = make_pipeline(coders(), StandardScaler(), PCA())
     title = "Synthetic corpus, 600 slow slides of 60 objects, ten adjectives"
     return Data(title, corpus.trials, corpus.ratings, corpus.objects, features)
 

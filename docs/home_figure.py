@@ -2,8 +2,8 @@
 
     python docs/home_figure.py
 
-Touches and people are generated. The three objects took no part in training. Half a
-minute on one core.
+Touches and people are generated. The three objects took no part in training. Ten
+seconds on one core.
 """
 
 from pathlib import Path

@@ -52,20 +52,21 @@ else:
 print(describe_corpus(corpus).summary)
 
 # %%
-# 2. Features, learned from the training objects without their ratings
-# --------------------------------------------------------------------
-# The first steps of `make_haptic_pipeline` learn one dictionary per sensor, code
-# sliding windows or patches of electrodes sparsely over it, and take the maxima of the
-# codes in temporal cells. Rotating the features to as many axes as there are trials
+# 2. Features, from the training objects without their ratings
+# ------------------------------------------------------------
+# The first steps of `make_haptic_pipeline` draw windows of each signal and patches of
+# the electrodes from the training trials, as atoms. They code all windows and patches
+# sparsely over these atoms, pool the codes in temporal cells, and put spectral bands of
+# each channel beside them. Rotating the features to as many axes as there are trials
 # loses nothing, and makes every later fit faster. A line in the terminal shows the
 # progress over the sensors.
 split = GroupShuffleSplit(test_size=0.2, random_state=0)
 train, test = next(split.split(corpus.trials, groups=corpus.objects))
 
-print("Learning features of each sensor from the training objects …", flush=True)
+print("Computing features, with atoms from the training objects …", flush=True)
 pipeline = make_haptic_pipeline(random_state=0)
 transformers = pipeline["features"].transformers
-progress = ProgressLine(len(transformers), max_propagation_depth=2)
+progress = ProgressLine(len(transformers))
 for _, parts, _ in transformers:
     parts["codes"].set_callbacks(progress)
 features = make_pipeline(pipeline["features"], pipeline["scale"], PCA())

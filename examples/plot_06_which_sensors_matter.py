@@ -55,11 +55,11 @@ print(f"{n_models} models in {time.perf_counter() - started:.0f} s.\n")
 # %%
 # The ranked probability score (RPS) is lower for better predictions, so a positive
 # difference means that the sensor helps. Two tests check the differences. By the
-# paper's test over random starts, most differences are significant, even for sensors
-# without which the model is better, because training ends at nearly the same weights
-# each time. The test over objects asks whether another set of objects would show the
-# same; only vibration (pac) is significant. A sensor that adds nothing may still tell
-# much about hardness, if other sensors tell the same.
+# paper's test over random starts, three differences are significant, even that of
+# temperature (tdc), without which the model is better, because training ends at nearly
+# the same weights each time. The test over objects asks whether another set of objects
+# would show the same; vibration (pac) and the electrodes are significant. A sensor that
+# adds nothing may still tell much about hardness, if other sensors tell the same.
 columns = ["held_out", "full", "holdout", "difference", "p_starts", "p_objects"]
 summary = contribution_summary(scores, metric="rps")
 print(summary[columns].to_string(index=False, float_format="{:.3f}".format), "\n")
@@ -69,7 +69,7 @@ print(summary[columns].to_string(index=False, float_format="{:.3f}".format), "\n
 # -------------------------
 # The RPS is a sum over the thresholds between ratings. Vibration helps at each
 # threshold, between soft objects as well as between hard ones. Of twenty p-values,
-# about one is below 0.05 by chance, so the effect of the electrodes at threshold 1
+# about one is below 0.05 by chance, so the effect of the electrodes at threshold 2
 # should be tested on more objects.
 by_threshold = contribution_summary(scores, by="threshold")
 for column in ["difference", "p_objects"]:
@@ -81,7 +81,7 @@ for column in ["difference", "p_objects"]:
 # 4. On which objects?
 # --------------------
 # Is the model worse without the sensor on one object, or on many? Here it is worse on
-# three in four.
+# almost three in four.
 sensor = "pac"
 by_object = contribution_summary(scores, metric="rps", by="object")
 without = by_object[by_object["held_out"] == sensor].sort_values("difference")[::-1]

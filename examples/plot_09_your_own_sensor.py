@@ -91,7 +91,8 @@ model = make_haptic_pipeline(sensors, random_state=0)
 print(model[0].fit_transform(trials).shape)
 
 # %%
-# The dictionary of the skin has patches of 2 × 2 taxels. You can access and set every
+# Each sensor has codes and statistics. The atoms of the codes are drawn from the
+# touches; those of the skin are patches of 2 × 2 taxels. You can access and set every
 # part of the model, as in any Pipeline.
 codes = model[0].named_transformers_["taxels"]["codes"]
 display = AtomsDisplay.from_estimator(codes[0])

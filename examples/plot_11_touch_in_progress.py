@@ -10,11 +10,12 @@ costs.
 # %%
 # 1. A model of prefixes
 # ----------------------
-# A model of whole touches is worse than guessing on the first seconds of a touch.
+# A model of whole touches has not learned what the beginning of a touch is like, so
+# what it predicts from the first second is worse than it need be.
 # :class:`~sklearn_haptic.AnytimeRegressor` therefore also learns from the beginnings of
-# the training touches, at each of several durations. With windows of 20 samples,
-# pressure and heat flow are used after a quarter of a second. The objects are given as
-# groups, so the calibration and the rule are learned from objects held out.
+# the training touches, at each of several durations. With windows of 20 samples, codes
+# of pressure and heat flow are used after a quarter of a second. The objects are given
+# as groups, so the calibration and the rule are learned from objects held out.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -98,7 +99,7 @@ TouchTimeDisplay.from_predictions(
 # %%
 # On ratings, the rule is about as good as a fixed duration of the same mean: objects
 # hardly differ in how soon they are known, and longer touches do not reduce the
-# disagreement of people. If one of several classes is right, the rule gains more.
+# disagreement of people. If one of several classes is right, the rule can gain more.
 _, stopped_at = model.predict_when_done(touches[held_out])
 for seconds, n in zip(*np.unique(stopped_at, return_counts=True)):
     print(f"{n} touches are done after {seconds:g} s")

@@ -67,8 +67,9 @@ for label, proba in predicted.items():
 
 # %%
 # Objects differ a lot, so each prediction is compared with that of one hold on the same
-# objects. Bars are standard errors over sixteen objects. A touch of another kind gains
-# more than two further touches of the same kind.
+# objects. Bars are standard errors over sixteen objects. A touch of another kind, the
+# squeeze, gains more than two further holds. Of an object that was also squeezed, the
+# hold tells nothing more, and the pool gives it no weight.
 fig, ax = plt.subplots(figsize=(6.4, 2.4), layout="constrained")
 labels = [*predicted][2:]
 for y, label in enumerate(labels):

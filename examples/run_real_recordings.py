@@ -21,7 +21,7 @@ each. This script asks three questions:
     python examples/run_real_recordings.py bolt_pilot_phac2_layout.h5 biotac_slides.npz
 
 The endings of the names tell the files apart; either file may be left out. The script
-takes about ten minutes on one core.
+takes about three minutes on one core.
 """
 
 import sys

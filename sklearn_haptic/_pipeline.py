@@ -126,10 +126,10 @@ def _head(preset, random_state):
     if preset == "fast":
         return _linear(3.0, random_state)
     trees = RegressedDistribution(
-        ExtraTreesRegressor(100, min_samples_leaf=3, max_features="sqrt"),
+        ExtraTreesRegressor(50, min_samples_leaf=3, max_features="sqrt"),
         random_state=random_state,
     )
-    weak, strong = (_linear(alpha, random_state) for alpha in (1.0, 10.0))
+    weak, strong = (_linear(alpha, random_state) for alpha in (1.0, 20.0))
     return DistributionBlend([("weak", weak), ("strong", strong), ("trees", trees)])
 
 
@@ -144,12 +144,13 @@ def make_haptic_pipeline(
 ) -> Pipeline:
     """Build a model of raw recordings of BioTac fingers or of any other sensors.
 
-    Signals and electrodes are coded over a dictionary of their own, and the codes are
-    pooled over time. Beside them stand statistics of each channel, of a BioTac its
-    spectral bands. The features of all sensors are standardised and given to a model of
-    distributions of ratings, which the preset chooses. The result is an ordinary
-    Pipeline, whose parameters can be set and searched, with the steps ``"features"`` (a
-    ColumnTransformer with one transformer per sensor), ``"scale"`` and ``"model"``.
+    Signals and electrodes are coded over a dictionary of their own, whose atoms are
+    training windows or patches, and the codes are pooled over time. Beside them stand
+    statistics of each channel, of a BioTac its spectral bands. The features of all
+    sensors are standardised and given to a model of distributions of ratings, which the
+    preset chooses. The result is an ordinary Pipeline, whose parameters can be set and
+    searched, with the steps ``"features"`` (a ColumnTransformer with one transformer
+    per sensor), ``"scale"`` and ``"model"``.
 
     Parameters
     ----------
@@ -170,8 +171,9 @@ def make_haptic_pipeline(
         learned. It takes three to ten times as long to fit, and has to know which
         touches are of one object: ``fit(X, y, model__groups=objects)``.
     memory : str or object with the joblib.Memory interface, default=None
-        Where the transformers cache dictionaries and pooled features, so that a search
-        over the model computes the features once per fold.
+        Where the pipeline caches the features of training trials, and the transformers
+        their dictionaries and pooled codes. A search over the model then computes all
+        of them once per fold, and only statistics and bands of test trials again.
     random_state : int, RandomState instance or None, default=None
         Seeds the dictionaries, the trees and, if the model is given any, the hidden
         units.
@@ -241,6 +243,5 @@ def make_haptic_pipeline(
         else build.of(described)
     )
     head = _head(preset, random_state)
-    return Pipeline(
-        [("features", features), ("scale", StandardScaler()), ("model", head)]
-    )
+    steps = [("features", features), ("scale", StandardScaler()), ("model", head)]
+    return Pipeline(steps, memory=memory)

@@ -1,4 +1,4 @@
-"""Features of raw recordings: pooled codes over learned dictionaries, statistics."""
+"""Features of raw recordings: pooled codes over dictionaries, statistics."""
 
 from ._pooling import TemporalMaxPool
 from ._repair import RepairTrials

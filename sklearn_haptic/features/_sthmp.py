@@ -217,7 +217,8 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         Fit an atom by one step of alternating least squares, or by the leading
         singular pair of the residual that it has to represent.
     max_iter : int, default=50
-        Most iterations of K-SVD. 0 takes the initial dictionary.
+        Most iterations of K-SVD. 0 takes the initial dictionary, as the pipelines of
+        :func:`make_haptic_pipeline` do.
     tol : float, default=1e-3
         Stop when five iterations lower the training error by less than this fraction.
     max_train_patches : int, default=20_000

@@ -93,7 +93,8 @@ class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         errors were within 3 % of each other, and an iteration of the exact update took
         about 1.5 times as long.
     max_iter : int, default=50
-        Most iterations of K-SVD. 0 takes the initial dictionary.
+        Most iterations of K-SVD. 0 takes the initial dictionary, as the pipelines of
+        :func:`make_haptic_pipeline` do.
     tol : float, default=1e-3
         Stop when five iterations lower the training error by less than this fraction.
         `max_iter` is often reached first, which gives no warning; see `n_iter_`.

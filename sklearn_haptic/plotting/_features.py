@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class AtomsDisplay(Display):
-    """Atoms of a learned dictionary, as waveforms or as images of patches.
+    """Atoms of a dictionary, as waveforms or as images of patches.
 
     Use :meth:`from_estimator` to create a display. All atoms share their limits.
 
@@ -94,7 +94,7 @@ class AtomsDisplay(Display):
                 default=None
             Data to code, of the kind given to `fit`. The atoms are then sorted by the
             share of codes (of windows, or of spatial cells of frames) in which they
-            appear, most used first. By default they stay in the order learned.
+            appear, most used first. By default they stay in the dictionary's order.
         sampling_rate : float, default=None
             Samples per second. By default, and for patches, axes count samples.
         ax : matplotlib Axes, default=None

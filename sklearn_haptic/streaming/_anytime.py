@@ -114,8 +114,8 @@ class AnytimeRegressor(
     Notes
     -----
     Only training touches that are long enough are used for a duration, because only
-    such touches are ever predicted by it. Dictionaries are learned once from all
-    training touches, also for the predictions out of fold; they do not see the ratings.
+    such touches are ever predicted by it. Dictionaries are fitted once to all training
+    touches, also for the predictions out of fold; they do not see the ratings.
 
     Examples
     --------
