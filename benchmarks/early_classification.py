@@ -6,10 +6,10 @@ Which of twenty materials does one BioTac slide over? Models learn from runs 1 t
 are tested on runs 11 to 15, in the first six seconds of every slide. The classifiers of
 aeon, TEASER and a threshold on probability, stop at the same durations as those of
 `AnytimeRegressor`. They classify by MiniRocket features of all 44 channels at 100 Hz,
-and the rules of this package are shown on the same predictions too. Ours are the codes
-of the preset "fast", or statistics of all channels in 32 bands. The rows are means over
-the 100 test slides; the error is that of a share of errors. Needs the extra `aeon`.
-Five minutes on one core.
+and the rules of this package are shown on the same predictions too. Ours are the
+features of the presets, or statistics of all channels in 32 bands. The rows are means
+over the 100 test slides; the error is that of a share of errors. Needs the extra
+`aeon`. Five minutes on one core.
 """
 
 import argparse

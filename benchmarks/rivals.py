@@ -8,12 +8,13 @@ Catch22 need aeon; rows whose packages are missing are left out. The figure is d
 from the CSV file, to which further runs add.
 
 Rows are other features with the linear model of "fast", then other models of the
-features of the presets. Whole objects are left out. What has a penalty chooses it
-inside the training trials, as in `frontier_heads.py`. Features that learn from no
-ratings but draw kernels are fitted once, to the first training trials. Scores are means
-over objects, lower is better; differences are paired with "fast" and with "accurate",
-± is the standard error over objects. On the slides, "score" is the share of materials
-taken for another, three blocks of five runs left out in turn, with a ridge classifier.
+features of the presets. "maxima" are those of codes over learned dictionaries. Whole
+objects are left out. What has a penalty chooses it inside the training trials, as in
+`frontier_heads.py`. Features that learn from no ratings but draw kernels are fitted
+once, to the first training trials. Scores are means over objects, lower is better;
+differences are paired with "fast" and with "accurate", ± is the standard error over
+objects. On the slides, "score" is the share of materials taken for another, three
+blocks of five runs left out in turn, with a ridge classifier.
 
 Costs are processor time of this run, of all folds: learning features and model for one
 adjective, and of features and prediction per touch. MB is the size of the pickled

@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pandas as pd
+from paper_questions_data import coders
 from sklearn.base import BaseEstimator, clone
 from sklearn.compose import ColumnTransformer
 from sklearn.decomposition import PCA
@@ -91,6 +92,7 @@ def families(columns=SENSORS):
     """Features by name; only some of several procedures side by side."""
     found = {
         PRESETS: make_haptic_pipeline(columns, random_state=0)[:-1],
+        "maxima": make_pipeline(coders(columns), StandardScaler()),
         "statistics": of_sensors(columns, lambda s: statistics(s, *LEVELS)),
         "bands": of_sensors(columns, lambda s: statistics(s, "bands", cells=(4, 2, 1))),
     }

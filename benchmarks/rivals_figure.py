@@ -17,6 +17,7 @@ PANELS = {
 STYLES = {
     "fast": ("#D55E00", "D"),
     "accurate": ("#0072B2", "D"),
+    "maxima": ("0.45", "D"),
     "statistics": ("0.45", "o"),
     "bands": ("0.45", "s"),
     "MiniRocket": ("0.45", "^"),
@@ -32,8 +33,8 @@ STYLES = {
 }
 TITLES = {
     "presets:": ["fast", "accurate"],
-    "other features, linear model:": list(STYLES)[2:6],
-    "other models, features of the presets:": list(STYLES)[6:],
+    "other features, linear model:": list(STYLES)[2:7],
+    "other models, features of the presets:": list(STYLES)[7:],
 }
 
 
