@@ -200,7 +200,8 @@ def trial_statistics(trials, statistics, edges, scale, cells=(1,)):
         for begin in range(0, len(alike), at_once):
             chunk = alike[begin : begin + at_once]
             # Each channel of each trial is one row, contiguous in memory.
-            signals = np.stack([trials[i].T for i in chunk]).reshape(-1, n_times)
+            signals = np.stack([trials[i].T for i in chunk])
+            signals = np.ascontiguousarray(signals).reshape(-1, n_times)
             scales = np.tile(scale, len(chunk))
             rows = [
                 signal_statistics(signals[:, a:b], statistics, edges, scales)
