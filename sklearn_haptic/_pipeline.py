@@ -171,9 +171,9 @@ def make_haptic_pipeline(
         learned. It takes three to ten times as long to fit, and has to know which
         touches are of one object: ``fit(X, y, model__groups=objects)``.
     memory : str or object with the joblib.Memory interface, default=None
-        Where the pipeline caches the features of training trials, and the transformers
-        their dictionaries and pooled codes. A search over the model then computes all
-        of them once per fold, and only statistics and bands of test trials again.
+        Where the transformers cache dictionaries and pooled codes, so that a search
+        over the model computes these once per fold. Statistics and bands, which take
+        little longer than to be read, are computed for every candidate.
     random_state : int, RandomState instance or None, default=None
         Seeds the dictionaries, the trees and, if the model is given any, the hidden
         units.
@@ -243,5 +243,6 @@ def make_haptic_pipeline(
         else build.of(described)
     )
     head = _head(preset, random_state)
-    steps = [("features", features), ("scale", StandardScaler()), ("model", head)]
-    return Pipeline(steps, memory=memory)
+    return Pipeline(
+        [("features", features), ("scale", StandardScaler()), ("model", head)]
+    )
