@@ -55,6 +55,16 @@ def test_equals_brute_force(n_features, n_atoms, n_coefs, common, dtype, rtol):
         )
 
 
+def test_rounding_of_single_precision_atoms_is_no_signal():
+    """Multiples of atoms take one atom each, whatever the signals are stored in."""
+    rng = np.random.default_rng(0)
+    atoms = random_dictionary(6, 4, rng).astype(np.float32)
+    wanted = random_dictionary(6, 4, np.random.default_rng(0))
+    for signals in (2 * atoms, 2.0 * atoms.astype(np.float64), 2 * wanted):
+        codes = codes_of(signals, atoms, 2)
+        np.testing.assert_array_equal(codes != 0, np.eye(6, dtype=bool))
+
+
 def brute_force_supports(signals, atoms, n_nonzero_coefs):
     """The supports of `brute_force_omp` for all signals at a time.
 

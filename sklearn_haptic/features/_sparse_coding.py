@@ -93,6 +93,7 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
     work_dtype = np.float64 if coherence > _COHERENT else signals.dtype
     gram = gram.astype(work_dtype)
     directions = directions.astype(work_dtype)
+    level = max(rounding_level(signals.dtype), rounding_level(atoms.dtype))
 
     support = np.zeros((n_slots, len(signals)), dtype=np.intp)
     coefs = np.zeros((n_slots, len(signals)), dtype=work_dtype)
@@ -108,7 +109,7 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
         with np.errstate(over="ignore"):
             if scale is not None:
                 magnitudes = scale[chunk] / units
-            thresholds = magnitudes * rounding_level(signals.dtype)
+            thresholds = magnitudes * level
             thresholds = thresholds.astype(work_dtype, copy=False)
         _pursue(work, gram, pairs, thresholds, support[:, chunk], coefs[:, chunk])
         with np.errstate(over="ignore", invalid="ignore"):
