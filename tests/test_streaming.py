@@ -23,12 +23,13 @@ from short_touches import (
 )
 from sklearn.decomposition import PCA
 from sklearn.linear_model import LogisticRegression
-from sklearn.pipeline import make_pipeline
+from sklearn.pipeline import make_pipeline, make_union
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from sklearn_haptic import (
     NNPOM,
     DistributionalOrdinalRegressor,
+    SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
 )
@@ -109,6 +110,23 @@ def test_every_prefix_sample_by_sample(of_codes):
         felt = {"fast": x["fast"][: i + 1], "slow": x["slow"][: (i + 1) // 4]}
         np.testing.assert_allclose(
             touch.predict_proba(), as_recorded(of_codes, felt), rtol=0, atol=1e-12
+        )
+
+
+def test_single_precision_stays_single():
+    """A level that varies by a millionth tells precisions apart; so do all codes."""
+    rng = np.random.default_rng(1)
+    touches = [1e4 + 0.01 * rng.normal(size=(90, 1)) for _ in OBJECTS]
+    touches = [touch.astype(np.float32) for touch in touches]
+    parts = make_union(coded("slow"), SignalStatistics(("mean", "slope")))
+    model = make_model(make_pipeline(parts, StandardScaler(), HEAD), sampling_rates=40)
+    model.fit(touches, COUNTS, groups=OBJECTS)
+    for recorded in touches[:5]:
+        touch = model.start()
+        for start in range(0, len(recorded), 7):
+            touch.update(recorded[start : start + 7]).update([]).update(recorded[:0])
+        np.testing.assert_array_equal(
+            touch.predict_proba(), model.predict_proba([recorded])[0]
         )
 
 

@@ -81,10 +81,14 @@ class KeptSamples:
     """
 
     def __init__(self, shape, limit):
-        self._samples, self._n = np.empty((limit, *shape)), 0
+        self._samples, self._n = np.zeros((limit, *shape)), 0
 
     def add(self, samples):
-        """Keep samples."""
+        """Keep samples; those of single precision are kept and computed in it."""
+        if len(samples) == 0:
+            return
+        dtype = np.result_type(self._samples, samples) if self._n else samples.dtype
+        self._samples = self._samples.astype(dtype, copy=False)
         end = min(self._n + len(samples), len(self._samples))
         self._samples[self._n : end] = samples[: end - self._n]
         self._n = end
@@ -143,6 +147,8 @@ class PooledCodes:
     def add(self, samples):
         """Take samples; code windows some at a time and when a duration is complete."""
         samples = samples[: max(0, self._needed[-1] - self._n)]
+        if len(samples) == 0:  # whose type must not become that of samples that wait
+            return
         n_complete = np.searchsorted(self._needed, self._n, side="right")
         self._n += len(samples)
         at_end = n_complete < np.searchsorted(self._needed, self._n, side="right")
