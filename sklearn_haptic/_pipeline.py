@@ -168,7 +168,7 @@ def make_haptic_pipeline(
         The model of the ratings. "fast" is a linear `DistributionalOrdinalRegressor`.
         "accurate" is a `DistributionBlend` of two linear models with a weak and a
         strong penalty, of trees and of the marginal, whose weights and sharpness are
-        learned. It takes three to ten times as long to fit, and has to know which
+        learned. It takes two to four times as long to fit, and has to know which
         touches are of one object: ``fit(X, y, model__groups=objects)``.
     memory : str or object with the joblib.Memory interface, default=None
         Where the transformers cache dictionaries and pooled codes, so that a search
