@@ -7,11 +7,12 @@ FOLDER holds biotac_slides, bolt_pilot, phac2_static and movie_ratings. MiniRock
 Catch22 need aeon; rows whose packages are missing are left out. The figure is drawn
 from the CSV file, to which further runs add.
 
-Rows are other features with the linear model of "fast", then other models of the
-features of the presets. "maxima" are those of codes over learned dictionaries. Whole
-objects are left out. What has a penalty chooses it inside the training trials, as in
-`frontier_heads.py`. Features that learn from no ratings but draw kernels are fitted
-once, to the first training trials. Scores are means over objects, lower is better;
+Rows are other features with the linear model of "fast" and its penalty, then other
+models of the features of the presets, which choose their penalty inside the training
+trials, as in `frontier_heads.py`. "maxima" are those of codes over learned
+dictionaries. MiniRocket has all sensors at 100 Hz, or each at its own rate. Features
+that learn from no ratings but draw kernels are fitted once, to the first training
+trials. Whole objects are left out. Scores are means over objects, lower is better;
 differences are paired with "fast" and with "accurate", ± is the standard error over
 objects. On the slides, "score" is the share of materials taken for another, three
 blocks of five runs left out in turn, with a ridge classifier.

@@ -48,9 +48,16 @@ def of_frames(touch):
 
 
 def of_equal_length(trials, n_times):
-    each = [of_frames(touch)[:n_times] for _, touch in trials[SENSORS].iterrows()]
+    each = [trial[:n_times] for trial in arrays(trials)]
     padded = [np.pad(t, ((0, n_times - len(t)), (0, 0)), mode="edge") for t in each]
     return np.stack(padded).swapaxes(1, 2).astype(np.float64)
+
+
+def arrays(trials):
+    """Trials of one sensor at its own rate, or of all sensors at 100 Hz."""
+    if isinstance(trials, pd.DataFrame):
+        return [of_frames(touch) for _, touch in trials[SENSORS].iterrows()]
+    return list(trials)
 
 
 class Kept(BaseEstimator):
@@ -60,20 +67,23 @@ class Kept(BaseEstimator):
         self.make = make
 
     def fit(self, trials, y=None):
-        self.n_times_ = min(len(of_frames(t)) for _, t in trials[SENSORS].iterrows())
+        self.n_times_ = min(map(len, arrays(trials)))
         self.transformer_ = self.make()
         self.transformer_.fit(of_equal_length(trials, self.n_times_))
         return self
+
+    def fit_transform(self, trials, y=None):
+        return self.fit(trials).transform(trials)
 
     def transform(self, trials):
         X = self.transformer_.transform(of_equal_length(trials, self.n_times_))
         return np.nan_to_num(np.asarray(X, dtype=np.float64))
 
 
-def minirocket():
+def minirocket(n_kernels=10_000):
     from aeon.transformations.collection.convolution_based import MiniRocket
 
-    return MiniRocket(random_state=0)
+    return MiniRocket(n_kernels, random_state=0)
 
 
 def catch22():
@@ -98,11 +108,18 @@ def families(columns=SENSORS):
     }
     if set(columns) == set(SENSORS):
         found["MiniRocket"] = make_pipeline(Kept(minirocket), StandardScaler())
+        found["MiniRocket, own rates"] = of_sensors(
+            columns, lambda s: Kept(lambda: minirocket(2_000))
+        )
         found["Catch22"] = make_pipeline(Kept(catch22), StandardScaler())
     return found
 
 
-ONCE = {"MiniRocket", "Catch22"}  # what they learn needs no ratings
+ONCE = {
+    "MiniRocket",
+    "MiniRocket, own rates",
+    "Catch22",
+}  # what they learn needs no ratings
 
 
 def of_folds(family, trials, folds):

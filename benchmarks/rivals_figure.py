@@ -21,6 +21,7 @@ STYLES = {
     "statistics": ("0.45", "o"),
     "bands": ("0.45", "s"),
     "MiniRocket": ("0.45", "^"),
+    "MiniRocket, own rates": ("0.45", ">"),
     "Catch22": ("0.45", "v"),
     "trees": ("#009E73", "o"),
     "quantile forest": ("#009E73", "s"),
@@ -33,8 +34,8 @@ STYLES = {
 }
 TITLES = {
     "presets:": ["fast", "accurate"],
-    "other features, linear model:": list(STYLES)[2:7],
-    "other models, features of the presets:": list(STYLES)[7:],
+    "other features, linear model:": list(STYLES)[2:8],
+    "other models, features of the presets:": list(STYLES)[8:],
 }
 
 

@@ -8,10 +8,9 @@ from typing import Literal
 from sklearn.compose import ColumnTransformer
 from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
-from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.preprocessing import StandardScaler
 
 from ._biotac import PROCEDURES, SENSORS, columns_of
-from ._roots import signed_root
 from ._sensors import BIOTAC, Sensor, Signal, TaxelGrid
 from ._sklearn import Memory, RandomState
 from .features import (
@@ -109,10 +108,10 @@ class _Features:
         pool = TemporalMaxPool(
             (4, 2, 1),
             statistics=("mean", "share", "max"),
+            root=True,
             memory=self.options["memory"],
         )
-        root = FunctionTransformer(signed_root, feature_names_out="one-to-one")
-        return make_pipeline(coder, pool, root)
+        return make_pipeline(coder, pool)
 
 
 def _linear(alpha, random_state):

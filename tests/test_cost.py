@@ -172,7 +172,7 @@ def test_caches_of_fitted_parts_are_off_in_the_copy_alone(tmp_path):
     model.set_params(memory=str(tmp_path)).fit(corpus.trials, corpus.ratings["hard"])
 
     def caches(model):
-        coder, pool, _ = model[0].transformers_[0][1]["codes"]
+        coder, pool = model[0].transformers_[0][1]["codes"]
         return [model.memory, coder.memory, pool.memory]
 
     def entries():

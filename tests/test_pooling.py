@@ -392,3 +392,14 @@ def test_bad_sequences_fail_before_they_are_coded(X, message):
     names = ["a", "b", "c"][: X[0].shape[1] if X else 3]
     with pytest.raises(ValueError, match=message):
         pool.transform(Sequences(X, names, encode=pytest.fail))
+
+
+def test_roots_keep_the_sign():
+    rng = np.random.default_rng(0)
+    trials = [rng.normal(size=(n, 3)) for n in (1, 5, 40)]
+    options = {"cells": (4, 1), "statistics": ("mean", "max")}
+    pooled = TemporalMaxPool(**options).fit_transform(trials)
+    roots = TemporalMaxPool(**options, root=True).fit_transform(trials)
+    assert pooled.min() < 0 < pooled.max()
+    expected = [[math.copysign(abs(x) ** 0.5, x) for x in row] for row in pooled]
+    np.testing.assert_allclose(roots, expected, rtol=1e-14)

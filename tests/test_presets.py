@@ -138,7 +138,7 @@ def test_the_blend_learns_on_whole_objects(corpus):
 def test_memory_is_for_dictionaries_and_pooled_rows(tmp_path):
     model = make_haptic_pipeline(memory=str(tmp_path))
     for sensor in SENSORS:
-        coder, pool, _ = part(model, sensor, "codes")
+        coder, pool = part(model, sensor, "codes")
         assert coder.memory == pool.memory == str(tmp_path)
 
 

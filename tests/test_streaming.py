@@ -49,7 +49,9 @@ def mixed(sensor):
 
 def shares_and_means(sensor):
     coder = coded(sensor)[0]
-    return make_pipeline(coder, TemporalMaxPool((2, 1), statistics=("share", "mean")))
+    return make_pipeline(
+        coder, TemporalMaxPool((2, 1), statistics=("share", "mean"), root=True)
+    )
 
 
 PIPELINES = {

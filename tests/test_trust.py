@@ -167,7 +167,6 @@ def test_example_of_the_guide(tmp_path, monkeypatch):
                 "Pipeline",
                 "ColumnTransformer",
                 "FeatureUnion",
-                "FunctionTransformer",
                 "StandardScaler",
             },
         ),

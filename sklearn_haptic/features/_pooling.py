@@ -11,6 +11,7 @@ from sklearn.utils.validation import check_is_fitted, check_memory
 
 from .._cells import cell_bounds, check_cells
 from .._check_trials import count
+from .._roots import signed_root
 from .._sequences import Sequences
 from .._sklearn import (
     FloatArray,
@@ -153,6 +154,9 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
     statistics : sequence of {"max", "mean", "share"}, default=("max",)
         What is computed of every column in every cell: the maximum, the mean, and the
         share of values that are not zero, which is how often an atom was used.
+    root : bool, default=False
+        Whether to take the square root of the magnitude of each feature, with its sign,
+        so that few strong values dominate a linear model less.
     memory : str or object with the joblib.Memory interface, default=None
         Folder or :class:`joblib.Memory` in which to cache the pooled rows, so that a
         search over later steps codes and pools nothing twice. Results are the same, bit
@@ -168,6 +172,8 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
         How levels divide time.
     statistics_ : tuple of str
         Statistics of each cell.
+    root_ : bool
+        Whether features are square roots.
     takes_trials_ : bool
         Whether trials or sequences were fitted; else a table.
     n_features_in_ : int
@@ -196,10 +202,6 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
     Maxima, sums and numbers of non-zero values can all be updated as a touch goes on,
     so one cell over the whole touch costs the same per sample however long it lasts.
 
-    Few strong values dominate a linear model less if the square roots of the features
-    are taken, as in the example below. This needs features that are not negative, as
-    codes with `sign="split"` or `"absolute"` are.
-
     References
     ----------
     M. Madry, L. Bo, D. Kragic and D. Fox, "ST-HMP: unsupervised spatio-temporal
@@ -219,15 +221,10 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
 
     Square roots of means, of how often each column is used, and of maxima:
 
-    >>> from sklearn.pipeline import make_pipeline
-    >>> from sklearn.preprocessing import FunctionTransformer
-    >>> steps = make_pipeline(
-    ...     TemporalMaxPool((1,), statistics=("mean", "share", "max")),
-    ...     FunctionTransformer(np.sqrt, feature_names_out="one-to-one"),
-    ... )
-    >>> steps.fit_transform([np.array([0.0, 4.0, 8.0, 0.0])]).round(2)
+    >>> pool = TemporalMaxPool((1,), statistics=("mean", "share", "max"), root=True)
+    >>> pool.fit_transform([np.array([0.0, 4.0, 8.0, 0.0])]).round(2)
     array([[1.73, 0.71, 2.83]])
-    >>> steps.get_feature_names_out()
+    >>> pool.get_feature_names_out()
     array(['t1of1_mean_ch0', 't1of1_share_ch0', 't1of1_ch0'], dtype=object)
     """
 
@@ -236,6 +233,7 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
         "split": [StrOptions({"balanced", "floor"})],
         "drop_fine_levels": ["boolean"],
         "statistics": ["array-like"],
+        "root": ["boolean"],
         "memory": [str, HasMethods("cache"), None],
     }
 
@@ -246,12 +244,14 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
         split: Literal["balanced", "floor"] = "balanced",
         drop_fine_levels: bool = False,
         statistics: Sequence[Literal["max", "mean", "share"]] = ("max",),
+        root: bool = False,
         memory: str | Memory | None = None,
     ) -> None:
         self.cells = cells
         self.split = split
         self.drop_fine_levels = drop_fine_levels
         self.statistics = statistics
+        self.root = root
         self.memory = memory
 
     @_fit_context(prefer_skip_nested_validation=True)
@@ -285,6 +285,7 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
             )
             if self.drop_fine_levels:
                 self.cells_ = coarse_levels(self.cells_, sequences)
+            self.root_ = self.root
             self.split_ = self.split
         return self
 
@@ -314,7 +315,7 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
         # Sequences are hashed by their trials and dictionary, so a hit codes nothing.
         pool = check_memory(self.memory).cache(temporal_max_pool)
         pooled = pool(sequences, self.cells_, self.split_, self.statistics_)
-        return self._with_index(pooled, X)
+        return self._with_index(signed_root(pooled) if self.root_ else pooled, X)
 
     def _names(self, columns):
         labels = ["" if name == "max" else f"{name}_" for name in self.statistics_]

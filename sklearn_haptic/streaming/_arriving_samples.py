@@ -9,6 +9,7 @@ the durations, and an update costs the same at any time.
 import numpy as np
 
 from .._cells import cell_bounds
+from .._roots import signed_root
 from ..features import KSVDTransformer
 
 # Windows that wait to be coded together, which takes little longer than one by itself.
@@ -134,6 +135,7 @@ class PooledCodes:
             None if pair is None else np.searchsorted(self._edges, pair).T
             for pair in bounds
         ]
+        self._root = pool.root_
         shape = len(self._edges), pool.n_features_in_
         self._kept = {
             name: np.full(shape, -np.inf if name == "max" else 0.0)
@@ -191,4 +193,5 @@ class PooledCodes:
                 else:
                     n_rows = self._edges[end] - self._edges[start]
                     cells.append(kept[start:end].sum(axis=0) / n_rows)
-        return np.concatenate(cells)[np.newaxis]
+        features = np.concatenate(cells)[np.newaxis]
+        return signed_root(features) if self._root else features
