@@ -6,6 +6,7 @@ first training trials, or their last sample is repeated.
 
 import pickle
 import time
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -109,7 +110,7 @@ def families(columns=SENSORS):
     if set(columns) == set(SENSORS):
         found["MiniRocket"] = make_pipeline(Kept(minirocket), StandardScaler())
         found["MiniRocket, own rates"] = of_sensors(
-            columns, lambda s: Kept(lambda: minirocket(2_000))
+            columns, lambda s: Kept(partial(minirocket, 2_000))
         )
         found["Catch22"] = make_pipeline(Kept(catch22), StandardScaler())
     return found
