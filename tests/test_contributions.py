@@ -295,7 +295,7 @@ def test_validation_trials_are_passed_on(touches):
 @pytest.mark.parametrize(
     "model, ends_in",
     [
-        (LogisticRegression(), "a LogisticRegression of a NoneType"),
+        (LogisticRegression(), "ends in a LogisticRegression; use"),
         (DistributionalOrdinalRegressor(NNPOM()), "Regressor of a NNPOM"),
         (make_pipeline(StandardScaler(), LogisticRegression()), "a LogisticRegression"),
     ],

@@ -185,11 +185,11 @@ def _split_model(model):
         isinstance(regressor, DistributionalOrdinalRegressor)
         and isinstance(fusion, SensorFusionNNPOM)
     ):
+        of_fusion = "" if fusion is None else f" of a {type(fusion).__name__}"
         raise TypeError(
             "model must end in a DistributionalOrdinalRegressor of a "
             "SensorFusionNNPOM, whose sensors can be held out, but it ends in a "
-            f"{type(regressor).__name__} of a {type(fusion).__name__}; use "
-            "sensor_subsets for it."
+            f"{type(regressor).__name__}{of_fusion}; use sensor_subsets for it."
         )
     if fusion.held_out is not None:
         raise ValueError(
