@@ -295,7 +295,7 @@ def test_validation_trials_are_passed_on(touches):
 @pytest.mark.parametrize(
     "model, ends_in",
     [
-        (LogisticRegression(), "ends in a LogisticRegression; use"),
+        (LogisticRegression(), "ends in a LogisticRegression; "),
         (DistributionalOrdinalRegressor(NNPOM()), "Regressor of a NNPOM"),
         (make_pipeline(StandardScaler(), LogisticRegression()), "a LogisticRegression"),
     ],
