@@ -88,5 +88,5 @@ def draw(results, path):
             handles.append(
                 Line2D([], [], ls="", color=colour, marker=marker, label=name)
             )
-    axes.flat[-1].legend(handles=handles, loc="center", fontsize=8.5, frameon=False)
+    axes.flat[-1].legend(handles=handles, loc="center", fontsize=8, frameon=False)
     figure.savefig(path, dpi=85)
