@@ -75,7 +75,7 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
         ),
     ]
     if metric in _SCORES:
-        cells = full.groupby(_CELL)
+        cells = full.groupby(_CELL)[[c for c in full if c not in _CELL]]
         parts.append(cells.apply(_ceiling, _SCORES[metric]).rename("ceiling"))
     if len(study.truth):
         parts.append(study.truth.groupby(_CELL)[metric].mean().rename("truth"))
