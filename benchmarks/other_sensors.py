@@ -11,7 +11,7 @@ row has the same ridge classifier on standardised features.
     python benchmarks/other_sensors.py FOLDER
 
 FOLDER holds fabric_slides/fabric_slides.npz and biotac_slides/biotac_slides.npz. Needs
-the extra `aeon`. Five minutes on one core.
+the extra `aeon`. A minute on one core.
 """
 
 import sys

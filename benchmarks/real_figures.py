@@ -8,7 +8,7 @@ The upper panel shows predictions. The lower panel shows how much worse (to the 
 or better (to the left) each rival is than the default, with intervals of 95 % over
 films, objects, materials, forces and speeds, or runs. Settings that rivals have are
 chosen inside the training folds. The random kernels of MiniRocket are drawn from
-all trials. Needs the extra `aeon`. Two minutes on one core; give it one thread.
+all trials. Needs the extra `aeon`. A minute on one core; give it one thread.
 """
 
 import argparse

@@ -171,8 +171,8 @@ def make_haptic_pipeline(
         touches are of one object: ``fit(X, y, model__groups=objects)``.
     memory : str or object with the joblib.Memory interface, default=None
         Where the transformers cache dictionaries and pooled codes, so that a search
-        over the model computes these once per fold. Statistics and bands, which take
-        little longer than to be read, are computed for every candidate.
+        over the model computes these once per fold. Statistics and bands are computed
+        for every candidate.
     random_state : int, RandomState instance or None, default=None
         Seeds the dictionaries, the trees and, if the model is given any, the hidden
         units.

@@ -2,6 +2,7 @@
 
 import runpy
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -47,16 +48,18 @@ def mixed(sensor):
     return make_pipeline(coded(sensor), PCA(3, random_state=0))
 
 
-def shares_and_means(sensor):
-    coder = coded(sensor)[0]
-    return make_pipeline(
-        coder, TemporalMaxPool((2, 1), statistics=("share", "mean"), root=True)
-    )
+def shares_and_means(sensor, root=False):
+    pool = TemporalMaxPool((2, 1), statistics=("share", "mean"), root=root)
+    return make_pipeline(coded(sensor)[0], pool)
 
 
+roots_of_shares = partial(shares_and_means, root=True)
 PIPELINES = {
     "package": lambda: make_pipeline(features(), StandardScaler(), HEAD),
     "other statistics": lambda: make_pipeline(features(shares_and_means), HEAD),
+    "roots": lambda: make_pipeline(
+        features(roots_of_shares), HEAD
+    ),
     "mixed": lambda: make_pipeline(features(mixed), HEAD),
     "joint": lambda: make_pipeline(FunctionTransformer(both_statistics), HEAD),
 }
