@@ -57,9 +57,7 @@ roots_of_shares = partial(shares_and_means, root=True)
 PIPELINES = {
     "package": lambda: make_pipeline(features(), StandardScaler(), HEAD),
     "other statistics": lambda: make_pipeline(features(shares_and_means), HEAD),
-    "roots": lambda: make_pipeline(
-        features(roots_of_shares), HEAD
-    ),
+    "roots": lambda: make_pipeline(features(roots_of_shares), HEAD),
     "mixed": lambda: make_pipeline(features(mixed), HEAD),
     "joint": lambda: make_pipeline(FunctionTransformer(both_statistics), HEAD),
 }
