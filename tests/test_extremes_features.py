@@ -24,6 +24,7 @@ from sklearn_haptic import (
     STHMPTransformer,
     TemporalMaxPool,
 )
+from sklearn_haptic.features._ksvd import initial_atoms, ksvd
 from sklearn_haptic.features._sparse_coding import (
     batch_omp,
     dense_codes,
@@ -212,6 +213,24 @@ def test_atoms_identical_but_for_rounding_share_no_code():
 
 
 # K-SVD
+
+
+class FillsTheStack(np.random.RandomState):
+    """Leave signalling NaNs where BLAS may read scratch, before atoms are updated."""
+
+    def permutation(self, n):
+        nans = np.full(800, 0x7F800001, dtype=np.uint32).view(np.float32)
+        with np.errstate(invalid="ignore"):
+            for k in (100, 200, 400):
+                np.ones((4, k), dtype=np.float32) @ nans[: 2 * k : 2]
+        return super().permutation(n)
+
+
+def test_scratch_memory_of_blas_raises_no_warning():
+    signals = np.random.RandomState(0).normal(size=(18, 5)).astype(np.float32)
+    rng = FillsTheStack(0)
+    atoms, _ = ksvd(signals, initial_atoms(signals, 2, rng), 2, max_iter=3, rng=rng)
+    np.testing.assert_allclose(row_norms(atoms), 1, rtol=1e-6)
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ Signals and atoms are rows.
 import numpy as np
 from scipy.linalg import get_blas_funcs
 
+from ._product import product
 from ._sparse_coding import batch_omp, dense_codes, rounding_level, row_norms, unit_rows
 
 # An atom is replaced if it is more coherent with another, or has fewer users.
@@ -91,7 +92,7 @@ def ksvd(
     errors = []
     for _ in range(max_iter):
         support, coefs = batch_omp(signals, atoms, n_nonzero_coefs, scale=scale)
-        residual = signals - dense_codes(support, coefs, len(atoms)) @ atoms
+        residual = signals - product(dense_codes(support, coefs, len(atoms)), atoms)
         users = _users_of_atoms(support, coefs, len(atoms))
         available = informative.copy()
         replaced = set()
@@ -129,7 +130,7 @@ def initial_atoms(signals, n_atoms, rng, *, scale=None):
         if len(left) == 0:
             break
         atoms[j] = left[rng.randint(len(left))]
-        left = left[np.abs(left @ atoms[j]) <= _MAX_COHERENCE]
+        left = left[np.abs(product(left, atoms[j])) <= _MAX_COHERENCE]
     return atoms
 
 
@@ -154,7 +155,7 @@ def _update_atom(atoms, j, coefs, users, residual, update):
         return
     atom = direction / largest
     atom /= np.linalg.norm(atom)
-    gains = rest @ atom
+    gains = product(rest, atom)
     add_outer(-1, atom, gains, a=rest.T, overwrite_a=True)
     atoms[j] = atom
     residual[rows] = rest
@@ -180,7 +181,7 @@ def _replace_atom(atoms, j, signals, residual, available):
 
 def _coherence(atoms, j):
     """Return the largest |cosine| between atom `j` and another."""
-    cosines = np.abs(atoms @ atoms[j])
+    cosines = np.abs(product(atoms, atoms[j]))
     cosines[j] = 0
     return cosines.max()
 

@@ -7,6 +7,8 @@ with signals and with each other, never on the signals themselves.
 
 import numpy as np
 
+from ._product import product
+
 # Least number of signals coded at a time if there are as many. NumPy broadcasts rows
 # without copying them if they are at least as long as its buffer.
 _CHUNK_SIZE = 8192
@@ -105,7 +107,7 @@ def batch_omp(signals, atoms, n_nonzero_coefs, *, scale=None):
         chunk = slice(i * chunk_size, (i + 1) * chunk_size)
         rows, magnitudes, units = _scaled(signals[chunk].astype(work_dtype, copy=False))
         work = buffers[..., : len(rows)]
-        np.matmul(directions, rows.T, out=work[0])
+        product(directions, rows.T, out=work[0])
         with np.errstate(over="ignore"):
             if scale is not None:
                 magnitudes = scale[chunk] / units

@@ -23,6 +23,7 @@ from .._sklearn import (
     one_blas_thread,
 )
 from .._validation import check_names
+from ._product import product
 from ._sparse_coding import rounding_level, row_norms
 from ._trial_rows import TrialRows
 
@@ -144,7 +145,7 @@ def signal_statistics(signals, statistics, edges, scale):
 
     def slope():
         times = np.arange(n_times) - (n_times - 1) / 2
-        return centred @ times.astype(signals.dtype) / (times @ times or 1)
+        return product(centred, times.astype(signals.dtype)) / (times @ times or 1)
 
     def change():
         steps = np.diff(signals, axis=1)
