@@ -97,14 +97,34 @@ def check_counts(counts, levels=None, *, name="counts", unrated=False):
     return counts, levels
 
 
+def refuse_shares(counts, name):
+    """Refuse rows of shares where it matters how many people rated."""
+    if np.allclose(counts.sum(axis=1), 1) and (counts % 1 != 0).any():
+        raise ValueError(
+            f"{name} has rows that sum to 1, which look like shares of people; "
+            "multiply each row by the number of people who rated."
+        )
+
+
 def check_two_ratings(counts, name):
     """Refuse rows with fewer than two ratings, whose agreement is undefined."""
+    refuse_shares(counts, name)
     too_few = counts.sum(axis=1) < 2
     if too_few.any():
         raise ValueError(
             f"{name} has fewer than two ratings in row {np.argmax(too_few)}; agreement "
             "needs two people or more, so remove that object."
         )
+
+
+def known_answers(table):
+    """Return the answers and the raters of a RatingTable, which it must know."""
+    if table.answers is None or table.raters is None:
+        raise ValueError(
+            "table does not know its raters; make it by rating_counts(ratings, "
+            "objects, raters), RatingTable.from_long or RatingTable.from_wide."
+        )
+    return table.answers, table.raters
 
 
 def check_distributions(y_true, y_proba, levels):

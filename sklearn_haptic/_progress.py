@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from io import TextIOWrapper
 from numbers import Integral
 from shutil import get_terminal_size
 from threading import Lock
@@ -20,6 +21,7 @@ from ._sklearn import (
 
 _WIDTH = 8  # of a bar
 _PAUSE = 0.1  # seconds between two drawings
+_PAUSE_IN_FILES = 60.0  # where each drawing is a line that stays
 
 
 class ProgressLine:
@@ -29,7 +31,8 @@ class ProgressLine:
     the pipeline that is being fitted. scikit-learn's
     :class:`~sklearn.callback.ProgressBar` shows a bar for every fit, below each other,
     and requires the package rich. The line is written to the standard error and erased
-    at the end.
+    at the end. If that is a file or a pipe, such as the log of a job, a new line is
+    written once a minute instead.
 
     Parameters
     ----------
@@ -106,10 +109,13 @@ class ProgressLine:
 class _Line:
     """A line, and the tasks that it shows: the latest one of each level."""
 
+    drawn = time.monotonic()  # when any line went to a file
+
     def __init__(self, above):
         self.above = above
         self.tasks = []  # path, name, number of subtasks done and expected
         self.lock = Lock()
+        self.in_file = _is_file(sys.stderr)
         self.drawn, self.length = -_PAUSE, 0
 
     def update(self, message):
@@ -127,8 +133,9 @@ class _Line:
                 self.tasks = [task for task in self.tasks if task[0] != path]
                 for task in self.tasks:
                     task[2] += task[0] == path[:-1]
-            if time.monotonic() - self.drawn >= _PAUSE:
-                self.drawn = time.monotonic()
+            place, pause = (_Line, _PAUSE_IN_FILES) if self.in_file else (self, _PAUSE)
+            if time.monotonic() - place.drawn >= pause:
+                place.drawn = time.monotonic()
                 self._write(self.text())
 
     def text(self):
@@ -141,11 +148,18 @@ class _Line:
     def _write(self, text):
         if sys.stderr is None:  # of a process without a console
             return
+        if self.in_file:
+            return print(text, file=sys.stderr, flush=True) if text else None
         text = text[: get_terminal_size().columns - 1]
         erased = "\r" + " " * self.length + "\r"
         sys.stderr.write(erased + text)
         sys.stderr.flush()
         self.length = len(text)
+
+
+def _is_file(stream):
+    """Whether a line that is written stays; the streams of notebooks are others."""
+    return isinstance(stream, TextIOWrapper) and not stream.isatty()
 
 
 def _bar(name, n_done, n_tasks):

@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 from scipy.special import expit, logit
 from sklearn.utils import Bunch
 
-from ._check_ratings import check_counts
+from ._check_ratings import check_counts, known_answers
 from ._shrinkage import leave_one_out_strength, mean_of_others
 from ._sklearn import Interval, validate_params
 from .ratings import RatingTable
@@ -196,18 +196,14 @@ def rater_effects(table: RatingTable) -> Bunch:
     >>> effects.shift.round(1)
     array([-1.7,  3.4, -1.7])
     """
-    if table.answers is None or table.raters is None:
-        raise ValueError(
-            "table does not know its raters; make it by rating_counts(ratings, "
-            "objects, raters), RatingTable.from_long or RatingTable.from_wide."
-        )
-    sizes = len(table.objects), len(table.raters), len(table.levels)
+    answers, people = known_answers(table)
+    sizes = len(table.objects), len(people), len(table.levels)
     if min(sizes) < 2:
         raise ValueError(
             "table has {} objects, {} raters and {} levels; the habits of raters are "
             "told from two or more of each.".format(*sizes)
         )
-    model = _Model(table.answers, *sizes)
+    model = _Model(answers, *sizes)
     parts, uncertainty = model.fit()
     location, shift, log_spread, log_odds, thresholds = parts
     return Bunch(

@@ -101,8 +101,11 @@ def test_the_conclusion_names_what_is_no_better(report):
     assert report.conclusion.endswith(told)
     assert report.conclusion in re.sub(r"\s+", " ", repr(report))
     gains = report.gains[["rps", "rps_guess"]].mean()
-    text = f"its RPS is {gains['rps']:.3f} where guessing has {gains['rps_guess']:.3f}"
-    assert text in report.conclusion
+    model, guess = gains
+    text = f"its RPS is {model:.3f} where guessing has {guess:.3f}. This is lower by "
+    assert text + f"{guess - model:.3f} ± " in report.conclusion
+    share = f"over {len(np.unique(OBJECTS))} objects, or {1 - model / guess:.0%}."
+    assert share in report.conclusion
 
 
 def test_trials_count_equally_and_objects_once():
@@ -141,6 +144,9 @@ def test_verdict_of_a_model_that_knows(sign, verdict, words):
     report = model_report(Knows(), told, COUNTS, groups=OBJECTS, cv=4)
     assert report.gains["verdict"].tolist() == [verdict]
     assert report.conclusion.startswith(words)
+    assert ("This is lower by 0." if sign > 0 else "This is higher by 0.") in (
+        report.conclusion
+    )
 
 
 def test_a_baseline_is_no_better_than_itself():
@@ -187,7 +193,8 @@ def test_objects_on_both_sides_are_told():
     known = sum(np.isin(OBJECTS[b], OBJECTS[a]).sum() for a, b in cv.split(X))
     assert f"But {known} test trials are of objects that were" in report.summary
     report = model_report(DummyDistribution(), X, COUNTS, cv=cv)
-    assert "is not known (groups=)" in report.summary
+    assert f"over {len(X)} touches" in report.conclusion
+    assert "is not known (groups=)" in report.conclusion
     report = model_report(DummyDistribution(), X, COUNTS, groups=OBJECTS)
     assert report.summary.endswith("No test object was touched in training.")
 

@@ -86,7 +86,7 @@ def test_layout_of_the_bunch(path):
     assert corpus.rater_ratings is None
     np.testing.assert_array_equal(corpus.levels, [1, 2, 3, 4, 5])
     assert corpus.sampling_rates == dict(zip(SENSORS, [2200, 100, 100, 100, 100]))
-    for text in ("10.17617/3.0C79KW", "CC BY-SA 4.0"):
+    for text in ("10.17617/3.0C79KW", "CC BY-SA 4.0", "pilot recordings"):
         assert text in corpus.DESCR
     shapes = {s: corpus.trials.loc["cup__602_01", s].shape for s in SENSORS}
     assert shapes == {

@@ -48,6 +48,11 @@ def test_contributions_display_marks_what_is_significant(holdout_scores):
     )
     marks = [mark.get_text() for mark in display.marks_]
     assert marks == ["", "", "", "∗†"]
+    harmful = holdout_scores.assign(emd=3 - holdout_scores["emd"])
+    display = SensorContributionsDisplay.from_scores(
+        harmful, metric="emd", by="procedure"
+    )
+    assert [mark.get_text() for mark in display.marks_] == ["", "", "", "∗‡"]
     below = display.points_[0].get_xdata()
     assert [mark.xy[0] for mark in display.marks_] == pytest.approx(below)
 

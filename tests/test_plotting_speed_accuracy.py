@@ -55,7 +55,7 @@ def test_search_display_names_axes_and_marks():
     assert ax.get_xlabel() == "time to predict, seconds per trial"
     assert ax.get_ylabel() == "mean test score (rps), higher is better"
     labels = {text.get_text() for text in ax.get_legend().get_texts()}
-    assert {"frontier", "best", "cheapest within 1 SE"} <= labels
+    assert {"frontier", "best", "cheapest (to a tenth) within 1 SE"} <= labels
     display.figure_.canvas.draw()
 
 

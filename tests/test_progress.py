@@ -1,6 +1,7 @@
 """What ProgressLine writes while estimators are fitted."""
 
 import re
+import time
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ SEARCH = GridSearchCV(PIPELINE, {"nnpom__alpha": [1, 10]}, cv=2)
 @pytest.fixture(autouse=True)
 def every_frame(monkeypatch):
     monkeypatch.setattr(_progress, "_PAUSE", 0)
+    monkeypatch.setattr(_progress, "_is_file", lambda stream: False)
     monkeypatch.setenv("COLUMNS", "200")
 
 
@@ -118,6 +120,20 @@ def test_a_narrow_terminal_and_few_drawings(frames, monkeypatch):
     monkeypatch.setattr(_progress, "_PAUSE", 1000)
     clone(SEARCH).set_callbacks(ProgressLine()).fit(X, Y)
     assert len(frames()) == 1
+
+
+def test_a_file_gets_few_whole_lines(tmp_path, monkeypatch):
+    monkeypatch.undo()
+    monkeypatch.setattr(_progress._Line, "drawn", time.monotonic())
+    with open(tmp_path / "log", "w", encoding="utf-8") as log:
+        monkeypatch.setattr("sys.stderr", log)
+        clone(SEARCH).set_callbacks(ProgressLine()).fit(X, Y)
+        assert log.tell() == 0
+        monkeypatch.setattr(_progress, "_PAUSE_IN_FILES", 0)
+        clone(SEARCH).set_callbacks(ProgressLine()).fit(X, Y)
+    lines = (tmp_path / "log").read_text("utf-8").splitlines()
+    assert "GridSearchCV ░░░░░░░░ 0/2  search ██████░░ 3/4" in lines
+    assert all(lines) and "\r" not in "".join(lines)
 
 
 def test_a_process_without_a_console_fits_all_the_same(monkeypatch):

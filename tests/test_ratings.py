@@ -583,6 +583,10 @@ def test_careless_raters_are_found(careless):
     table = pd.DataFrame(answers, columns=list("abc"))
     same = outlying_raters(table, pd.Series(objects), pd.Series(raters))
     np.testing.assert_array_equal(same.score, result.score)
+    table = rating_counts(answers[:, 0], objects, raters, levels=[1, 2, 3, 4, 5])
+    one = outlying_raters(answers[:, :1], objects, raters)
+    np.testing.assert_allclose(outlying_raters(table).score, one.score)
+    assert repr(table).startswith("RatingTable(") and len(repr(table)) < 88
 
 
 def test_raters_who_cannot_be_compared():

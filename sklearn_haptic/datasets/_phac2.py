@@ -51,9 +51,12 @@ DESCR = """\
 Penn Haptic Adjective Corpus 2 (PHAC-2)
 =======================================
 
-Recordings of a PR2 robot that touched 60 everyday objects ten times each with two
-BioTac fingers, by four exploratory procedures: squeeze, hold, slow slide and fast
-slide. Twelve people rated each object from 1 to 5 on ten haptic adjectives.
+Recordings of a PR2 robot that touched objects with two BioTac fingers, by four
+exploratory procedures: squeeze, hold, slow slide and fast slide. The whole corpus has
+60 everyday objects touched ten times each, and twelve people rated each of them from
+1 to 5 on ten haptic adjectives. Its pilot recordings have the same layout: five
+materials, touched 74 times in all, without ratings. What a file holds is told by
+``describe_corpus``.
 
 :Source: Edmond, the open research data repository of the Max Planck Society,
     https://doi.org/10.17617/3.0C79KW

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from sklearn.utils import Bunch, check_random_state
 
 from .._answers import check_answers, half_mean_difference
-from .._check_ratings import check_ratings
+from .._check_ratings import check_ratings, refuse_shares
 from .._distributions import shares
 from .._shrinkage import leave_one_out_strength, mean_of_others
 from .._sklearn import Interval, RandomState, validate_params
@@ -77,7 +77,8 @@ def noise_ceiling(
     Raises
     ------
     ValueError
-        If a trial has fewer than two ratings, or there are no whole counts to draw.
+        If a trial has fewer than two ratings, rows are shares of people, or there are
+        no whole counts to draw.
 
     Notes
     -----
@@ -112,6 +113,7 @@ def noise_ceiling(
     else:
         levels = getattr(score, "keywords", {}).get("levels")
         counts, levels = check_ratings(y_true, levels, name="y_true")
+        refuse_shares(counts, "y_true")
         score = partial(score, levels=levels)
         n = counts.sum(axis=1)
         _refuse_single_ratings(n)

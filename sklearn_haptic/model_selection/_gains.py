@@ -87,10 +87,11 @@ def summarise_gains(gains, objects):
     }
 
 
-def conclude(table: pd.DataFrame, overall: dict[str, Any], n_objects: int) -> str:
+def conclude(table: pd.DataFrame, overall: dict[str, Any], n: int, known: bool) -> str:
     """Say in words how much better than guessing a model is, or that it is not.
 
-    `table` has a row per adjective, and `overall` the same of their mean.
+    `table` has a row per adjective, and `overall` the same of their mean. The standard
+    error is over `n` objects, or touches if their objects are not `known`.
     """
     said = {
         "better": "The model is better than guessing",
@@ -100,21 +101,33 @@ def conclude(table: pd.DataFrame, overall: dict[str, Any], n_objects: int) -> st
     rps, guess, gain = overall["rps"], overall["rps_guess"], overall["gain"]
     on_average = f"on average over {len(table)} adjectives " * (len(table) > 1)
     change = "lower" if gain >= 0 else "higher"
-    notable = guess > 0 and abs(gain) > 0.005 * guess
-    share = f", {abs(gain) / guess:.0%} {change}" if notable else ""
     text = (
-        f"{said}: {on_average}its RPS is {rps:.3f} where guessing has {guess:.3f}"
-        f"{share}. The difference is {gain:.3f}"
+        f"{said}: {on_average}its RPS is {rps:.3f} where guessing has {guess:.3f}. "
+        f"This is {change} by {abs(gain):.3f}"
     )
-    if n_objects > 1:
+    if n > 1:
         text += f" ± {overall['standard_error']:.3f} (standard error)"
-    text += f" over {n_objects} object{'s' * (n_objects != 1)}."
-    if len(table) == 1:
-        return text
+    one, several = ("object", "objects") if known else ("touch", "touches")
+    text += f" over {n} {one if n == 1 else several}"
+    notable = guess > 0 and abs(gain) > 0.005 * guess
+    text += f", or {abs(gain) / guess:.0%}." if notable else "."
+    if len(table) > 1:
+        text += _by_verdict(table)
+    if not known:
+        text += (
+            " Which touches are of one object is not known (groups=); if any are, the "
+            "model is worse on new objects than it looks, and the standard error is "
+            "too small."
+        )
+    return text
+
+
+def _by_verdict(table):
     named = {
         verdict: ", ".join(map(str, table.index[table["verdict"] == verdict]))
         for verdict in ("better", "not shown", "worse")
     }
+    text = ""
     if named["better"]:
         text += f" It is better on: {named['better']}."
     if named["not shown"]:

@@ -47,19 +47,20 @@ _SCORES = {
     "emd": "EMD",
     "macro_mae": "MAE^M",
     "log_score": "log score",
-    "dispersion": "spread",
+    "dispersion": "dispersion",
 }
 _ANSWERS = {"better": "yes", "not shown": "not shown", "worse": "worse"}
 _NOTE = (
     "RPS, EMD, MAE^M and the log score are errors of a predicted distribution, the "
-    "first three in levels: lower is better. The spread is 1 if predictions are as "
-    "broad as ratings scatter about them, less if they are too narrow. Guessing "
+    "first three in levels: lower is better. The dispersion is 1 if predictions are "
+    "as broad as ratings scatter about them, less if they are too narrow. Guessing "
     "ignores the touch: it predicts the mean of the training objects' distributions, "
     "or the median of their cumulative ones; by RPS the better one counts."
 )
 _CEILING = (
-    "The ceiling is what the population is expected to score, of which those who rated "
-    "are a sample."
+    "The gain is how much lower the RPS of the model is than that of guessing. The "
+    "best possible RPS is above 0 because people disagree: it is what to expect of a "
+    "model that knows how the whole population would rate (the noise ceiling)."
 )
 _INFINITE = " ∞: a rating that people gave had been ruled out."
 
@@ -229,9 +230,8 @@ def model_report(
         scales.append(f"{levels[0]} to {levels[-1]}")
         counts |= _by_adjective(name, truth)
         predicted |= _by_adjective(name, proba)
-    objects = np.arange(_num_samples(X)) if groups is None else groups
     tested = np.sort(np.concatenate([test for _, test in folds]))
-    scores, gains, conclusion = _compare(counts, predicted, folds, tested, objects)
+    scores, gains, conclusion = _compare(counts, predicted, folds, tested, groups)
     result = _Model(
         scores=scores,
         gains=gains,
@@ -270,9 +270,9 @@ def _by_adjective(name, values):
     return {f"{name}[:, {i}]": values[:, i] for i in range(values.shape[1])}
 
 
-def _compare(counts, predicted, folds, tested, objects):
+def _compare(counts, predicted, folds, tested, groups):
     """Return the tables of scores and gains, and the conclusion."""
-    objects = objects[tested]
+    objects = tested if groups is None else groups[tested]
     rows, of_trials, table = {}, [], {}
     for name, each in counts.items():
         guesses = {guess: guess_out_of_fold(guess, each, folds) for guess in GUESSES}
@@ -295,7 +295,8 @@ def _compare(counts, predicted, folds, tested, objects):
         **gains[["rps", "rps_guess"]].mean(),
         **summarise_gains(np.mean(of_trials, axis=0), objects),
     }
-    return scores, gains, conclude(gains, overall, len(np.unique(objects)))
+    n = len(np.unique(objects))
+    return scores, gains, conclude(gains, overall, n, groups is not None)
 
 
 def _ceiling(counts):
@@ -369,11 +370,8 @@ def _range(*values, unit="trials"):
 
 def _overlap(folds, groups):
     """Warn of objects that are touched in training and in the test."""
-    if groups is None:
-        return (
-            " Which trials are of one object is not known (groups=); if any are, the "
-            "model is worse on new objects than it looks."
-        )
+    if groups is None:  # which the conclusion tells
+        return ""
     known = [np.isin(groups[test], groups[train]).sum() for train, test in folds]
     if not sum(known):
         return " No test object was touched in training."
@@ -406,9 +404,9 @@ def _gain_texts(gains):
         {
             "rps": ("the model", number),
             "rps_guess": ("guessing", number),
-            "gain": ("lower by", number),
+            "gain": ("gain", number),
             "standard_error": ("standard error", number),
-            "rps_ceiling": ("ceiling", number),
+            "rps_ceiling": ("best possible", number),
             "verdict": ("better than guessing?", _ANSWERS.get),
         },
     )

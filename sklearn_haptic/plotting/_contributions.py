@@ -29,8 +29,9 @@ class SensorContributionsDisplay(Display):
 
     Use :meth:`from_scores` to create a display. Points are mean differences to the full
     model over random starts, with error bars of one standard deviation; above zero, the
-    sensor helps. An asterisk marks p < .05 over starts, a dagger p < .05 over objects;
-    only the dagger holds for objects that were not yet touched.
+    sensor helps. An asterisk marks p < .05 over starts. A dagger marks p < .05 over
+    objects if the sensor helps, a double dagger if it harms; only these two hold for
+    objects that were not yet touched.
 
     Parameters
     ----------
@@ -152,7 +153,10 @@ class SensorContributionsDisplay(Display):
             for mark, xy in zip(_marks(summary), zip(x.ravel(), difference + sd))
         ]
         ax.margins(x=0.02, y=0.15)
-        over = {"p_starts": "∗ p < .05 over starts", "p_objects": "† over objects"}
+        over = {
+            "p_starts": "∗ p < .05 over starts",
+            "p_objects": "over objects: † helps, ‡ harms",
+        }
         known = ", ".join(text for name, text in over.items() if name in summary)
         score, *unit = _SCORE_LABELS.get(self.metric, (self.metric,))
         ax.set(
@@ -177,7 +181,8 @@ def _marks(summary):
     """Asterisks and daggers of each row of a summary of contributions."""
     marks = np.where(summary["p_starts"] < 0.05, "∗", "")
     if "p_objects" in summary:
-        marks = np.char.add(marks, np.where(summary["p_objects"] < 0.05, "†", ""))
+        dagger = np.where(summary["difference"] > 0, "†", "‡")
+        marks = np.char.add(marks, np.where(summary["p_objects"] < 0.05, dagger, ""))
     return marks.tolist()
 
 

@@ -24,7 +24,10 @@ class SpeedAccuracyDisplay(Display):
     Use :meth:`from_search` to create a display. The time is that of predicting one
     trial, as :func:`~sklearn_haptic.model_selection.neg_seconds_scorer` measures it.
     The frontier is the best score within each time. The dotted line is one standard
-    error below the best score.
+    error below the best score. The circle is what
+    :func:`~sklearn_haptic.model_selection.cheapest_within_one_se` chooses: of the
+    candidates above this line that are at most a tenth slower than the fastest of them,
+    the one with the best score.
 
     Parameters
     ----------
@@ -39,7 +42,7 @@ class SpeedAccuracyDisplay(Display):
     best : int
         Which candidate has the best score.
     cheapest : int
-        Which candidate is the fastest within one standard error of the best.
+        Which candidate is the cheapest within one standard error of the best.
     metric : str, default="score"
         Name of the score.
     cost : str, default="time to predict, seconds per trial"
@@ -224,5 +227,5 @@ class SpeedAccuracyDisplay(Display):
             markersize=15,
             markeredgewidth=1.6,
             zorder=4,
-            label="cheapest within 1 SE",
+            label="cheapest (to a tenth) within 1 SE",
         )

@@ -27,8 +27,8 @@ def interrater_agreement(counts: ArrayLike) -> NDArray[np.float64]:
     Raises
     ------
     ValueError
-        If an object has fewer than two ratings, or the counts are negative or not
-        finite.
+        If an object has fewer than two ratings, rows are shares of people, or the
+        counts are negative or not finite.
 
     Notes
     -----

@@ -19,7 +19,7 @@ from .._validation import (
 )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RatingTable:
     """How many people gave each object each rating; made by `rating_counts`.
 
@@ -42,6 +42,8 @@ class RatingTable:
     --------
     >>> from sklearn_haptic.ratings import rating_counts
     >>> table = rating_counts([1, 2, 2], ["foam", "foam", "tile"])
+    >>> table
+    RatingTable(3 ratings of 2 objects, levels 1 to 2)
     >>> table.counts_for(["tile", "foam", "foam"])
     array([[0, 1],
            [1, 1],
@@ -53,6 +55,13 @@ class RatingTable:
     levels: np.ndarray
     raters: np.ndarray | None = None
     answers: NDArray[np.intp] | None = None
+
+    def __repr__(self) -> str:
+        text = f"{self.counts.sum()} ratings of {len(self.objects)} objects"
+        if self.raters is not None:
+            text += f" by {len(self.raters)} raters"
+        levels = self.levels.tolist()
+        return f"RatingTable({text}, levels {levels[0]} to {levels[-1]})"
 
     @classmethod
     def from_long(

@@ -9,8 +9,10 @@ from numpy.typing import ArrayLike
 from sklearn.utils import Bunch
 from sklearn.utils.validation import check_consistent_length
 
+from .._check_ratings import known_answers
 from .._sklearn import Interval, validate_params
 from .._validation import check_objects
+from ._counts import RatingTable
 from ._single_ratings import check_single_ratings
 
 # Differences smaller than this share of the largest one are of rounding.
@@ -22,9 +24,9 @@ _ROUNDING = 1e-9
     prefer_skip_nested_validation=True,
 )
 def outlying_raters(
-    ratings: ArrayLike,
-    objects: ArrayLike,
-    raters: ArrayLike,
+    ratings: ArrayLike | RatingTable,
+    objects: ArrayLike | None = None,
+    raters: ArrayLike | None = None,
     *,
     limit: float = 3.5,
 ) -> Bunch:
@@ -37,13 +39,14 @@ def outlying_raters(
 
     Parameters
     ----------
-    ratings : array-like of shape (n_ratings, n_adjectives)
+    ratings : array-like of shape (n_ratings, n_adjectives), or RatingTable
         One row per person and object, one column per adjective: numbers. Missing
-        ratings are None, NaN or NA.
+        ratings are None, NaN or NA. Or the ratings of one adjective, as a table that
+        knows its raters.
     objects : array-like of shape (n_ratings,)
-        The object that each row is about.
+        The object that each row is about. Not needed with a table.
     raters : array-like of shape (n_ratings,)
-        The person who gave each row.
+        The person who gave each row. Not needed with a table.
     limit : float, default=3.5
         Robust standard score beyond which a person is called outlying [1]_.
 
@@ -67,8 +70,9 @@ def outlying_raters(
     Raises
     ------
     ValueError
-        If the arguments differ in length, an object or a rater is missing, a rating
-        is not a number, or no object has ratings of two people.
+        If the arguments differ in length, an object or a rater is missing or, in a
+        table, not known, a rating is not a number, or no object has ratings of two
+        people.
 
     Notes
     -----
@@ -96,6 +100,20 @@ def outlying_raters(
     >>> result.raters[result.outlying]
     array([2])
     """
+    if isinstance(ratings, RatingTable):
+        if objects is not None or raters is not None:
+            raise ValueError(
+                "ratings is a RatingTable, which has objects and raters; leave both "
+                "out."
+            )
+        answers, people = known_answers(ratings)
+        row, rater, level = answers.T
+        objects, raters = ratings.objects[row], people[rater]
+        ratings = level[:, None]
+    if objects is None or raters is None:
+        raise ValueError(
+            "ratings do not say who gave them on which object; give objects and raters."
+        )
     answers = check_single_ratings(ratings)
     check_consistent_length(answers, objects, raters)
     _, of_object = np.unique(check_objects(objects), return_inverse=True)
