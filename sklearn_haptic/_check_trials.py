@@ -38,8 +38,8 @@ def is_table(X):
     if len(X) == 0:
         return True
     ndims = {_ndim(trial) for trial in X}
-    if ndims == {1}:  # rows of a table, unless their lengths differ
-        return len({len(row) for row in X}) == 1 and not isinstance(X, np.ndarray)
+    if ndims == {1}:  # lists of one length are rows of a table, arrays are trials
+        return {*map(type, X)} <= {list, tuple} and len({*map(len, X)}) == 1
     return ndims == {0}
 
 
@@ -95,7 +95,7 @@ def check_trials(X, *, ndims=(2,), n_channels=None, names=None):
     named = "the first trial" if n_channels is None or names is None else "fit"
     names = channel_names(cells) if names is None else names
     trials = [
-        _check_trial(_in_order(cell, i, names, named), i, ndims)
+        _check_trial(in_order(cell, f"Trial {i} of X", names, named), i, ndims)
         for i, cell in enumerate(cells)
     ]
     shape = trials[0].shape[1:] if n_channels is None else n_channels
@@ -166,16 +166,19 @@ def _names(trial):
     return None if names == list(range(len(names))) else names
 
 
-def _in_order(trial, i, names, where):
-    """Return a trial with its named columns in the order of `names`."""
+def in_order(trial, what, names, where):
+    """Return a trial with its named columns in the order of `names`.
+
+    The error says that `what` and `where` differ.
+    """
     own = None if names is None else _names(trial)
     if own is None or own == names:
         return trial
     odd = [name for name in [*names, *own] if own.count(name) != names.count(name)]
     if odd:
         raise ValueError(
-            f"Trial {i} of X and {where} differ in the column {odd[0]!r}; give all "
-            "trials the same columns."
+            f"{what} and {where} differ in the column {odd[0]!r}; give all trials the "
+            "same columns."
         )
     return trial[names]
 

@@ -36,6 +36,22 @@ def make_splitter(estimator, y, groups=None, cv=None):
     return check_cv(cv, y, classifier=is_classifier(estimator))
 
 
+def check_folds_know(y, folds):
+    """Refuse labels without an order of which no fold trains on any that it tests.
+
+    Examples
+    --------
+    >>> from sklearn_haptic._folds import check_folds_know
+    >>> check_folds_know(["cork", "cork", "foam"], [([0, 2], [1]), ([1], [0, 2])])
+    """
+    y = np.asarray(y)
+    if not any(np.isin(y[test], y[train]).any() for train, test in folds):
+        raise ValueError(
+            "No fold trains on a class that it tests, because all touches of a class "
+            "are in one group; give groups that divide each class, such as runs."
+        )
+
+
 def route(estimator, splitter, groups, params):
     """Return the arguments of the splitter's ``split`` and of the estimator's ``fit``.
 

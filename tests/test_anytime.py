@@ -30,6 +30,7 @@ from sklearn_haptic import (
     AnytimeRegressor,
     DistributionalOrdinalRegressor,
     KSVDTransformer,
+    RepairTrials,
     SignalStatistics,
     TemporalMaxPool,
     make_haptic_pipeline,
@@ -234,17 +235,55 @@ def test_labels(head):
 
 
 def test_classes_that_a_fold_has_not_seen_get_no_share():
-    """Each object is a class of its own, so a fold by objects has never seen it."""
-    names = np.array([f"object {i}" for i in OBJECTS])
+    """Objects but the first two are classes of their own, which their folds lack."""
+    names = np.array([f"object {max(i, 1)}" for i in OBJECTS])
     pipeline = make_pipeline(
         features(lambda _: FunctionTransformer(statistics)),
         LogisticRegression(max_iter=1000),
     )
     model = make_model(pipeline).fit(TOUCHES, names, groups=OBJECTS)
-    own = model.oof_proba_[np.arange(24), :, OBJECTS]
-    assert (own < 1e-2).all()
+    _, classes = np.unique(names, return_inverse=True)
+    own = model.oof_proba_[np.arange(24), :, classes]
+    assert (own[OBJECTS > 1] < 1e-2).all()
     np.testing.assert_allclose(model.oof_proba_.sum(axis=-1), 1)
     assert model.predict(TOUCHES).dtype == names.dtype
+
+
+def test_groups_that_are_the_classes_are_refused():
+    pipeline = make_pipeline(features(), LogisticRegression(max_iter=1000))
+    with pytest.raises(ValueError, match="No fold trains on a class that it tests"):
+        make_model(pipeline).fit(TOUCHES, OBJECTS.astype(str), groups=OBJECTS)
+
+
+def test_inner_pipelines_are_steps_in_their_place():
+    head = DistributionalOrdinalRegressor(NNPOM(0), random_state=0)
+    flat = make_pipeline(RepairTrials(), features(), StandardScaler(), head)
+    nested = make_pipeline(flat[0], make_pipeline(*flat[1:]))
+    expected, got = (
+        make_model(each, durations=[1, 2]).fit(TOUCHES, COUNTS).predict_proba(TOUCHES)
+        for each in (flat, nested)
+    )
+    np.testing.assert_array_equal(got, expected)
+
+
+def test_channels_are_found_by_name():
+    """In any order, recorded or arriving; other names are refused."""
+    framed = [
+        pd.DataFrame({"a": t[:, 0], "b": 10 + t[:, 0] ** 2}) for t in TOUCHES["fast"]
+    ]
+    swapped = [frame[["b", "a"]] for frame in framed]
+    steps = SignalStatistics(), StandardScaler(), DistributionalOrdinalRegressor()
+    model = AnytimeRegressor(
+        make_pipeline(*steps), durations=[1, 2], sampling_rates=RATES["fast"], cv=2
+    ).fit(framed, COUNTS)
+    expected = model.predict_proba(framed)
+    np.testing.assert_array_equal(model.predict_proba(swapped), expected)
+    arrived = model.start().update(swapped[3]).predict_proba()
+    np.testing.assert_allclose(arrived, expected[3], rtol=1e-12)
+    renamed = [frame.rename(columns={"a": "c"}) for frame in framed]
+    for refused in (model.predict_proba, lambda X: model.start().update(X[0])):
+        with pytest.raises(ValueError, match="differ in the column"):
+            refused(renamed)
 
 
 def test_several_adjectives():

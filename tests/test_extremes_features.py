@@ -212,6 +212,24 @@ def test_atoms_identical_but_for_rounding_share_no_code():
     )
 
 
+def test_many_coefficients_of_signals_of_few_directions():
+    """Pursuits end early, and nothing may overflow thereafter."""
+    rng = np.random.default_rng(0)
+    rise = np.minimum(np.arange(500)[:, np.newaxis] / 100, 1)
+    touches = [
+        100 + rng.uniform(1, 30) * rise + 0.01 * rng.normal(size=(500, 1))
+        for _ in range(10)
+    ]
+    settings = {"window": 50, "max_iter": 0, "remove_mean": False, "random_state": 0}
+    for dtype in DTYPES:
+        arrays = [touch.astype(dtype) for touch in touches]
+        errors = [
+            KSVDTransformer(25, n, **settings).fit(arrays).reconstruction_error_
+            for n in (2, 16, 20, 25)
+        ]
+        assert max(errors[1:]) <= errors[0]
+
+
 # K-SVD
 
 

@@ -285,3 +285,45 @@ def test_a_guard_takes_touches_that_its_model_repairs(sensors):
     np.testing.assert_allclose(
         together.predict_proba(trials), apart.predict_proba(repaired)
     )
+
+
+def test_channels_are_found_by_name():
+    rng = np.random.default_rng(0)
+    level = np.arange(24) // 2
+    framed = [
+        pd.DataFrame(rng.normal(k, [1, 5, 9], (40, 3)), columns=[*"xyz"]) for k in level
+    ]
+    counts = np.eye(5)[level * 5 // 12]
+    model = NoveltyGuard(make_haptic_pipeline(Signal(), random_state=0))
+    model.fit(framed, counts, groups=level)
+    swapped = [frame[["z", "x", "y"]] for frame in framed]
+    np.testing.assert_array_equal(model.distances(swapped), model.distances(framed))
+    with pytest.raises(ValueError, match="differ in the column"):
+        model.distances([frame.rename(columns={"x": "w"}) for frame in framed])
+
+
+def test_touches_of_one_channel_may_be_of_one_length():
+    """A list of arrays is one of touches, whatever their lengths."""
+    rng = np.random.default_rng(0)
+    touches = [rng.normal(size=n) for n in [60] * 11 + [61]]
+    counts = rng.multinomial(12, [0.2] * 5, size=12)
+    columns = [touch[:, np.newaxis] for touch in touches]
+    pipeline = make_haptic_pipeline(Signal(), random_state=0)
+    for n in (11, 12):
+        flat, deep = (
+            NoveltyGuard(pipeline).fit(X[:n], counts[:n]) for X in (touches, columns)
+        )
+        for which in (slice(1), slice(11, 12), slice(12)):
+            np.testing.assert_array_equal(
+                flat.p_values(touches[which]), deep.p_values(columns[which])
+            )
+
+
+def test_groups_that_are_the_classes_are_refused():
+    X, _, objects = made(6)
+    model = NoveltyGuard(make_pipeline(StandardScaler(), LogisticRegression()))
+    names = objects.astype(str)
+    with pytest.raises(ValueError, match="No fold trains on a class that it tests"):
+        model.fit(X, names, groups=objects)
+    model.fit(X, names, groups=np.tile([0, 1, 2], 6))  # runs
+    assert (model.predict(X) == names).mean() > 0.9

@@ -17,11 +17,13 @@ from told_groups import Told
 from sklearn_haptic import (
     NNPOM,
     DummyDistribution,
+    SignalStatistics,
     TouchPool,
     make_haptic_pipeline,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import dispersion, ranked_probability_score
+from sklearn_haptic.model_selection import cross_val_predict_proba
 from sklearn_haptic.models._pool_moments import (
     blur_share,
     error_moments,
@@ -503,3 +505,33 @@ def test_recordings_of_which_some_are_missing():
     pooled = np.array([blurred_by_hand(each, blur) for each in pooled])
     below = np.sort(np.clip(np.cumsum(pooled, axis=1), 0, 1), axis=1)
     np.testing.assert_allclose(np.cumsum(proba[:5], axis=1), below, atol=1e-12)
+
+
+def test_classes_in_the_order_of_their_categories():
+    """Members of scikit-learn sort words by the alphabet, categories need not."""
+    rng = np.random.default_rng(0)
+    kind = rng.integers(0, 3, 60)
+    words = np.array(["low", "mid", "high"])
+    X = pd.DataFrame({"a": kind + 0.1 * rng.normal(size=60)})
+    y = pd.Series(pd.Categorical(words[kind], categories=words, ordered=True))
+    member = LogisticRegression(C=100)
+    pool = TouchPool([("a", member, ["a"])]).fit(X, y)
+    assert pool.classes_.tolist() == words.tolist()
+    assert (pool.predict(X) == words[kind]).mean() > 0.95
+    proba = cross_val_predict_proba(member, X, y)
+    assert (proba.argmax(axis=1) == kind).mean() > 0.95
+
+
+def test_groups_that_are_the_classes_are_refused():
+    X, _, objects = made(6)
+    pool = TouchPool([("a", LogisticRegression(), ["a0", "a1"])])
+    with pytest.raises(ValueError, match="No fold trains on a class that it tests"):
+        pool.fit(X, objects.astype(str), groups=objects)
+
+
+def test_no_touches_get_no_predictions():
+    X, y, _ = made(6)
+    X = pd.DataFrame({"a": [np.full((3, 1), a) for a in X["a0"]]})
+    member = make_pipeline(SignalStatistics(), NNPOM(0))
+    pool = TouchPool([("a", member, "a")]).fit(X, y)
+    assert pool.predict_proba(X[:0]).shape == (0, N_LEVELS)

@@ -10,11 +10,20 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.signal import resample_poly
 
+from .._check_trials import channel_names, in_order
 from .._recordings import as_floats
 from .._sklearn import FloatArray
 from .._validation import check_numbers, check_regular, has_no_samples
 
 _ALIKE = 1.1  # rates that differ by a smaller factor are taken for the same
+
+# Numbers are no seconds if their steps are longer: nobody samples a touch once in ten
+# seconds, and whole numbers are hardly seconds of a sensor slower than 1 Hz.
+_LONGEST, _LONGEST_WHOLE = 10, 1
+
+# Nor if a step holds more new samples. From 10 Hz to 3 kHz it holds 300, from 1 Hz to
+# 20 Hz it holds 20; in milliseconds of the same rate that are taken for seconds, 1000.
+_MOST, _MOST_BELOW_1_HZ = 300, 20
 
 
 def infer_rate(
@@ -38,8 +47,9 @@ def infer_rate(
     Raises
     ------
     ValueError
-        If trials have no such stamps, there are not as many as samples, no trial has
-        two samples, or the rates of two trials differ by a tenth or more.
+        If trials have no such stamps, there are not as many as samples, they are
+        hardly seconds, no trial has two samples, or the rates of two trials differ by
+        a tenth or more.
 
     See Also
     --------
@@ -110,11 +120,13 @@ def resample_trials(
     Parameters
     ----------
     trials : sequence of array-like of shape (n_times_i, n_channels)
-        Trials of one sensor. Masked samples and NaN count as dropped.
+        Trials of one sensor. Masked samples and NaN count as dropped. The columns of
+        data frames are put in the order of the first of them.
     times : sequence of array-like of shape (n_times_i,), str or None, default=None
         When the samples of each trial were taken, increasing: seconds, or dates or
         durations of NumPy, pandas or polars. A name is that of their column in trials
         that are data frames. By default they are the index of trials of pandas.
+        Numbers that make no sense as seconds are refused, see Notes.
     rate : float, default=None
         Samples per second of the result, by default those of :func:`infer_rate`.
     longest_gap : float, default=None
@@ -132,13 +144,21 @@ def resample_trials(
     Raises
     ------
     ValueError
-        If `rate` or `longest_gap` is no positive number, there are not as many stamps
-        as samples, or stamps are not finite or do not increase.
+        If `rate` or `longest_gap` is no positive number, data frames differ in their
+        columns, there are not as many stamps as samples, or stamps are not finite, do
+        not increase or are hardly seconds.
 
     See Also
     --------
     infer_rate : The rate that the stamps have.
     RepairTrials : Fill and report what is missing.
+
+    Notes
+    -----
+    Numbers are taken for milliseconds or finer, and refused, if the median step holds
+    more than 300 new samples, or more than 20 and is a second or longer. Without `rate`
+    they are if it is longer than 10 seconds, or longer than one and all numbers are
+    whole. Durations and dates, whose unit is known, may be as slow as they are.
 
     Examples
     --------
@@ -163,19 +183,21 @@ def resample_trials(
         raise ValueError(
             f"longest_gap={longest_gap!r} must be a number of seconds above 0."
         )
-    pairs = [
-        (None if stamps is None else as_floats(trial, f"Trial {i}"), stamps)
-        for i, (trial, stamps) in enumerate(_with_stamps(trials, times))
-    ]
+    pairs = _with_stamps(trials, times, rate)
     if rate is None:
         rate = _rate([stamps for _, stamps in pairs])
-    return [
-        None if stamps is None else _resample(trial, stamps, rate, longest_gap)
-        for trial, stamps in pairs
-    ]
+    names = channel_names([trial for trial, _ in pairs if trial is not None])
+    resampled: list[FloatArray | None] = []
+    for i, (trial, stamps) in enumerate(pairs):
+        if stamps is not None:
+            trial = in_order(trial, f"Trial {i}", names, "the first trial")
+            trial = as_floats(trial, f"Trial {i}")
+            trial = _resample(trial, stamps, rate, longest_gap)
+        resampled.append(trial)
+    return resampled
 
 
-def _with_stamps(trials, times):
+def _with_stamps(trials, times, rate=None):
     """Return pairs of a trial, without its column of stamps, and stamps in seconds.
 
     A trial that is missing or has no samples has None in place of its stamps.
@@ -186,7 +208,7 @@ def _with_stamps(trials, times):
             f"times has {len(times)} entries, but there are {len(trials)} trials; give "
             "the time stamps of each trial."
         )
-    pairs = []
+    pairs, numbers = [], {}
     for i, trial in enumerate(trials):
         if has_no_samples(trial):
             pairs.append((None, None))
@@ -206,14 +228,34 @@ def _with_stamps(trials, times):
                     "or DataFrame of pandas whose index is of dates, durations or "
                     "seconds."
                 )
-        stamps = _seconds(stamps, name)
+        stamps, are_numbers = _seconds(stamps, name)
         if hasattr(trial, "__len__") and stamps.shape != (len(trial),):
             raise ValueError(
                 f"{name} has shape {stamps.shape}, but trial {i} has {len(trial)} "
                 "time samples; give one time stamp per sample."
             )
         pairs.append((trial, stamps))
+        if are_numbers:
+            numbers[name] = stamps
+    _check_unit(numbers, rate)
     return pairs
+
+
+def _check_unit(numbers, rate):
+    """Refuse numbers, by their names, that are milliseconds, or finer, not seconds."""
+    steps = [np.diff(stamps) for stamps in numbers.values()]
+    step = np.median(np.concatenate(steps)) if any(map(len, steps)) else 0
+    whole = all((stamps == np.rint(stamps)).all() for stamps in numbers.values())
+    if rate is None:
+        odd = step > (_LONGEST_WHOLE if whole else _LONGEST)
+    else:
+        odd = step * rate > (_MOST_BELOW_1_HZ if step >= 1 else _MOST)
+    if odd:
+        raise ValueError(
+            f"{next(iter(numbers))} has steps of {step:.4g}, which are taken for "
+            "seconds; give durations of the right unit, such as "
+            "pd.to_timedelta(stamps, unit='ms')."
+        )
 
 
 def _without_column(trial, name, i):
@@ -234,7 +276,10 @@ def _is_of_time(index):
 
 
 def _seconds(stamps, name):
-    """Return time stamps as increasing seconds, dates from the first of them."""
+    """Return time stamps as increasing seconds, and whether they are numbers.
+
+    Dates count from the first of them.
+    """
     index = stamps
     if not isinstance(stamps, pd.Index):
         index = check_regular(stamps, name)
@@ -243,7 +288,8 @@ def _seconds(stamps, name):
     if isinstance(index, pd.DatetimeIndex) or index.dtype.kind == "M":
         index = pd.DatetimeIndex(index)
         index = index - index.min()
-    if index.dtype.kind == "m":
+    are_numbers = index.dtype.kind != "m"
+    if not are_numbers:
         index = pd.TimedeltaIndex(index).total_seconds()
     check_numbers(index, name)
     stamps = np.asarray(index, dtype=np.float64)
@@ -254,7 +300,7 @@ def _seconds(stamps, name):
             f"{name} must be finite and increase from sample to sample; sort the "
             "samples and remove those whose stamp is repeated."
         )
-    return stamps
+    return stamps, are_numbers
 
 
 def _resample(trial, stamps, rate, longest_gap):

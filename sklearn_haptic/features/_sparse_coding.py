@@ -230,6 +230,7 @@ def _pursue(buffers, gram, pairs, thresholds, support, coefs):
         active &= (peak > thresholds) & (pivot > smallest_pivot)
         if not active.all():
             atom[~active], coef[~active], pivot[~active] = 0, 0, 1
+            factor[k, :k, ~active] = 0  # else products of many could overflow
         coef /= pivot
         if k < n_slots - 1:
             _take_columns(gram, pairs, atom, out=directions[k])

@@ -15,6 +15,7 @@ from sklearn.utils.parallel import Parallel, delayed
 from .._check_ratings import check_ratings
 from .._distributions import cdf
 from .._folds import make_splitter, route
+from .._levels import in_named_order
 from .._sklearn import (
     CrossValidator,
     HasMethods,
@@ -91,7 +92,8 @@ def cross_val_predict_proba(
     -------
     predicted : ndarray of shape (n_trials, n_levels) or (n_trials,)
         Rows in the order of ``X``. If several adjectives were learned, they are a
-        further axis behind that of the trials. Columns are the levels of all trials:
+        further axis behind that of the trials. Columns are the levels of all trials, in
+        the order that ``y`` names, if it names one, else in that of the estimator:
         where the training trials of a fold lack a label, its probability is 0 in that
         fold, as that of a column of counts without any count is.
 
@@ -234,7 +236,7 @@ def join_folds(y, outcomes, folds):
     """
     levels = _levels_of_all(y, [classes for _, classes in outcomes])
     proba = in_order([_at_levels(levels, *outcome) for outcome in outcomes], folds)
-    return proba, levels
+    return in_named_order(proba, levels, y)
 
 
 def in_order(predicted, folds):

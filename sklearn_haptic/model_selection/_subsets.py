@@ -158,7 +158,8 @@ def _split_sensors(model):
     if first is model or not isinstance(first, ColumnTransformer):
         raise TypeError(
             "model must be a Pipeline that begins with a ColumnTransformer with one "
-            f"transformer per sensor, but it begins with a {type(first).__name__}."
+            f"transformer per sensor, but it begins with a {type(first).__name__}; "
+            "apply what comes before to the trials, such as repairs."
         )
     if len(model) == 1:
         raise ValueError("model ends with its ColumnTransformer; add a predictor.")

@@ -64,9 +64,14 @@ def fit_fold(member, X, y, objects, there, fold, classes):
 
 
 def at_classes(fitted, X, classes):
-    """Predict shares of all classes; one that a member has never seen gets none."""
+    """Predict shares of all classes; one that a member has never seen gets none.
+
+    Members may have the classes in another order, as scikit-learn sorts words.
+    """
+    place = {each: i for i, each in enumerate(classes.tolist())}
     proba = np.zeros((_num_samples(X), len(classes)))
-    proba[:, np.isin(classes, fitted.classes_)] = fitted.predict_proba(X)
+    columns = [place[each] for each in fitted.classes_.tolist()]
+    proba[:, columns] = fitted.predict_proba(X)
     return proba
 
 

@@ -11,7 +11,7 @@ from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
-from .._folds import groups_for, make_splitter
+from .._folds import check_folds_know, groups_for, make_splitter
 from .._perhaps_ordered import PerhapsOrderedMixin
 from .._sklearn import (
     CrossValidator,
@@ -133,7 +133,8 @@ class NoveltyGuard(
             Counts of ratings or labels, whatever the estimator takes.
         groups : array-like of shape (n_trials,), default=None
             The object, or the family of objects, of each touch. By default each touch
-            is of another object.
+            is of another object. If `y` names the objects themselves, give what divides
+            their touches, such as runs.
 
         Returns
         -------
@@ -143,8 +144,8 @@ class NoveltyGuard(
         Raises
         ------
         ValueError
-            If the estimator is no Pipeline of features and a classifier, or there are
-            fewer than two objects.
+            If the estimator is no Pipeline of features and a classifier, there are
+            fewer than two objects, or each class is in one group.
         """
         if not isinstance(self.estimator, Pipeline) or len(self.estimator) < 2:
             raise ValueError(
@@ -166,7 +167,7 @@ class NoveltyGuard(
         rows = np.asarray(fitted[:-1].fit_transform(X, y))
         repaired, first = behind_repairs(fitted, X)
         columns = columns_given(first)
-        signals = signals_of(repaired, columns)
+        signals, self._channel_names = signals_of(repaired, columns)
         statistics = fit_statistics(signals)
         signal_rows = rows_of(signals, statistics)
         every = np.ones(len(true), dtype=bool)
@@ -179,6 +180,8 @@ class NoveltyGuard(
             )
         last.fit(rows, y, **groups_for(last, objects))
         self._ordered = np.ndim(y) == 2 or knows_order(last)
+        if not self._ordered:
+            check_folds_know(y, folds)
         self._rows, self._objects = rows, objects
         self._columns, self._statistics = columns, statistics
         self._signal_rows, self._unit = signal_rows, 1.0
@@ -231,8 +234,9 @@ class NoveltyGuard(
         if self._signal_rows is None:
             return distance
         repaired, _ = behind_repairs(self.estimator_, X)
-        signals = rows_of(signals_of(repaired, self._columns), self._statistics)
-        of_signals = nearest_distances(signals, self._signal_rows)
+        signals, _ = signals_of(repaired, self._columns, self._channel_names)
+        rows = rows_of(signals, self._statistics)
+        of_signals = nearest_distances(rows, self._signal_rows)
         return np.maximum(distance, self._unit * of_signals)
 
     def p_values(self, X: Trials) -> NDArray[np.float64]:

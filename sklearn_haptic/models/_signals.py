@@ -9,7 +9,7 @@ from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from .._check_trials import check_trials, is_table
+from .._check_trials import channel_names, check_trials, is_table
 from .._sequences import Sequences
 from .._sklearn import _safe_indexing
 from .._validation import column_of
@@ -48,18 +48,30 @@ def _several(columns):
     return not isinstance(columns, (str, int, slice)) and np.ndim(columns) > 0
 
 
-def signals_of(X, columns):
-    """Return the recordings in some columns, None in place of other columns.
+def signals_of(X, columns, names=None):
+    """Return the recordings in some columns, and the names of their channels.
+
+    Parameters
+    ----------
+    X : collection of trials, or table with trials in its columns
+    columns : list or None
+        Columns to take; None takes X.
+    names : list of (list or None), default=None
+        The names of the channels in `fit`, in whose order they are put.
 
     Returns
     -------
     signals : list of (list of ndarray of shape (n_times_i, n_channels) or None)
+        Images as channels. None in place of what are no recordings.
+    names : list of (list or None)
     """
     parts = [X] if columns is None else [_part(X, each) for each in columns]
-    return [
-        None if isinstance(part, Sequences) or is_table(part) else _flat(part)
-        for part in parts
+    names = [channel_names(part) for part in parts] if names is None else names
+    signals = [
+        None if isinstance(part, Sequences) or is_table(part) else _flat(part, each)
+        for part, each in zip(parts, names)
     ]
+    return signals, names
 
 
 def _part(X, column):
@@ -67,9 +79,9 @@ def _part(X, column):
     return column_of(part, 0) if len(part.shape) > 1 else part
 
 
-def _flat(part):
-    """Return trials with images as channels."""
-    return [each.reshape(len(each), -1) for each in check_trials(part, ndims=(2, 3))]
+def _flat(part, names):
+    trials = check_trials(part, ndims=(2, 3), names=names)
+    return [each.reshape(len(each), -1) for each in trials]
 
 
 def fit_statistics(signals):

@@ -13,7 +13,7 @@ from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from .._distributions import shares
-from .._folds import make_splitter
+from .._folds import check_folds_know, make_splitter
 from .._perhaps_ordered import PerhapsOrderedMixin
 from .._sklearn import (
     CrossValidator,
@@ -191,7 +191,8 @@ class TouchPool(
             Counts of ratings or labels, whatever the members take.
         groups : array-like of shape (n_trials,), default=None
             The object of each row. Rows of one object are touches of it. By default
-            each row is of another object.
+            each row is of another object. If `y` names the objects themselves, give
+            what divides their touches, such as runs.
 
         Returns
         -------
@@ -201,8 +202,8 @@ class TouchPool(
         Raises
         ------
         ValueError
-            If the estimators are no such tuples, their names are not distinct, or a
-            column of a member is missing in all rows of a fold.
+            If the estimators are no such tuples, their names are not distinct, a column
+            of a member is missing in all rows of a fold, or each class is in one group.
         """
         self._check_estimators()
         true, classes = true_shares(y, type(self).__name__)
@@ -215,6 +216,8 @@ class TouchPool(
         fitted, oof = self._fit_members(X, y, objects, there, folds, classes)
         marginal = mean_without(true, folds)[:, np.newaxis]
         ordered = np.ndim(y) == 2 or all(map(knows_order, fitted.values()))
+        if not ordered:
+            check_folds_know(y, folds)
         proba = np.concatenate((oof, marginal), axis=1)
         departure = compared(with_blurred(proba), ordered)
         departure = departure - compared(true, ordered)[:, np.newaxis]
@@ -508,7 +511,7 @@ def _has_values(table):
     for i in range(n_columns):
         column = np.asarray(column_of(table, i))
         if column.dtype.kind == "O":
-            there &= [not has_no_samples(value) for value in column]
+            there &= np.array([not has_no_samples(value) for value in column], bool)
         elif column.dtype.kind == "f":
             there &= ~np.isnan(column)
     return there

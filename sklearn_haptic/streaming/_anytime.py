@@ -18,7 +18,7 @@ from sklearn.utils.validation import (
 
 from .._check_ratings import check_adjectives
 from .._distributions import shares
-from .._folds import make_splitter
+from .._folds import check_folds_know, make_splitter
 from .._perhaps_ordered import PerhapsOrderedMixin
 from .._sklearn import (
     CrossValidator,
@@ -30,7 +30,7 @@ from .._sklearn import (
     one_blas_thread,
 )
 from .._validation import check_groups, check_numbers
-from ._branches import fit_features, used_sensors
+from ._branches import fit_features, flat_steps, used_sensors
 from ._heads import best_power, fit_heads, predict_head, predict_out_of_fold, temper
 from ._prefixes import durations_complete, samples_in
 from ._touch import TouchInProgress, check_limits
@@ -182,7 +182,8 @@ class AnytimeRegressor(
         groups : array-like of shape (n_trials,), default=None
             The object of each touch, so that predictions out of fold are for objects
             never touched, and for a last step that requests groups. By default each
-            touch is of another object.
+            touch is of another object. If `y` names the objects themselves, give what
+            divides their touches, such as runs.
 
         Returns
         -------
@@ -192,8 +193,8 @@ class AnytimeRegressor(
         Raises
         ------
         ValueError
-            If durations or rates are unusable, a training touch lacks a sensor, or too
-            few touches are as long as a duration.
+            If durations or rates are unusable, a training touch lacks a sensor, too few
+            touches are as long as a duration, or each class is in one group.
         """
         steps = self._check_estimator()
         durations = _check_durations(self.durations)
@@ -202,6 +203,7 @@ class AnytimeRegressor(
         touches = check_touches(X, self.sensors_)
         check_consistent_length(X, y)
         groups = check_groups(groups, X)
+        self._channel_names = touches.channels
         self._rates = np.array([rates[sensor] for sensor in self.sensors_])
         self.sample_shapes_ = {
             s: each[0].shape[1:] for s, each in touches.signals.items()
@@ -221,7 +223,10 @@ class AnytimeRegressor(
         self._ordered = hasattr(self.heads_[0][-1], "levels_")
         true = self._shares(y)
         self.shares_ = shares(true.sum(axis=0))
-        folds = make_splitter(head[-1][1], y, groups, self.cv).split(X, y, groups)
+        splitter = make_splitter(head[-1][1], y, groups, self.cv)
+        folds = list(splitter.split(X, y, groups))
+        if not self._ordered:
+            check_folds_know(y, folds)
         self.oof_proba_ = predict_out_of_fold(
             head, rows, reached, y, objects, self.sharing, self.classes_, folds
         )
@@ -236,23 +241,26 @@ class AnytimeRegressor(
 
     def _check_estimator(self):
         """Return the steps; refuse what cannot be divided into features and head."""
-        if not isinstance(self.estimator, Pipeline) or len(self.estimator) < 2:
+        pipeline = isinstance(self.estimator, Pipeline)
+        steps = flat_steps(self.estimator) if pipeline else []
+        if len(steps) < 2:
             raise ValueError(
                 f"estimator is a {type(self.estimator).__name__}; give a Pipeline "
                 "whose first steps turn trials into features and whose last predicts."
             )
-        last = self.estimator.steps[-1][1]
+        last = steps[-1][1]
+        name = type(last).__name__
         if not hasattr(last, "predict_proba"):
             raise ValueError(
-                f"The last step of estimator, {last!r}, has no predict_proba; take a "
+                f"The last step of estimator, {name}, has no predict_proba; take a "
                 "classifier that has one, or a DistributionalOrdinalRegressor."
             )
         if self.sharing and not has_fit_parameter(last, "sample_weight"):
             raise ValueError(
-                f"The last step of estimator, {last!r}, takes no sample_weight, which "
+                f"The last step of estimator, {name}, takes no sample_weight, which "
                 f"sharing={self.sharing} requires; set sharing=0."
             )
-        return self.estimator.steps
+        return steps
 
     def _check_reached(self, reached):
         for duration, n in zip(self.durations_, reached.sum(axis=0)):
@@ -340,7 +348,7 @@ class AnytimeRegressor(
 
     def _touches(self, X):
         check_is_fitted(self)
-        return check_touches(X, self.sensors_, self.sample_shapes_)
+        return check_touches(X, self.sensors_, self.sample_shapes_, self._channel_names)
 
     @one_blas_thread
     def predict_proba(self, X: Trials) -> NDArray[np.float64]:

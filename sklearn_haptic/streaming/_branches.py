@@ -71,7 +71,7 @@ def fit_features(steps, touches, y):
     Parameters
     ----------
     steps : list of (str, estimator)
-        Steps of the pipeline, which are cloned.
+        Steps that do something, as of :func:`flat_steps`; they are cloned.
     touches : Touches
         Whole training touches.
     y : array-like
@@ -95,8 +95,6 @@ def fit_features(steps, touches, y):
     X = touches.prefixes(np.arange(len(touches)), whole, columns)
     fitted = []
     for i, (name, step) in enumerate(steps[:-1]):
-        if _is_idle(step):
-            continue
         step = clone(step)
         X = step.fit_transform(X, y)
         fitted.append((name, step))
@@ -118,7 +116,7 @@ def as_rows(features):
 
 def used_sensors(steps, named):
     """Return those of the named sensors that the first step takes, all by default."""
-    first = next(iter(_flat(Pipeline(steps))), None)
+    first = steps[0][1]
     if not isinstance(first, ColumnTransformer) or first.remainder != "drop":
         return named
     taken = []
@@ -170,13 +168,27 @@ def _united(transformer, columns):
     return [branch for part in parts for branch in _united(part, columns)]
 
 
+def flat_steps(pipeline):
+    """Return the steps that do something, with those of inner pipelines in their place.
+
+    Examples
+    --------
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn.preprocessing import StandardScaler
+    >>> from sklearn_haptic.streaming._branches import flat_steps
+    >>> flat_steps(make_pipeline(None, make_pipeline(StandardScaler())))
+    [('pipeline-standardscaler', StandardScaler())]
+    """
+    steps = []
+    for name, step in pipeline.steps:
+        if isinstance(step, Pipeline):
+            steps += [(f"{name}-{inner}", each) for inner, each in flat_steps(step)]
+        elif step is not None and step != "passthrough":
+            steps.append((name, step))
+    return steps
+
+
 def _flat(transformer):
-    """Return the steps of a pipeline that do something, those of inner ones too."""
     if not isinstance(transformer, Pipeline):
         return [transformer]
-    steps = [step for _, step in transformer.steps if not _is_idle(step)]
-    return [each for step in steps for each in _flat(step)]
-
-
-def _is_idle(step):
-    return step is None or step == "passthrough"
+    return [step for _, step in flat_steps(transformer)]

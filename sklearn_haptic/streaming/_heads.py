@@ -63,8 +63,6 @@ def _fit_head(steps, X, y, options):
     *transformers, (name, estimator) = steps
     fitted = []
     for each, step in transformers:
-        if step is None or step == "passthrough":
-            continue
         step = clone(step)
         X = step.fit_transform(X, y)
         fitted.append((each, step))

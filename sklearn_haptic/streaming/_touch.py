@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._check_trials import in_order
 from .._sklearn import one_blas_thread
 from .._validation import check_regular
 from ._arriving_samples import KeptSamples, MendedSamples, PooledCodes
@@ -126,8 +127,7 @@ class TouchInProgress:
                 f"sensors, {sensors}, to arrays."
             )
         checked = {
-            sensor: _check_samples(new, sensor, self._model.sample_shapes_)
-            for sensor, new in samples.items()
+            sensor: self._check_samples(new, sensor) for sensor, new in samples.items()
         }
         for sensor, new in checked.items():
             new = self._menders[sensor].mend(new)
@@ -138,6 +138,18 @@ class TouchInProgress:
             if sensor in self._kept:
                 self._kept[sensor].add(new)
         return self
+
+    def _check_samples(self, samples, sensor):
+        """Return samples as an array of floats of shape (n_new, ...)."""
+        shapes = self._model.sample_shapes_
+        if sensor not in shapes:
+            raise ValueError(
+                f"samples names the sensor {sensor!r}; the model has {list(shapes)}."
+            )
+        name = f"samples[{sensor!r}]" if sensor else "samples"
+        names = self._model._channel_names[sensor]
+        samples = in_order(samples, name, names, "the trials of fit")
+        return _check_samples(samples, name, shapes[sensor])
 
     @property
     def seconds(self) -> float:
@@ -241,14 +253,7 @@ def check_limits(limits, sensors):
     return dict(limits)
 
 
-def _check_samples(samples, sensor, shapes):
-    """Return samples as an array of floats of shape (n_new, ...)."""
-    if sensor not in shapes:
-        raise ValueError(
-            f"samples names the sensor {sensor!r}; the model has {list(shapes)}."
-        )
-    shape = shapes[sensor]
-    name = f"samples[{sensor!r}]" if sensor else "samples"
+def _check_samples(samples, name, shape):
     array = check_regular(samples, name)
     if array.dtype.kind not in "fiub":
         raise ValueError(

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._check_trials import check_trials, is_table
+from .._check_trials import channel_names, check_trials, is_table
 from .._sequences import row_index
 from .._sklearn import FloatArray
 from .._validation import column_of, has_no_samples
@@ -26,10 +26,13 @@ class Touches(NamedTuple):
         samples where the touch lacks the sensor.
     names : pandas.Index or None
         Index of the touches.
+    channels : dict of str to list or None
+        The names of each sensor's channels, None if they have none.
     """
 
     signals: dict[str, list[FloatArray]]
     names: pd.Index | None = None
+    channels: dict[str, list[str] | None] | None = None
 
     def __len__(self):
         return len(next(iter(self.signals.values())))
@@ -65,7 +68,7 @@ class Touches(NamedTuple):
         return pd.DataFrame({s: _series(cut(s), index, s) for s in columns})
 
 
-def check_touches(X, sensors, shapes=None):
+def check_touches(X, sensors, shapes=None, channels=None):
     """Check recordings of touches.
 
     Parameters
@@ -76,6 +79,8 @@ def check_touches(X, sensors, shapes=None):
     shapes : dict of str to tuple of int, default=None
         Shape of one sample of each sensor in `fit`. By default this is `fit`, and no
         touch may lack a sensor.
+    channels : dict of str to list or None, default=None
+        Names of channels in `fit`, in whose order they are put.
 
     Returns
     -------
@@ -107,16 +112,19 @@ def check_touches(X, sensors, shapes=None):
                 "DataFrame with a column per sensor."
             )
         by_sensor = {s: column_of(X, columns.index(s)) for s in sensors}
+    by_sensor = {sensor: list(trials) for sensor, trials in by_sensor.items()}
+    if shapes is None:
+        shapes = dict.fromkeys(by_sensor)
+        channels = {sensor: channel_names(each) for sensor, each in by_sensor.items()}
     signals = {
-        sensor: _check_sensor(trials, sensor, shapes and shapes[sensor])
+        sensor: _check_sensor(trials, sensor, shapes[sensor], channels[sensor])
         for sensor, trials in by_sensor.items()
     }
-    return Touches(signals, row_index(X))
+    return Touches(signals, row_index(X), channels)
 
 
-def _check_sensor(trials, sensor, shape):
+def _check_sensor(trials, sensor, shape, names):
     """Return the recordings of one sensor; those that are missing have no samples."""
-    trials = list(trials)
     there = [not has_no_samples(trial) for trial in trials]
     where = f" of sensor {sensor!r}" if sensor else ""
     if shape is None and not all(there):
@@ -130,7 +138,7 @@ def _check_sensor(trials, sensor, shape):
     first = trials[there.index(True)]  # in place of what is missing
     filled = [trial if here else first for trial, here in zip(trials, there)]
     try:
-        checked = check_trials(filled, ndims=(2, 3), n_channels=shape)
+        checked = check_trials(filled, ndims=(2, 3), n_channels=shape, names=names)
     except ValueError as error:
         if not sensor:
             raise
