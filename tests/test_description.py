@@ -46,7 +46,12 @@ def test_faults_are_those_that_repair_trials_finds(faulty, chunk, monkeypatch):
         of_sensor = faults[faults["sensor"] == name].groupby("fault")
         n_faults, n_samples = of_sensor.size(), of_sensor["n_samples"].sum()
         frames = n_samples.get("dropped frames", 0) * row["n_channels"]
-        assert row["n_missing_samples"] == n_samples.get("missing samples", 0) + frames
+        missing = n_samples.get("missing samples", 0) + frames
+        for _, fault in faults.query("sensor == @name and fault == 'dead'").iterrows():
+            cell = np.ma.filled(faulty[name][fault["trial"]], np.nan)
+            gone = ~np.isfinite(cell)  # of it RepairTrials says no more than "dead"
+            missing += (gone[:, fault["channel"]] & ~gone.all(axis=1)).sum()
+        assert row["n_missing_samples"] == missing
         assert row["dead"] == n_faults.get("dead", 0)
         assert row["n_missing_trials"] == n_faults.get("missing sensor", 0)
         assert row["n_trials"] + row["n_missing_trials"] == len(faulty)

@@ -111,11 +111,70 @@ def test_dead_channels_are_those_of_linear_regression():
     repaired = repair.transform([touch])[0]
     np.testing.assert_allclose(repaired[:, [1, 3]], expected, rtol=1e-9)
     np.testing.assert_array_equal(repaired[:, [0, 2]], touch[:, [0, 2]])
-    assert faults_of(repair, [touch]) == [
-        (0, 3, "missing samples", 30),
-        (0, 1, "dead", 30),
-        (0, 3, "dead", 30),
-    ]
+    assert faults_of(repair, [touch]) == [(0, 1, "dead", 30), (0, 3, "dead", 30)]
+
+
+@pytest.mark.parametrize("n_resting", [0, 10])
+def test_lost_channels_do_not_tell_how_channels_go_together(n_resting):
+    """Of a channel that is lost in some trials, and may rest in others."""
+    rng = np.random.default_rng(0)
+    trials = [3000 + trial @ rng.normal(size=(4, 4)) for trial in recordings()]
+    for trial in trials[:n_resting]:
+        trial[:, 3] = 3000.0
+    lost = [13, 14, 15]
+    for i in lost:
+        trials[i][:, 3] = np.nan
+    others = [trial for i, trial in enumerate(trials) if i not in lost]
+    samples = np.concatenate(others)
+    regression = LinearRegression().fit(samples[:, :3], samples[:, 3])
+    repair = RepairTrials().fit(trials)
+    assert faults_of(repair, trials) == [(i, 3, "dead", len(trials[i])) for i in lost]
+    repaired = repair.transform([*trials, None])
+    for i in lost:
+        expected = regression.predict(trials[i][:, :3])
+        np.testing.assert_allclose(repaired[i][:, 3], expected, rtol=1e-9)
+    alone = RepairTrials().fit(others)
+    np.testing.assert_array_equal(repaired[-1], alone.transform([None])[0])
+
+
+@pytest.mark.parametrize("stuck", [0.0, np.nan])
+def test_no_trial_is_whole(stuck):
+    """A channel like no other has the mean of the trials in which it works."""
+    trials = [3000 + np.random.default_rng(i).normal(size=(50, 12)) for i in range(12)]
+    means = []
+    for i, trial in enumerate(trials):
+        means.append(np.mean([each[:, i] for each in trials if each is not trial]))
+        trial[:, i] = stuck
+    repair = RepairTrials().fit(trials)
+    assert faults_of(repair, trials) == [(i, i, "dead", 50) for i in range(12)]
+    for i, repaired in enumerate(repair.transform(trials)):
+        assert repaired[:, i].mean() == pytest.approx(means[i], abs=0.2)
+    typical = repair.transform([None])[0]
+    assert np.abs(typical - 3000).max() < 6
+    assert (repair.transform(trials) == typical).all(axis=(1, 2)).sum() == 1
+
+
+def test_a_channel_without_any_sample_is_zero():
+    trials = recordings()
+    whole = RepairTrials().fit([trial[:, :3] for trial in trials])
+    for trial in trials:
+        trial[:, 3] = np.nan
+    repair = RepairTrials().fit(trials)
+    assert set(repair.faults_["fault"]) == {"dead"}
+    for trial in [*repair.transform(trials), repair.transform([None])[0]]:
+        assert (trial[:, 3] == 0).all()
+    typical = [each.transform([None])[0][:, :3] for each in (repair, whole)]
+    np.testing.assert_array_equal(*typical)
+
+
+def test_a_dead_channel_is_reported_once():
+    trials = recordings()
+    trials[2][:, 1] = 9.0  # stuck at the limit, with a gap
+    trials[2][4, 1] = np.nan
+    repair = RepairTrials(limits=(-9.0, 9.0), rest=5).fit(trials)
+    found = repair.faults_.query("trial == 2")
+    assert found[found["channel"] == 1]["fault"].tolist() == ["dead"]
+    assert found[found["fault"] == "rest level"]["channel"].tolist() == [0, 2, 3]
 
 
 def test_a_channel_that_often_rests_is_not_dead():
@@ -138,7 +197,8 @@ def test_a_dead_sensor_has_the_most_typical_trial(channels):
     with_gaps[2, 0] = np.nan
     for touch in (dead, with_gaps):
         np.testing.assert_array_equal(repair.transform([touch])[0], typical)
-        assert faults_of(repair, [touch]) == [(0, "all", "dead sensor", len(typical))]
+        assert faults_of(repair, [touch]) == [(0, "all", "dead sensor", 7)]
+    assert faults_of(repair, [None]) == [(0, "all", "missing sensor", 0)]
 
 
 def test_a_sensor_of_which_one_channel_lives_is_not_dead():
@@ -274,6 +334,50 @@ def test_named_channels_are_put_in_order():
         ValueError, match=r"^Trial 0 of X has the columns .*, as in fit"
     ):
         repair.transform([trials[0].rename(columns={"a": "x"})])
+
+
+@pytest.mark.parametrize("output", ["pandas", "polars"])
+def test_set_output_leaves_trials_as_they_are(output):
+    trials = recordings()
+    trials[3][2, 1] = np.nan
+    plain = RepairTrials().fit_transform(trials)
+    index = [f"touch{i}" for i in range(20)]
+    one_sensor = {
+        list: trials,
+        pd.Series: pd.Series(trials, index),
+        pd.DataFrame: pd.DataFrame({"skin": trials}, index),
+        pl.DataFrame: pl.DataFrame({"skin": pl.Series(trials, dtype=pl.Object)}),
+    }
+    for kind, X in one_sensor.items():
+        repair = RepairTrials().set_output(transform=output)
+        for repaired in (repair.fit_transform(X), repair.transform(X)):
+            assert type(repaired) is kind
+            if hasattr(repaired, "index") and kind is not list:
+                assert repaired.index.tolist() == index
+            cells = repaired["skin"] if hasattr(X, "columns") else repaired
+            for one, other in zip(cells, plain, strict=True):
+                np.testing.assert_array_equal(one, other)
+    counts = np.random.default_rng(0).multinomial(9, [0.3, 0.3, 0.4], size=20)
+    sensor = Signal(100, window=0.2)
+    model = make_pipeline(RepairTrials(), make_haptic_pipeline(sensor, random_state=0))
+    expected = model.fit(trials, counts).predict_proba(trials)
+    model = clone(model).set_output(transform=output).fit(trials, counts)
+    np.testing.assert_allclose(model.predict_proba(trials), expected)
+
+
+NOTHING = {
+    "None": [None, None],
+    "NA": pd.Series([None, pd.NA]),
+    "unknown": [np.full((3, 2), np.nan), None],
+    "column": pd.DataFrame({"skin": [None, None]}),
+    "table": np.full((3, 4), np.nan),
+}
+
+
+@pytest.mark.parametrize("name", NOTHING)
+def test_trials_without_any_sample_are_refused(name):
+    with pytest.raises(ValueError, match=r"^X holds no samples at all; give one tri"):
+        RepairTrials().fit(NOTHING[name])
 
 
 def test_rows_of_a_table_are_trials_of_one_channel():
@@ -515,6 +619,63 @@ def test_a_trial_without_samples_is_passed_over():
     assert resampled[0] is None
     assert resampled[2] is None
     assert len(resampled[1]) == 20
+
+
+def test_columns_are_put_in_the_order_of_the_first_trial():
+    times = np.arange(20) / 10
+    expected = resample_trials([waves(times)], [times], 20)[0]
+    for library in (pd, pl):
+        named = dict(zip("ab", waves(times).T))
+        trial = library.DataFrame(named)
+        stamped = library.DataFrame({"when": times} | named)
+        for resampled in (
+            resample_trials([trial, waves(times), trial[["b", "a"]]], [times] * 3, 20),
+            resample_trials([stamped, stamped[["b", "when", "a"]]], "when", 20),
+        ):
+            for each in resampled:
+                np.testing.assert_array_equal(each, expected)
+        odd = library.DataFrame({"a": times, "c": times})
+        with pytest.raises(ValueError, match=r"^Trial 1 and the first trial differ in"):
+            resample_trials([trial, odd], [times] * 2, 20)
+
+
+UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("kind", [int, float])
+def test_numbers_that_are_no_seconds_are_refused(unit, kind):
+    rng = np.random.default_rng(0)
+    for rate in (35, 100, 500):
+        times = (np.arange(60) + rng.uniform(-0.2, 0.2, 60)) / rate
+        stamps = (times / UNITS[unit] + 1e6).astype(kind)
+        trial = pd.DataFrame({"a": times, "when": stamps})
+        refused = pytest.raises(ValueError, match=r"^The column 'when' of trial 0 has")
+        if kind is int or unit != "ms" or rate < 100:
+            with refused:
+                infer_rate([trial], "when")
+        for asked in (rate / 2, rate, 4 * rate):
+            with refused:
+                resample_trials([trial], "when", asked)
+        durations = [pd.to_timedelta(stamps, unit=unit)]
+        assert infer_rate([trial[["a"]]], durations) == pytest.approx(rate, rel=0.1)
+
+
+def test_slow_and_gappy_recordings_are_resampled():
+    """Every second or two, with a gap of a minute, or to a far higher rate."""
+    for step, rate in ((1, 1), (1, 20), (2, 2), (2.5, 2), (0.1, 2200), (0.25, 1000)):
+        times = step * np.array([0, 1, 2, 60, 61, 62, 63, 64])
+        resampled = resample_trials([times], [times], rate, longest_gap=np.inf)[0]
+        np.testing.assert_allclose(
+            resampled[:, 0], np.arange(len(resampled)) / rate, rtol=1e-9
+        )
+        if step != 2:
+            assert infer_rate([times], [times]) == pytest.approx(1 / step)
+    two = [np.array([0.0, 3.0]), np.arange(50) / 10]  # a trial that is nothing but gap
+    assert len(resample_trials(two, two, 10)[0]) == 31
+    slow = pd.Series(np.zeros(3), pd.to_timedelta([0, 20, 40], unit="s"))
+    assert infer_rate([slow]) == pytest.approx(0.05)
+    assert len(resample_trials([slow], rate=100)[0]) == 4001
 
 
 def test_a_rate_that_cannot_be_inferred_is_refused():

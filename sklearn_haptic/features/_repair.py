@@ -22,7 +22,7 @@ from .._sklearn import (
     _fit_context,
     _wrap_data_with_container,
 )
-from .._validation import check_table
+from .._validation import check_table, is_missing
 
 _ALL = "all"  # the channel of a fault of them all
 _COLUMNS = ["trial", "sensor", "channel", "fault", "n_samples", "answer", "offset"]
@@ -130,16 +130,17 @@ def repair_trial(cell, usual, limits, rest):
         What was wrong, and what was done about it.
     """
     if cell is None:
-        return _typical(usual, "missing sensor")
-    rests = usual.varies & ~_varies(cell) & (len(cell) > 1)
-    dead = rests | np.isnan(cell).all(axis=0)
-    if rests.any() and dead[usual.varies].all():
-        return _typical(usual, "dead sensor")
+        return _typical(usual, "missing sensor", 0)
+    dead = dead_channels(cell, usual.varies)
+    if (dead & usual.varies).any() and dead[usual.varies].all():
+        return _typical(usual, "dead sensor", len(cell))
     repaired, faults = repair_channels(cell, limits, rest)
     if dead.any():
         repaired[:, dead] = estimate_channels(
             repaired, dead, usual.mean, usual.covariance
         )
+        # Nothing else that is wrong with a dead channel has been repaired.
+        faults = [fault for fault in faults if fault[0] == _ALL or not dead[fault[0]]]
         faults += [
             (int(i), "dead", len(cell), "estimated from the other channels", np.nan)
             for i in np.flatnonzero(dead)
@@ -147,10 +148,16 @@ def repair_trial(cell, usual, limits, rest):
     return repaired, faults
 
 
-def _typical(usual, fault):
+def dead_channels(cell, usually):
+    """Whether each channel has no sample, or is constant and `usually` varies."""
+    rests = usually & ~_varies(cell) & (len(cell) > 1)
+    return rests | np.isnan(cell).all(axis=0)
+
+
+def _typical(usual, fault, n_samples):
     """Return the most typical trial, and what it stands for."""
-    repaired = usual.trial.copy()
-    return repaired, [(_ALL, fault, len(repaired), "typical trial", np.nan)]
+    faults = [(_ALL, fault, n_samples, "typical trial", np.nan)]
+    return usual.trial.copy(), faults
 
 
 def repair_channels(cell, limits, rest):
@@ -196,14 +203,15 @@ def _with_columns(X, columns):
     return X
 
 
+def _all_missing(X):
+    """Whether every entry of a collection is None, NaN or NA; a table has rows."""
+    return hasattr(X, "__len__") and len(X) > 0 and all(map(is_missing, X))
+
+
 def _cells(column, name, *samples):
     """Return all trials of `iter_cells`, and what their time samples are like."""
     pairs = list(iter_cells(column, name, *samples))
-    samples = pairs[-1][1] if pairs else samples
-    if not samples or samples[0] is None:
-        sensor = "" if name == ALONE else f"[{name!r}]"
-        raise ValueError(f"X{sensor} holds no samples at all; leave the sensor out.")
-    return [cell for cell, _ in pairs], samples
+    return [cell for cell, _ in pairs], pairs[-1][1] if pairs else samples
 
 
 def _option(option, name, cells):
@@ -240,14 +248,20 @@ def _rest(rest, name, cells):
 def usual_trials(cells, samples, limits, rest):
     """Learn what the trials of a sensor are like, from those that have it."""
     cells = [cell for cell in cells if cell is not None]
-    varies = np.array([_varies(cell) for cell in cells])
+    usually = np.mean([_varies(cell) for cell in cells], axis=0) >= USUAL
     repaired = [repair_channels(cell, limits, rest)[0] for cell in cells]
-    usually = varies.mean(axis=0) >= USUAL
-    # A trial with a dead channel says nothing about how channels go together.
-    whole = [i for i, each in enumerate(varies) if each[usually].all()]
-    whole = whole or list(range(len(cells)))
+    dead = np.array([dead_channels(cell, usually) for cell in cells])
+    # A trial with a dead channel says nothing about how channels go together, unless
+    # the channel is dead in all trials; nor about the level of that channel.
+    whole = np.flatnonzero(~(dead & ~dead.all(axis=0)).any(axis=1))
+    if not len(whole):
+        whole = np.flatnonzero(~dead.all(axis=1))
     n_samples = sum(len(repaired[i]) for i in whole)
-    mean = sum(repaired[i].sum(axis=0, dtype=float) for i in whole) / n_samples
+    n_alive = sum(len(repaired[i]) * ~dead[i] for i in whole)
+    sums = sum(repaired[i].sum(axis=0, dtype=float) * ~dead[i] for i in whole)
+    mean = sums / np.maximum(n_alive, 1)
+    for i in whole:
+        repaired[i][:, dead[i]] = mean[dead[i]]
     centred = ((repaired[i] - mean) for i in whole)
     covariance = sum(trial.T @ trial for trial in centred) / n_samples
     levels = np.array(
@@ -256,7 +270,10 @@ def usual_trials(cells, samples, limits, rest):
     spread = levels.std(axis=0)
     spread[spread == 0] = 1
     distances = np.abs((levels - np.median(levels, axis=0)) / spread).sum(axis=1)
-    typical = repaired[whole[distances.argmin()]]
+    most = whole[distances.argmin()]
+    typical, gone = repaired[most], dead[most]
+    if gone.any():
+        typical[:, gone] = estimate_channels(typical, gone, mean, covariance)
     return Usual(samples, usually, mean, covariance, typical)
 
 
@@ -300,7 +317,7 @@ class TrialRepair:
             If `limits` or `rest` cannot be, name a sensor that `X` has not, or no
             trial has a sensor.
         """
-        self.takes_trials_ = not is_table(X)
+        self.takes_trials_ = not is_table(X) or _all_missing(X)
         if self.takes_trials_:
             cells, samples = {}, {}
             for name, column in trial_columns(X).items():
@@ -312,6 +329,12 @@ class TrialRepair:
         else:
             cells = {ALONE: self._rows(X, reset=True)}
             samples = {ALONE: ((1,), None)}
+        for name, each in cells.items():
+            if all(cell is None for cell in each):
+                where, mend = f"X[{name!r}]", "leave the sensor out"
+                if name == ALONE:
+                    where, mend = "X", "give one trial or more that has some"
+                raise ValueError(f"{where} holds no samples at all; {mend}.")
         self._settings = {
             name: (_limits(self.limits, name, cells), _rest(self.rest, name, cells))
             for name in cells
@@ -324,6 +347,22 @@ class TrialRepair:
             self.n_features_in_ = len(self._usual[ALONE].mean)
         self._faults = self._rows_of_faults(X)
         return self
+
+    # That of TransformerMixin would make a table of trials, by `set_output`.
+    def fit_transform(self, X: Trials, y: None = None) -> Any:
+        """Learn what the trials are like, and repair them.
+
+        Parameters
+        ----------
+        X, y
+            As for `fit`.
+
+        Returns
+        -------
+        repaired : DataFrame, Series, list of ndarray, or ndarray
+            As of `transform`.
+        """
+        return self.fit(X).transform(X)
 
     def transform(self, X: Trials) -> Any:
         """Repair trials.
@@ -339,7 +378,7 @@ class TrialRepair:
         repaired : DataFrame, Series, list of ndarray, or ndarray
             A DataFrame (of pandas or polars) or a pandas Series if `X` is one, with the
             same index, an array for a table, and a list for other collections of
-            trials.
+            trials. `set_output` changes nothing but that of a table.
 
         Raises
         ------
@@ -375,8 +414,9 @@ class TrialRepair:
         faults : pandas.DataFrame
             One row per trial, channel and fault, with the columns "trial" (its
             position), "sensor" ("" for the trials of one sensor), "channel" (its
-            number, or "all"), "fault", "n_samples", "answer" and "offset" (what was
-            subtracted from the channel, NaN for other faults).
+            number, or "all"), "fault", "n_samples" (of this trial, as it came; 0 where
+            the sensor is missing), "answer" and "offset" (what was subtracted from the
+            channel, NaN for other faults).
         """
         check_is_fitted(self)
         return pd.DataFrame(self._rows_of_faults(X), columns=_COLUMNS)
@@ -454,9 +494,10 @@ class RepairTrials(
     dropped frames   NaN in all channels at a time    interpolated in time
     saturated        at or beyond `limits`            kept at the limit, the nearest
                                                       value that is known
-    dead             constant in the trial, in a      estimated from the other channels
-                     channel that varies in nine      by linear regression
-                     trials of ten
+    dead             no sample in the trial; or       estimated from the other channels
+                     constant in it, in a channel     by linear regression
+                     that varies in nine trials of
+                     ten
     dead sensor      all such channels are dead       the most typical trial of `fit`
     missing sensor   None, NaN or no samples in       the most typical trial of `fit`
                      place of the trial
@@ -495,8 +536,13 @@ class RepairTrials(
     which is a trial with one channel. Trials keep their container. To leave faulty
     trials out instead, take those whose position is not in ``faults_["trial"]``.
 
-    What is estimated is learned from the trials of `fit` alone. No more than repairs
-    the faults is changed: a trial without faults comes out as it went in.
+    What is estimated is learned from the trials of `fit` alone, and from those without
+    a dead channel if there are any. A channel without a sample in all of them is 0. No
+    more than repairs the faults is changed: a trial without faults comes out as it went
+    in.
+
+    The most typical trial keeps its own length, so that its frequencies and phases stay
+    what they are: a dead sensor has then not as many samples as before.
 
     Examples
     --------
