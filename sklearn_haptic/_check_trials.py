@@ -31,8 +31,8 @@ def is_table(X):
         or not hasattr(X, "__len__")
     ):
         return True
-    if _has_columns(X):
-        return not _columns_of_trials(X)
+    if _has_columns(X):  # a Series is no table, even if it lacks every trial
+        return len(X.shape) == 2 and not _columns_of_trials(X)
     if isinstance(X, np.ndarray) and (X.dtype != object or X.ndim != 1):
         return X.ndim <= 2
     if len(X) == 0:
@@ -40,7 +40,7 @@ def is_table(X):
     ndims = {_ndim(trial) for trial in X}
     if ndims == {1}:  # lists of one length are rows of a table, arrays are trials
         return {*map(type, X)} <= {list, tuple} and len({*map(len, X)}) == 1
-    return ndims == {0}
+    return ndims == {0} and not any(trial is None for trial in X)
 
 
 def channel_names(X):
