@@ -168,9 +168,13 @@ def test_bars_of_one_bin_reach_the_diagonal_unless_a_t_test_rejects_it():
         p = stats.ttest_rel(observed, predicted).pvalue
         ((x, low), (_, high)) = display.errorbars_[k].get_segments()[0]
         assert (low <= x <= high) != (p < 0.05)
-        assert (low + high) / 2 == pytest.approx(observed.mean())
+        mean, margin = observed.mean(), display.half_widths[k][0]
+        ends = max(mean - margin, 0), min(mean + margin, 1)
+        assert (low, high) == pytest.approx(ends)
         rejected.append(p < 0.05)
     assert 0 < sum(rejected) < 4
+    texts = [text.get_text() for text in display.ax_.get_legend().get_texts()]
+    assert texts[-1] == "range of chance, 95 %"
 
 
 def test_bars_of_bins_by_a_loop():

@@ -64,7 +64,7 @@ def test_contributions_display_names_axes_points_and_groups(holdout_scores):
     )
     ax = display.ax_
     assert ax.get_ylabel() == "EMD without the sensor\nless EMD with all, levels"
-    assert "p < .05 over starts" in ax.get_xlabel()
+    assert "p < .05: ∗ over starts" in ax.get_xlabel()
     assert "over objects" in ax.get_xlabel()
     names = [label.get_text() for label in ax.get_xticklabels()]
     assert names == ["tdc", "pac"] * 2

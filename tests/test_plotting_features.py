@@ -44,9 +44,9 @@ def test_atoms_of_signals_are_waveforms_in_milliseconds():
     assert display.axes_[0].get_ylim()[1] > ksvd.components_.max()
     titles = [panel.get_title() for panel in display.axes_]
     assert titles == ["atom 0", *map(str, range(1, 7))]
-    # The lowest of each column of a 4 + 3 grid names the axis.
+    # The lowest row of a 4 + 3 grid names the axis; the rows keep their distance.
     labels = [panel.get_xlabel() for panel in display.axes_]
-    assert labels == [""] * 3 + ["time, ms"] * 4
+    assert labels == [""] * 4 + ["time, ms"] * 3
     assert display.axes_[4].get_ylabel() == "atom\n(no unit)"
     assert len(display.figure_.axes) == 8
 
@@ -71,7 +71,8 @@ def test_atoms_are_sorted_by_the_share_of_codes_that_use_them(sign):
     np.testing.assert_allclose(share[display.names], display.usage)
     np.testing.assert_array_equal(display.atoms, ksvd.components_[display.names])
     first = display.names[0]
-    assert display.axes_[0].get_title() == f"atom {first}: {share[first]:.0%}"
+    title = f"atom {first}:\n{share[first]:.0%} of codes"
+    assert display.axes_[0].get_title() == title
     assert display.axes_[0].get_xlabel() == ""
     assert display.axes_[-1].get_xlabel() == "sample"
 
@@ -140,6 +141,11 @@ def test_maxima_lie_where_their_cells_are():
     np.testing.assert_array_equal(display.images_[2].get_array(), whole)
     titles = [panel.get_title(loc="left") for panel in display.axes_]
     assert titles == ["codes", "maxima in 3 cells", "maxima in 1 cell"]
+    assert "spatial cell (s1of4: the first of 4)" in display.axes_[0].get_ylabel()
+    pool = TemporalMaxPool((3,), statistics=("mean", "max"))
+    display = FeatureMapDisplay.from_estimator(patches(pool), trial)
+    title = display.axes_[1].get_title(loc="left")
+    assert title == "maxima in 3 cells (also pooled: mean)"
     assert len({panel.get_xlim() for panel in display.axes_}) == 1
     cells = [text.get_text() for text in display.axes_[0].get_yticklabels()]
     assert cells == ["s1of4", "s2of4", "s3of4", "s4of4", "s1of1"]

@@ -191,6 +191,13 @@ def test_antonyms_are_framed_and_what_is_not_significant_is_grey(answers):
     assert "|ρ| ≥ 0, p ≤ 0.99 (Holm)" in legend[0]
 
 
+def test_the_legend_lies_on_no_cell(answers):
+    display = AdjectiveCorrelationDisplay.from_ratings(np.array(answers)[:, :2])
+    display.figure_.canvas.draw()
+    legend = display.ax_.get_legend().get_window_extent()
+    assert legend.y0 >= display.ax_.get_window_extent().y1
+
+
 def test_figures_can_be_read_on_their_cells():
     rng = np.random.default_rng(0)
     base = rng.normal(size=300)

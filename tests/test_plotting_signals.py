@@ -80,6 +80,7 @@ def test_any_sensor_of_any_number_of_channels():
     )
     assert display.axes_.shape == (2, 1)
     assert display.images_["taxels"][0].get_extent()[1] == 0.4
+    assert display.units == {"taxels": "reading", "accelerometer": "m/s²"}
     (lines,) = display.lines_["accelerometer"]
     assert lines[0].get_xdata()[-1] == pytest.approx(199 / 500)
     assert display.axes_[1, 0].get_ylabel() == "accelerometer\nm/s²"

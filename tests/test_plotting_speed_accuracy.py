@@ -59,6 +59,20 @@ def test_search_display_names_axes_and_marks():
     display.figure_.canvas.draw()
 
 
+def test_sensors_on_the_frontier_are_named_and_short_times_in_milliseconds():
+    subsets = [("a",), ("b",), ("c",), ("a", "b"), ("b", "c")]
+    results = CV_RESULTS | {"params": [{"sensors": subset} for subset in subsets]}
+    for key in CV_RESULTS:
+        if "neg_seconds" in key:
+            results[key] = np.divide(CV_RESULTS[key], 1000)
+    display = SpeedAccuracyDisplay.from_search(results)
+    names = [(mark.xy[0], mark.get_text()) for mark in display.names_]
+    assert names == [(0.001, "b"), (0.002, "c"), (0.008, "b\nc")]
+    assert display.ax_.get_xlabel() == "time to predict, milliseconds per trial"
+    assert display.ax_.xaxis.get_major_formatter()(0.002, 0) == "2"
+    assert SpeedAccuracyDisplay.from_search(CV_RESULTS).names_ == []
+
+
 def test_search_display_of_a_search_that_timed_no_use():
     results = {k: v for k, v in CV_RESULTS.items() if "neg_seconds" not in k}
     results |= {"mean_fit_time": np.arange(1, 6), "mean_score_time": np.full(5, 0.5)}

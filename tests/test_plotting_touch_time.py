@@ -41,6 +41,12 @@ def test_rules_are_points_of_mean_seconds_and_score():
         assert point == pytest.approx([np.take(SECONDS, stops).mean(), mean, se])
     share = [line[1, 1] / 0.2 for line in display.stops_.get_segments()]
     np.testing.assert_allclose(share, np.bincount(STOPS[-1], minlength=3) / 20)
+    texts = [text.get_text() for text in display.ax_.texts]
+    assert texts == [f"{each:.0%}" for each in share]
+    height = display.ax_.transAxes.inverted().transform(
+        display.ax_.transData.transform([(1, y) for y in display.score])
+    )[:, 1]
+    assert height.min() > 0.2  # the highest that a bar can be
 
 
 def test_errors_of_classes():

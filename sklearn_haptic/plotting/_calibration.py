@@ -283,8 +283,8 @@ class ReliabilityDisplay(_CalibrationDisplay):
     points_ : list of matplotlib PathCollection
         The bins of each threshold.
     errorbars_ : list of matplotlib LineCollection
-        The half widths of each threshold, above and below each point; empty without
-        ``half_widths``.
+        The half widths of each threshold, above and below each point, as far as
+        proportions go; empty without ``half_widths``.
 
     See Also
     --------
@@ -382,8 +382,12 @@ class ReliabilityDisplay(_CalibrationDisplay):
             self.points_.append(points)
             if self.half_widths is not None:
                 margin = self.half_widths[k]
-                bars = ax.vlines(x, y - margin, y + margin, color=[colour], linewidth=1)
+                ends = np.clip([y - margin, y + margin], 0, 1)
+                bars = ax.vlines(x, *ends, color=[colour], linewidth=1)
                 self.errorbars_.append(bars)
+        if self.errorbars_:
+            chance = f"range of chance, {100 * _CONFIDENCE:g} %"
+            ax.plot([], [], "|", color="0.3", markersize=12, label=chance)
         ax.set(
             xlabel="predicted proportion of people",
             ylabel="observed proportion of people",

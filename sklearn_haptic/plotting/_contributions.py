@@ -152,10 +152,11 @@ class SensorContributionsDisplay(Display):
             )
             for mark, xy in zip(_marks(summary), zip(x.ravel(), difference + sd))
         ]
-        ax.margins(x=0.02, y=0.15)
+        ax.margins(y=0.15)
+        ax.set_xlim(-0.6, x.max() + 0.6)
         over = {
-            "p_starts": "∗ p < .05 over starts",
-            "p_objects": "over objects: † helps, ‡ harms",
+            "p_starts": "p < .05: ∗ over starts",
+            "p_objects": "over objects † (helps) or ‡ (harms)",
         }
         known = ", ".join(text for name, text in over.items() if name in summary)
         score, *unit = _SCORE_LABELS.get(self.metric, (self.metric,))

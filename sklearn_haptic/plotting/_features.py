@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
@@ -152,17 +153,19 @@ class AtomsDisplay(Display):
         shares = [""] * n_atoms
         if self.usage is not None:
             shares = [f": {share:.0%}" for share in self.usage]
+            shares[0] = f":\n{self.usage[0]:.0%} of codes"
         first = ["atom "] + [""] * (n_atoms - 1)
         for panel, *title in zip(self.axes_, first, map(str, self.names), shares):
             panel.set_title("".join(title), fontsize="small", pad=3)
             panel.tick_params(labelsize="small")
-        for panel in self.axes_[-n_columns:]:  # the lowest of each column
-            panel.tick_params(labelbottom=True)
         largest = np.abs(self.atoms).max() or 1
         if self.atoms.ndim == 2:
             self._plot_lines(n_columns, 1.05 * largest)
         else:
             self._plot_images(n_columns, largest)
+
+    def _lowest_row(self, n_columns):
+        return self.axes_[(len(self.axes_) - 1) // n_columns * n_columns :]
 
     def _plot_lines(self, n_columns, limit):
         time, label = np.arange(self.atoms.shape[1]), "sample"
@@ -176,7 +179,7 @@ class AtomsDisplay(Display):
             panel.axhline(0, color="0.6", linewidth=0.6, zorder=0)
             panel.margins(x=0)
         self.axes_[0].set_ylim(-limit, limit)
-        for panel in self.axes_[-n_columns:]:
+        for panel in self._lowest_row(n_columns):
             panel.set_xlabel(label, fontsize="small")
         for panel in self.axes_[::n_columns]:
             panel.set_ylabel("atom\n(no unit)", fontsize="small")
@@ -188,7 +191,7 @@ class AtomsDisplay(Display):
         ]
         height, width = self.atoms.shape[1:]
         self.axes_[0].set(xticks=range(width), yticks=range(height))
-        for panel in self.axes_[-n_columns:]:
+        for panel in self._lowest_row(n_columns):
             panel.set_xlabel("column", fontsize="small")
         for panel in self.axes_[::n_columns]:
             panel.set_ylabel("row of patch", fontsize="small")
@@ -207,7 +210,8 @@ class FeatureMapDisplay(Display):
     channel or spatial cell after the other; with split signs, the positive parts of all
     its atoms and then the negative parts. Below the codes is one panel per level of
     temporal pooling, whose cells lie at their times. Colours follow the square root of
-    codes, since most codes are small beside the largest.
+    codes, since most codes are small beside the largest. Other statistics that the pool
+    has, such as means, are named but not drawn.
 
     Parameters
     ----------
@@ -225,6 +229,8 @@ class FeatureMapDisplay(Display):
         Unit of the edges.
     code_unit : str
         Unit of the codes.
+    not_shown : sequence of str, default=()
+        What is pooled besides the maxima.
 
     Attributes
     ----------
@@ -264,6 +270,7 @@ class FeatureMapDisplay(Display):
         feature_names: Names,
         time_unit: Literal["s", "samples"],
         code_unit: str,
+        not_shown: Names = (),
     ) -> None:
         self.codes = codes
         self.pooled = pooled
@@ -272,6 +279,7 @@ class FeatureMapDisplay(Display):
         self.feature_names = feature_names
         self.time_unit = time_unit
         self.code_unit = code_unit
+        self.not_shown = not_shown
 
     @classmethod
     def from_estimator(
@@ -325,8 +333,9 @@ class FeatureMapDisplay(Display):
             first = (window - step) / 2  # so that codes lie at their windows
             code_unit = "unit of the signal × √samples"
         edges = (first + step * np.arange(len(codes) + 1)) / rate
-        pooled, level_edges = [], []
+        pooled, level_edges, not_shown = [], [], []
         if pool is not None:
+            not_shown = [each for each in pool.statistics_ if each != "max"]
             maxima = TemporalMaxPool(pool.cells_, split=pool.split_)
             cells = maxima.fit_transform(sequences).reshape(-1, codes.shape[1])
             pooled = np.split(cells, np.cumsum(pool.cells_)[:-1])
@@ -339,6 +348,7 @@ class FeatureMapDisplay(Display):
             feature_names=coder.get_feature_names_out(),
             time_unit="samples" if sampling_rate is None else "s",
             code_unit=code_unit,
+            not_shown=not_shown,
         ).plot(ax)
 
     def _figsize(self):
@@ -380,10 +390,15 @@ class FeatureMapDisplay(Display):
                 edges[1:-1], 0, 1, transform=panel.get_xaxis_transform(), color="0.2"
             )
         titles = [f"maxima in {len(p)} cell{'s' * (len(p) > 1)}" for p in self.pooled]
+        if titles and self.not_shown:
+            titles[0] += f" (also pooled: {', '.join(self.not_shown)})"
         for panel, title in zip(self.axes_, ["codes", *titles]):
             panel.set_title(title, loc="left", fontsize="medium")
         self.axes_[-1].set_xlabel(f"time, {self.time_unit}")
-        self.axes_[0].set_ylabel("features: atoms of each\nchannel or cell")
+        rows = "channel"
+        if cell := re.search(r"s1of(\d+)$", blocks[0]):
+            rows = f"spatial cell ({blocks[0]}: the first of {cell[1]})"
+        self.axes_[0].set_ylabel(f"features: atoms of each\n{rows}")
         self.colorbar_ = self.figure_.colorbar(
             self.images_[0], ax=list(self.axes_), label=f"code ({self.code_unit})"
         )

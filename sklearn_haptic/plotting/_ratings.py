@@ -405,7 +405,8 @@ class AdjectiveCorrelationDisplay(Display):
                 f"|ρ| ≥ {self.threshold:g}, p ≤ {self.alpha:g} (Holm)",
                 f"not significant: p > {self.alpha:g}",
             ],
-            loc="upper right",
+            loc="lower right" if n == 1 else "upper right",  # in empty cells, or above
+            bbox_to_anchor=(1, 1),
             frameon=False,
             fontsize="small",
         )

@@ -89,7 +89,7 @@ class SignalsDisplay(Display):
         X: pd.DataFrame | pd.Series | Mapping[str, Any] | ArrayLike,
         *,
         sampling_rate: float | Mapping[str, float] | None = None,
-        unit: str | Mapping[str, str] = "counts",
+        unit: str | Mapping[str, str] | None = None,
         ax: Axes | None = None,
     ) -> Self:
         """Plot the signals of trials.
@@ -105,9 +105,9 @@ class SignalsDisplay(Display):
         sampling_rate : float or dict of str to float, default=None
             Samples per second, of all sensors or of each. By default those of a BioTac:
             2200 of pac, 100 of pdc, tac, tdc and electrodes.
-        unit : str or dict of str to str, default="counts"
-            Unit of the values, of all sensors or of each; sensors that a dict lacks
-            have "counts".
+        unit : str or dict of str to str, default=None
+            Unit of the values, of all sensors or of each. By default those of a BioTac
+            have "counts", and others are called "reading".
         ax : matplotlib Axes, default=None
             Axes, made by ``subplots``, in which to lay out the panels; by default
             those of a new figure.
@@ -134,10 +134,7 @@ class SignalsDisplay(Display):
             {s: _check_signals(s, [trial[s] for trial in trials]) for s in sensors},
             titles=titles,
             sampling_rates={s: _rate_of(s, sampling_rate) for s in sensors},
-            units={
-                s: unit if isinstance(unit, str) else unit.get(s, "counts")
-                for s in sensors
-            },
+            units={s: _unit_of(s, unit) for s in sensors},
         ).plot(ax)
 
     def _figsize(self):
@@ -175,8 +172,10 @@ class SignalsDisplay(Display):
     def _plot_lines(self, panel, sensor, values, channels):
         """Plot the channels over time."""
         time = np.arange(len(values)) / self.sampling_rates[sensor]
+        alpha = 1.0 if values.shape[1] == 1 else 0.7  # so that none hides another
+        style = {"linewidth": 0.8, "alpha": alpha}
         lines = [
-            panel.plot(time, channel, color=colour, linewidth=0.8, label=name)[0]
+            panel.plot(time, channel, color=colour, label=name, **style)[0]
             for channel, colour, name in zip(
                 values.T, colours_of(values.shape[1]), channels
             )
@@ -248,6 +247,13 @@ def _rate_of(sensor, sampling_rate):
                 "samples per second."
             )
     return check_rate(rate)
+
+
+def _unit_of(sensor, unit):
+    """Return the unit of a sensor, as given or, of a BioTac, as known."""
+    if isinstance(unit, str):
+        return unit
+    return dict(unit or {}).get(sensor, "counts" if sensor in SENSORS else "reading")
 
 
 def check_rate(rate):

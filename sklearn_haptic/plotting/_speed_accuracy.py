@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -46,7 +46,9 @@ class SpeedAccuracyDisplay(Display):
     metric : str, default="score"
         Name of the score.
     cost : str, default="time to predict, seconds per trial"
-        Label of the seconds.
+        Label of the seconds. If all are below 0.1, the axis has milliseconds.
+    names : sequence of str, default=None
+        Name of each candidate, which is written at those on the frontier.
 
     Attributes
     ----------
@@ -59,6 +61,9 @@ class SpeedAccuracyDisplay(Display):
         The frontier.
     best_, cheapest_ : matplotlib Line2D
         The marks of the two chosen candidates.
+    names_ : list of matplotlib Annotation
+        The names of the candidates on the frontier, from the fastest on, without those
+        that would cover the name of a better one.
 
     See Also
     --------
@@ -92,6 +97,7 @@ class SpeedAccuracyDisplay(Display):
         cheapest: int,
         metric: str = "score",
         cost: str = "time to predict, seconds per trial",
+        names: Sequence[str] | None = None,
     ) -> None:
         self.seconds = seconds
         self.score = score
@@ -101,6 +107,7 @@ class SpeedAccuracyDisplay(Display):
         self.cheapest = cheapest
         self.metric = metric
         self.cost = cost
+        self.names = names
 
     @classmethod
     def from_search(
@@ -111,6 +118,9 @@ class SpeedAccuracyDisplay(Display):
         ax: Axes | None = None,
     ) -> Self:
         """Plot the candidates of a search.
+
+        Of :func:`~sklearn_haptic.model_selection.sensor_subsets`, the figure names the
+        sensors of the candidates on the frontier.
 
         Parameters
         ----------
@@ -141,6 +151,10 @@ class SpeedAccuracyDisplay(Display):
         """
         candidates = read_candidates(search, metric)
         best, cheapest = best_and_cheapest(candidates)
+        params = getattr(search, "cv_results_", search).get("params")
+        names = None
+        if params and list(params[0]) == ["sensors"]:
+            names = ["\n".join(params[i]["sensors"]) for i in candidates.index]
         return cls(
             candidates.seconds,
             candidates.score,
@@ -150,6 +164,7 @@ class SpeedAccuracyDisplay(Display):
             cheapest=cheapest,
             metric=candidates.metric,
             cost=candidates.cost,
+            names=names,
         ).plot(ax)
 
     def _draw(self, ax):
@@ -166,7 +181,7 @@ class SpeedAccuracyDisplay(Display):
             elinewidth=0.8,
             label="candidates ± 1 SE",
         )
-        self._draw_frontier(ax)
+        frontier = self._draw_frontier(ax)
         self._mark_choices(ax)
         ax.axhline(
             score[self.best] - self.score_se[self.best],
@@ -175,16 +190,18 @@ class SpeedAccuracyDisplay(Display):
             linestyle=":",
             label="best − 1 SE",
         )
+        short = seconds.max() < 0.1
         metric = "score" if self.metric == "score" else f"score ({self.metric})"
         ax.set(
             xscale="log",
-            xlabel=self.cost,
+            xlabel=self.cost.replace("seconds", "milliseconds") if short else self.cost,
             ylabel=f"mean test {metric}, higher is better",
         )
         ticks = (1, 2, 5) if seconds.max() < 1000 * seconds.min() else (1,)
         ax.xaxis.set_major_locator(LogLocator(subs=ticks))
-        ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_major_formatter(lambda x, _: f"{1000 * x if short else x:g}")
         ax.xaxis.set_minor_formatter("")
+        self._write_names(ax, frontier if self.names is not None else [])
         ax.legend(
             loc="lower center", bbox_to_anchor=(0.5, 1.01), ncols=3, frameon=False
         )
@@ -205,6 +222,26 @@ class SpeedAccuracyDisplay(Display):
             zorder=3,
             label="frontier",
         )
+        return frontier
+
+    def _write_names(self, ax, frontier):
+        """Name candidates, but those whose names would cover that of a better one."""
+        self.names_ = []
+        for i in frontier[::-1]:
+            name = ax.annotate(
+                self.names[i],
+                (self.seconds[i], self.score[i]),
+                (9, -4),
+                textcoords="offset points",
+                fontsize="small",
+                va="top",
+                bbox={"color": "white", "alpha": 0.7, "pad": 0.5},
+            )
+            box = name.get_window_extent()
+            if any(box.overlaps(each.get_window_extent()) for each in self.names_):
+                name.remove()
+            else:
+                self.names_.insert(0, name)
 
     def _mark_choices(self, ax):
         (self.best_,) = ax.plot(

@@ -24,7 +24,8 @@ class TouchTimeDisplay(Display):
     Use :meth:`from_predictions` to create a display. The line is that of fixed
     durations. Each rule of stopping is a point at its mean seconds and mean score,
     and a rule of several prices or thresholds a line of them. The bars at the bottom
-    are the shares of touches that the last setting of the last rule stopped there.
+    are the shares of touches that the last setting of the last rule stopped there, with
+    their percentages; the axis of scores does not hold for them.
 
     Parameters
     ----------
@@ -189,16 +190,25 @@ class TouchTimeDisplay(Display):
         self.stops_ = None
         if self.stops is not None:
             share = np.mean(self.stops[:, np.newaxis] == self.seconds, axis=0)
+            place = ax.get_xaxis_transform()
             self.stops_ = ax.vlines(
                 self.seconds,
                 0,
                 0.2 * share,
-                transform=ax.get_xaxis_transform(),
+                transform=place,
                 color=colours[-1],
                 linewidth=6,
                 alpha=0.5,
-                label="share of touches stopped",
+                label="touches stopped there",
             )
+            for second, each in zip(self.seconds, share):
+                text = f"{each:.0%}"
+                ax.text(
+                    second, 0.2 * each, text, transform=place, ha="center", va="bottom"
+                )
+            low, high = ax.get_ylim()  # points stay above the bars
+            ax.set_ylim(low - 0.35 * (high - low), high)
+            ax.set_yticks([y for y in ax.get_yticks() if low <= y <= high])
         ax.set(
             xscale="log",
             xlabel="seconds of touch",
