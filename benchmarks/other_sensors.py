@@ -94,21 +94,24 @@ def with_ridge(features):
     return make_pipeline(features, StandardScaler(), ridge)
 
 
+def statistics(described, **settings):
+    """Statistics and spectral bands of each sensor, over whole touches."""
+    each = SignalStatistics(**settings)
+    if isinstance(described, dict):
+        return make_column_transformer(*((clone(each), name) for name in described))
+    return each
+
+
 def compare(described, undescribed, trials, frames, y, splits):
     """Print the accuracy of every row and its difference to the better rival."""
     rows = {
         "described": (make_haptic_pipeline(described, random_state=0)[0], trials),
         "not described": (make_haptic_pipeline(undescribed, random_state=0)[0], trials),
     }
-    fine = SignalStatistics(n_bands=32)
     if isinstance(described, dict):
         rows["named"] = (make_haptic_pipeline(random_state=0)[0], trials)
-        fine = make_column_transformer(*((clone(fine), name) for name in described))
-        statistics = make_haptic_pipeline(dict.fromkeys(described, Signal()))[0]
-    else:
-        statistics = SignalStatistics()
-    rows["statistics, 32 bands"] = (fine, trials)
-    rows["statistics"] = (statistics, trials)
+    rows["statistics, 32 bands"] = (statistics(described, n_bands=32), trials)
+    rows["statistics"] = (statistics(described), trials)
     for how in ("cut", "stretched"):
         rows[f"MiniRocket, {how}"] = ("passthrough", kernels(frames, how != "cut"))
     for name, (groups, folds) in splits.items():

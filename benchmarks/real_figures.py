@@ -61,7 +61,7 @@ def classes(described, trials, frames, y, groups, folds, clusters):
     rows = {
         "ours": (make_haptic_pipeline(described, random_state=0)[0], trials),
         "guess: most frequent": (None, np.zeros((len(y), 1))),
-        "statistics of signals": (others_statistics(described), trials),
+        "statistics of signals": (others.statistics(described), trials),
         "MiniRocket, cut": ("passthrough", others.kernels(frames, False)),
         "MiniRocket, stretched": ("passthrough", others.kernels(frames, True)),
     }
@@ -73,13 +73,6 @@ def classes(described, trials, frames, y, groups, folds, clusters):
         predicted = found if predicted is None else predicted
         scores[label] = 100 * np.bincount(which, found != y) / np.bincount(which)
     return y, predicted, scores
-
-
-def others_statistics(described):
-    """Statistics and spectral bands of each sensor."""
-    if isinstance(described, dict):
-        return make_haptic_pipeline(dict.fromkeys(described, others.Signal()))[0]
-    return others.SignalStatistics()
 
 
 # Panels -------------------------------------------------------------------------------

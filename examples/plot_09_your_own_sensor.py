@@ -81,11 +81,11 @@ display = SignalsDisplay.from_trials(
 # ------------------------------
 # The taxels need a layout: ``np.eye(16)[wiring]`` has the weight of each channel in
 # each pixel; here each pixel is one channel. If all rows were read in the same
-# direction, ``(4, 4)`` would be enough. The accelerometer needs the rate and, if events
-# are shorter than 50 samples, the length of a window in seconds.
+# direction, ``(4, 4)`` would be enough. The accelerometer needs the rate. Its windows
+# have ten samples, unless you give their length in seconds.
 sensors = {
     "taxels": TaxelGrid(np.eye(16)[wiring]),
-    "accelerometer": Signal(rate=500, window=0.04),
+    "accelerometer": Signal(rate=500),
 }
 model = make_haptic_pipeline(sensors, random_state=0)
 print(model[0].fit_transform(trials).shape)

@@ -77,11 +77,11 @@ class _Features:
         """Return the transformer of a sensor."""
         if sensor is None:
             return SensorFeatures(images=self.codes(TaxelGrid()))
+        statistics, n_atoms = SignalStatistics(cells=(2, 1)), 25
         if sensor == Signal():
-            return SignalStatistics()
+            return statistics
         if sensor == TaxelGrid():
             return self.codes(sensor)
-        statistics, n_atoms = SignalStatistics(), 25
         name = _COLUMNS.get(name)
         if BIOTAC.get(name) is sensor:
             n_atoms, n_bands = _N_ATOMS.get(name, 25), _N_BANDS.get(name, 16)

@@ -36,7 +36,8 @@ class SensorFeatures(DocumentedEstimator, TransformerMixin, BaseEstimator):
     Parameters
     ----------
     signals : transformer, default=None
-        Turns signals into rows of features; by default `SignalStatistics()`.
+        Turns signals into rows of features; by default
+        ``SignalStatistics(cells=(2, 1))``.
     images : transformer, default=None
         Turns images into rows of features; by default
         ``make_pipeline(STHMPTransformer(layout=None), TemporalMaxPool())``.
@@ -67,7 +68,7 @@ class SensorFeatures(DocumentedEstimator, TransformerMixin, BaseEstimator):
     >>> trials = [np.cos(np.arange(n)) for n in (20, 30)]
     >>> features = SensorFeatures()
     >>> features.fit_transform(trials).shape
-    (2, 22)
+    (2, 66)
     >>> features.kind_
     'signals'
     """
@@ -125,7 +126,7 @@ class SensorFeatures(DocumentedEstimator, TransformerMixin, BaseEstimator):
                 STHMPTransformer(layout=None), TemporalMaxPool()
             )
         else:
-            transformer = SignalStatistics()
+            transformer = SignalStatistics(cells=(2, 1))
         result = getattr(transformer, method)(X, y)
         self.kind_ = "images" if images else "signals"
         self.rate_ = None if is_table(X) else rate_of(cells_of(X))

@@ -18,7 +18,7 @@ from sklearn.utils.parallel import Parallel, delayed
 from .._check_ratings import check_adjectives, check_ratings
 from .._check_trials import count, is_table
 from .._folds import make_splitter, route
-from .._levels import in_named_order, is_text
+from .._levels import is_text
 from .._recordings import trial_columns
 from .._report import Report, Table, as_texts
 from .._sklearn import (
@@ -225,7 +225,6 @@ def model_report(
         proba, levels = join_folds(each, [fold[:2] for fold in of_target], folds)
         if is_text(levels) and np.ndim(each) == 1 and not _is_given(model, "levels"):
             check_ratings(each, name=name)  # warns of words without an order
-        proba, levels = in_named_order(proba, levels, each)
         truth, _ = check_adjectives(each, levels, name=name)
         scales.append(f"{levels[0]} to {levels[-1]}")
         counts |= _by_adjective(name, truth)
