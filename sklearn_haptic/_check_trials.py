@@ -163,7 +163,7 @@ def _names(trial):
     if not hasattr(trial, "columns"):
         return None
     names = list(trial.columns)
-    return None if names == list(range(len(names))) else names
+    return None if {*names} == {*range(len(names))} else names
 
 
 def in_order(trial, what, names, where):
@@ -171,8 +171,11 @@ def in_order(trial, what, names, where):
 
     The error says that `what` and `where` differ.
     """
-    own = None if names is None else _names(trial)
-    if own is None or own == names:
+    own = _names(trial)
+    if own is None and hasattr(trial, "columns"):
+        numbers = list(range(len(trial.columns)))
+        return trial if list(trial.columns) == numbers else trial[numbers]
+    if own is None or names is None or own == names:
         return trial
     odd = [name for name in [*names, *own] if own.count(name) != names.count(name)]
     if odd:

@@ -47,8 +47,8 @@ def check_folds_know(y, folds):
     y = np.asarray(y)
     if not any(np.isin(y[test], y[train]).any() for train, test in folds):
         raise ValueError(
-            "No fold trains on a class that it tests, because all touches of a class "
-            "are in one group; give groups that divide each class, such as runs."
+            "No fold trains on a class that it tests; give several touches of each "
+            "class, and groups that divide each class, such as runs."
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from contextlib import suppress
 from io import TextIOWrapper
 from numbers import Integral
 from shutil import get_terminal_size
@@ -123,7 +124,8 @@ class _Line:
 
         With several jobs, messages come from several threads.
         """
-        with self.lock:
+        # A full disk or a broken pipe ends no fit.
+        with self.lock, suppress(OSError):
             if message is None:
                 return self._write("")
             path, *begun = message

@@ -280,6 +280,10 @@ def test_channels_are_found_by_name():
     np.testing.assert_array_equal(model.predict_proba(swapped), expected)
     arrived = model.start().update(swapped[3]).predict_proba()
     np.testing.assert_allclose(arrived, expected[3], rtol=1e-12)
+    touch = model.start()
+    for _, sample in swapped[3].iterrows():
+        touch.update(sample)
+    np.testing.assert_allclose(touch.predict_proba(), expected[3], rtol=1e-12)
     renamed = [frame.rename(columns={"a": "c"}) for frame in framed]
     for refused in (model.predict_proba, lambda X: model.start().update(X[0])):
         with pytest.raises(ValueError, match="differ in the column"):

@@ -320,6 +320,22 @@ class TestLevels:
         with pytest.raises(ValueError, match=r"^RandomForestClassifier took each col"):
             cross_val_predict_proba(forest, X, (COUNTS > 2).astype(int), cv=2)
 
+    def test_folds_may_lack_different_words(self):
+        """scikit-learn sorts words by the alphabet, the categories do not."""
+        words = ["soft", "medium", "hard", "rock"]
+        kind = np.repeat([0, 1, 1, 2, 2, 3], 4)
+        y = pd.Series(pd.Categorical.from_codes(kind, words, ordered=True))
+        first = np.repeat([True, True, False, True, False, False], 4)
+        folds = [(np.flatnonzero(~first), np.flatnonzero(first))]
+        folds.append(folds[0][::-1])
+        proba = cross_val_predict_proba(
+            LogisticRegression(), kind[:, np.newaxis], y, cv=folds
+        )
+        assert proba.shape == (24, 4)
+        assert (proba[first, 0] == 0).all() and (proba[~first, 3] == 0).all()
+        known = np.isin(kind, [1, 2])
+        assert (proba[known].argmax(axis=1) == kind[known]).all()
+
     def test_levels_that_do_not_fit_are_refused(self):
         class Odd(DummyDistribution):
             def predict_proba(self, X):

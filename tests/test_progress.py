@@ -2,6 +2,8 @@
 
 import re
 import time
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -134,6 +136,16 @@ def test_a_file_gets_few_whole_lines(tmp_path, monkeypatch):
     lines = (tmp_path / "log").read_text("utf-8").splitlines()
     assert "GridSearchCV ░░░░░░░░ 0/2  search ██████░░ 3/4" in lines
     assert all(lines) and "\r" not in "".join(lines)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no full disk at hand")
+def test_a_log_that_cannot_be_written_ends_no_fit(monkeypatch):
+    monkeypatch.setattr(_progress, "_PAUSE_IN_FILES", 0)
+    with suppress(OSError), open("/dev/full", "w", encoding="utf-8") as log:
+        monkeypatch.setattr("sys.stderr", log)
+        search = clone(SEARCH).set_callbacks(ProgressLine()).fit(X, Y)
+        monkeypatch.undo()
+    assert search.n_splits_ == 2
 
 
 def test_a_process_without_a_console_fits_all_the_same(monkeypatch):

@@ -9,6 +9,7 @@ from scipy.stats import rankdata, spearmanr, wasserstein_distance
 
 from sklearn_haptic._distributions import level_at
 from sklearn_haptic.ratings import (
+    RatingTable,
     adjective_correlation,
     interrater_agreement,
     inverse_cdf,
@@ -587,6 +588,16 @@ def test_careless_raters_are_found(careless):
     one = outlying_raters(answers[:, :1], objects, raters)
     np.testing.assert_allclose(outlying_raters(table).score, one.score)
     assert repr(table).startswith("RatingTable(") and len(repr(table)) < 88
+
+
+def test_outlying_raters_of_a_table_whose_levels_are_uneven():
+    frame = pd.DataFrame(
+        [(o, r, v) for o in range(4) for r, v in enumerate([0, 0, 10, 10, 100])],
+        columns=["object", "rater", "rating"],
+    )
+    expected = outlying_raters(frame[["rating"]], frame["object"], frame["rater"])
+    got = outlying_raters(RatingTable.from_long(frame))
+    np.testing.assert_allclose(got.distance, expected.distance)
 
 
 def test_raters_who_cannot_be_compared():

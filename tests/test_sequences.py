@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sklearn_haptic import Sequences, TemporalMaxPool
+from sklearn_haptic import Sequences, SignalStatistics, TemporalMaxPool
 
 ARRAYS = [[[1.0, 2.0]], [[3.0, 4.0], [5.0, 6.0]]]
 NAMES = ["a", "b"]
@@ -57,3 +57,23 @@ def test_levels_are_dropped_in_the_unit_of_the_sequences():
     pool = TemporalMaxPool(cells=(8,), drop_fine_levels=True)
     with pytest.raises(ValueError, match="trial 0 of X, which has 1 window; add"):
         pool.fit(sequences)
+
+
+def test_rows_of_a_table_may_come_as_a_list():
+    table = np.random.default_rng(0).normal(size=(6, 20))
+    features = SignalStatistics().fit(table)
+    expected = features.transform(table)
+    np.testing.assert_array_equal(features.transform(list(table)), expected)
+    np.testing.assert_allclose(features.transform([table[2]]), expected[2:3])
+    with pytest.raises(ValueError, match="fit was given a table"):
+        features.transform([table[0], table[1][:5]])
+
+
+def test_channels_with_numbers_for_names_are_put_in_order():
+    rng = np.random.default_rng(0)
+    trials = [pd.DataFrame(rng.normal([0, 5, 9], size=(n, 3))) for n in (20, 30)]
+    mixed = [trials[0][[2, 0, 1]], trials[1]]
+    features = SignalStatistics()
+    expected = features.fit_transform(trials)
+    np.testing.assert_array_equal(features.fit_transform(mixed), expected)
+    np.testing.assert_array_equal(features.transform(mixed[:1]), expected[:1])

@@ -1,5 +1,6 @@
 """The paper's study, done again by hand, and the tables that compare its networks."""
 
+import re
 from functools import partial
 from itertools import product
 
@@ -191,6 +192,14 @@ def test_the_papers_study_by_hand(folder, adjective):
         np.testing.assert_allclose(
             rows["macro_mae"], macro_error(y[test], ratings), atol=1e-10
         )
+
+
+def test_score_table_of_counts_that_are_not_whole(folder):
+    study = read_study(folder)
+    columns = [c for c in study.scores if re.fullmatch(r"count_\d+", c)]
+    study.scores[columns] = study.scores[columns] / 3 + 1
+    assert score_table(study, metric="emd")["ceiling"].isna().all()
+    assert score_table(study, metric="rps")["ceiling"].notna().all()
 
 
 def test_score_table(folder):

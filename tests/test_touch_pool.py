@@ -522,6 +522,17 @@ def test_classes_in_the_order_of_their_categories():
     assert (proba.argmax(axis=1) == kind).mean() > 0.95
 
 
+def test_the_order_of_touches_without_groups_is_as_good_as_any():
+    """Also materials touched in turn, of which every fifth is the same."""
+    kind = np.arange(100) % 5
+    X = 4 * np.eye(5)[kind] + np.random.default_rng(0).normal(size=(100, 5))
+    member = [("a", LogisticRegression(), slice(0, 5))]
+    for order in (np.arange(100), np.argsort(kind, kind="stable")):
+        pool = TouchPool(member).fit(X[order], kind[order].astype(str))
+        known = pool.oof_proba_[:, 0].argmax(axis=1) == kind[order]
+        assert known.mean() > 0.95 and pool.predict_proba(X).max(axis=1).mean() > 0.9
+
+
 def test_groups_that_are_the_classes_are_refused():
     X, _, objects = made(6)
     pool = TouchPool([("a", LogisticRegression(), ["a0", "a1"])])

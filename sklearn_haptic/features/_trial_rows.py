@@ -87,7 +87,8 @@ class TrialRows(DocumentedEstimator, CallbackSupportMixin, TransformerMixin):
         return columns if named else [f"ch{i}" for i in range(self.n_features_in_)]
 
     def _check_rows(self, X, *, reset=False):
-        if not is_table(X):
+        rows = isinstance(X, list) and {getattr(row, "ndim", 0) for row in X} == {1}
+        if not is_table(X) and not (rows and len({*map(len, X)}) == 1):
             raise ValueError(
                 "X is a collection of trials, but fit was given a table; give both in "
                 "the same form."

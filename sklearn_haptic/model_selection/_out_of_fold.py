@@ -255,14 +255,12 @@ def _levels_of_all(y, classes):
 
 def _at_levels(levels, proba, classes):
     """Add columns of probability 0 for levels that a fold's training trials lack."""
-    found = np.isin(levels, classes)
-    if not np.array_equal(levels[found], classes):
+    place = {level: i for i, level in enumerate(levels.tolist())}
+    if not {*classes.tolist()} <= place.keys():
         raise ValueError(
-            f"The folds have different levels, {list(classes)} and {list(levels)}; "
-            "give the estimator all levels, lowest first."
+            f"The folds have different levels, {classes.tolist()} and "
+            f"{levels.tolist()}; give the estimator all levels, lowest first."
         )
-    if found.all():
-        return proba
     full = np.zeros((*proba.shape[:-1], len(levels)), dtype=proba.dtype)
-    full[..., found] = proba
+    full[..., [place[each] for each in classes.tolist()]] = proba
     return full

@@ -5,6 +5,7 @@ rows alone that have what the model predicts from.
 """
 
 import warnings
+from numbers import Integral
 
 import numpy as np
 from sklearn.base import clone
@@ -12,7 +13,7 @@ from sklearn.pipeline import Pipeline
 
 from .._check_ratings import check_adjectives
 from .._distributions import cdf, shares
-from .._folds import groups_for
+from .._folds import groups_for, make_splitter
 from .._sklearn import _num_samples, _safe_indexing
 from ._shared_features import refuse_adjectives
 
@@ -86,9 +87,27 @@ def compared(proba, ordered):
     return cdf(proba)[..., :-1] if ordered else proba
 
 
-def make_folds(splitter, X, y, objects):
-    """Return the folds of a splitter as indices."""
-    trials = np.arange(len(objects))
+def objects_of(groups, n_rows):
+    """Return the index of each row's object; without groups, each row has its own."""
+    if groups is None:
+        return np.arange(n_rows)
+    return np.unique(groups, return_inverse=True)[1]
+
+
+def make_folds(model, X, y, groups, objects):
+    """Return the folds of the model's `cv` as indices, at most one per object.
+
+    Without groups, the trials of each label are dealt to the folds in turn.
+    """
+    trials, cv = np.arange(len(objects)), model.cv
+    if isinstance(cv, Integral):
+        cv = min(cv, objects.max() + 1)
+        if groups is None and np.ndim(y) == 1:
+            _, label = np.unique(np.asarray(y), return_inverse=True)
+            fold = np.empty(len(label), dtype=int)
+            fold[np.argsort(label, kind="stable")] = trials % cv
+            return [(trials[fold != k], trials[fold == k]) for k in range(cv)]
+    splitter = make_splitter(model, y, objects, cv)
     return [(trials[i], trials[j]) for i, j in splitter.split(X, y, objects)]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from numbers import Integral
 from typing import Self
 
 import numpy as np
@@ -11,7 +10,7 @@ from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
-from .._folds import check_folds_know, groups_for, make_splitter
+from .._folds import check_folds_know, groups_for
 from .._perhaps_ordered import PerhapsOrderedMixin
 from .._sklearn import (
     CrossValidator,
@@ -28,6 +27,7 @@ from ._held_out import (
     knows_order,
     make_folds,
     mean_without,
+    objects_of,
     true_shares,
 )
 from ._novelty import belief_at, conformal_p_values, fit_belief, nearest_distances
@@ -155,9 +155,8 @@ class NoveltyGuard(
         true, classes = true_shares(y, type(self).__name__)
         check_consistent_length(X, true)
         groups = check_groups(groups, X)
-        groups = np.arange(len(true)) if groups is None else groups
-        names, objects = np.unique(groups, return_inverse=True)
-        if len(names) < 2:
+        objects = objects_of(groups, len(true))
+        if objects.max() == 0:
             raise ValueError(
                 "Touches are compared with those of other objects, but there is 1 "
                 "sample or object; give more."
@@ -171,8 +170,7 @@ class NoveltyGuard(
         statistics = fit_statistics(signals)
         signal_rows = rows_of(signals, statistics)
         every = np.ones(len(true), dtype=bool)
-        cv = min(self.cv, len(names)) if isinstance(self.cv, Integral) else self.cv
-        folds = make_folds(make_splitter(self, y, objects, cv), rows, y, objects)
+        folds = make_folds(self, rows, y, groups, objects)
         proba = np.full(true.shape, np.nan)
         for fold in folds:
             _, _, proba[fold[1]] = fit_fold(

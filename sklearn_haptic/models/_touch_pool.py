@@ -13,7 +13,7 @@ from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from .._distributions import shares
-from .._folds import check_folds_know, make_splitter
+from .._folds import check_folds_know
 from .._perhaps_ordered import PerhapsOrderedMixin
 from .._sklearn import (
     CrossValidator,
@@ -31,6 +31,7 @@ from ._held_out import (
     knows_order,
     make_folds,
     mean_without,
+    objects_of,
     true_shares,
 )
 from ._pool_moments import (
@@ -210,9 +211,8 @@ class TouchPool(
         check_consistent_length(X, true)
         groups = check_groups(groups, X)
         there = self._there(X)
-        groups = np.arange(len(there)) if groups is None else groups
-        names, objects = np.unique(groups, return_inverse=True)
-        folds = self._folds(X, y, names, objects)
+        objects = objects_of(groups, len(there))
+        folds = self._folds(X, y, groups, objects)
         fitted, oof = self._fit_members(X, y, objects, there, folds, classes)
         marginal = mean_without(true, folds)[:, np.newaxis]
         ordered = np.ndim(y) == 2 or all(map(knows_order, fitted.values()))
@@ -240,16 +240,14 @@ class TouchPool(
             ) from None
         self._validate_names([*names, MARGINAL])
 
-    def _folds(self, X, y, names, objects):
+    def _folds(self, X, y, groups, objects):
         """Return the folds as indices; the members are fitted to the last one's too."""
-        if len(names) < 2:
+        if objects.max() == 0:
             raise ValueError(
                 "The weights are learned on held-out objects, but there is 1 sample or "
                 "object; give more."
             )
-        cv = min(self.cv, len(names)) if isinstance(self.cv, Integral) else self.cv
-        splitter = make_splitter(self, y, objects, cv)
-        return make_folds(splitter, X, y, objects)
+        return make_folds(self, X, y, groups, objects)
 
     def _there(self, X):
         """Whether each row has all columns of each member."""
@@ -309,8 +307,7 @@ class TouchPool(
         """Return the weighted means of the members' predictions, of shape (n, k)."""
         if not len(there):
             return np.empty((0, len(self.classes_)))
-        groups = np.arange(len(there)) if groups is None else groups
-        _, objects = np.unique(groups, return_inverse=True)
+        objects = objects_of(groups, len(there))
         n_touches = np.zeros((objects.max() + 1, there.shape[1]))
         total = np.zeros((*n_touches.shape, proba.shape[2]))
         np.add.at(n_touches, objects, there)

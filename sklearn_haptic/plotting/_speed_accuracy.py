@@ -153,7 +153,7 @@ class SpeedAccuracyDisplay(Display):
         best, cheapest = best_and_cheapest(candidates)
         params = getattr(search, "cv_results_", search).get("params")
         names = None
-        if params and list(params[0]) == ["sensors"]:
+        if params and all(isinstance(each.get("sensors"), tuple) for each in params):
             names = ["\n".join(params[i]["sensors"]) for i in candidates.index]
         return cls(
             candidates.seconds,

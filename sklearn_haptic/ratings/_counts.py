@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_consistent_length
 
 from .._check_ratings import match_levels
+from .._check_trials import count
 from .._levels import levels_of_ratings, names_levels
 from .._validation import (
     check_objects,
@@ -57,9 +58,10 @@ class RatingTable:
     answers: NDArray[np.intp] | None = None
 
     def __repr__(self) -> str:
-        text = f"{self.counts.sum()} ratings of {len(self.objects)} objects"
+        text = f"{count(self.counts.sum(), 'ratings')} of "
+        text += count(len(self.objects), "objects")
         if self.raters is not None:
-            text += f" by {len(self.raters)} raters"
+            text += f" by {count(len(self.raters), 'raters')}"
         levels = self.levels.tolist()
         return f"RatingTable({text}, levels {levels[0]} to {levels[-1]})"
 

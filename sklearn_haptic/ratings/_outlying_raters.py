@@ -108,8 +108,10 @@ def outlying_raters(
             )
         answers, people = known_answers(ratings)
         row, rater, level = answers.T
+        numeric = np.issubdtype(ratings.levels.dtype, np.number)
+        values = ratings.levels if numeric else np.arange(len(ratings.levels))
         objects, raters = ratings.objects[row], people[rater]
-        ratings = level[:, None]
+        ratings = values[level][:, np.newaxis]
     if objects is None or raters is None:
         raise ValueError(
             "ratings do not say who gave them on which object; give objects and raters."

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from .._check_trials import in_order
@@ -147,6 +148,8 @@ class TouchInProgress:
                 f"samples names the sensor {sensor!r}; the model has {list(shapes)}."
             )
         name = f"samples[{sensor!r}]" if sensor else "samples"
+        if isinstance(samples, pd.Series) and samples.shape == shapes[sensor] != (1,):
+            samples = samples.to_frame().T  # one sample, a row of a data frame
         names = self._model._channel_names[sensor]
         samples = in_order(samples, name, names, "the trials of fit")
         return _check_samples(samples, name, shapes[sensor])
