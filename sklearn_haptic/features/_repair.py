@@ -25,6 +25,7 @@ from .._sklearn import (
 from .._validation import check_table, is_missing
 
 _ALL = "all"  # the channel of a fault of them all
+_MAX_ITER, _CONVERGED = 200, 1e-8  # of estimates of dead channels and moments in turn
 _COLUMNS = ["trial", "sensor", "channel", "fault", "n_samples", "answer", "offset"]
 
 
@@ -39,7 +40,7 @@ class Usual(NamedTuple):
         Whether a channel varies within nine trials of ten or more.
     mean : ndarray of shape (n_channels,)
     covariance : ndarray of shape (n_channels, n_channels)
-        Of the samples of all trials.
+        Of the samples of all trials, as of :func:`estimate_moments`.
     trial : ndarray of shape (n_times, n_channels)
         The most typical trial.
     """
@@ -87,7 +88,7 @@ def estimate_channels(trial, dead, mean, covariance):
     dead : ndarray of bool of shape (n_channels,)
         The channels to estimate.
     mean, covariance : ndarray of shape (n_channels,) and (n_channels, n_channels)
-        Of the samples of trials in which all channels work.
+        Of the samples of working channels.
 
     Returns
     -------
@@ -104,10 +105,80 @@ def estimate_channels(trial, dead, mean, covariance):
     array([[5.],
            [9.]])
     """
+    weights = _regression(covariance, dead)
+    return (trial[:, ~dead] - mean[~dead]) @ weights + mean[dead]
+
+
+def _regression(covariance, dead):
+    """Return the weights of the regression of dead channels on the others."""
     live = ~dead
-    weights = np.linalg.pinv(covariance[np.ix_(live, live)], hermitian=True)
-    weights = weights @ covariance[np.ix_(live, dead)]
-    return (trial[:, live] - mean[live]) @ weights + mean[dead]
+    scale = np.sqrt(covariance.diagonal())
+    scale[scale == 0] = 1
+    correlation = covariance / np.outer(scale, scale)
+    weights = np.linalg.pinv(
+        correlation[np.ix_(live, live)], rcond=1e-12, hermitian=True
+    )
+    weights = weights @ correlation[np.ix_(live, dead)]
+    return weights * scale[dead] / scale[live][:, np.newaxis]
+
+
+def estimate_moments(trials, dead):
+    """Estimate the mean and covariance of channels that are dead in some trials.
+
+    They are those of maximum likelihood for normal samples, found by the EM algorithm:
+    dead channels are estimated from the others, and with them the moments, in turn.
+    (Covariances of each pair of channels, over the trials in which both live, do not
+    fit together if trials differ: their regression can be worse than none.)
+
+    Parameters
+    ----------
+    trials : list of ndarray of shape (n_times_i, n_channels)
+        Trials without NaN.
+    dead : ndarray of bool of shape (n_trials, n_channels)
+        The channels of each trial to leave out. One that is left out of all trials has
+        the mean and variance 0.
+
+    Returns
+    -------
+    mean, covariance : ndarray of shape (n_channels,) and (n_channels, n_channels)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.features._repair import estimate_moments
+    >>> trials = [np.array([[0.0, 1.0], [2.0, 5.0]]), np.array([[4.0, 0.0]])]
+    >>> mean, _ = estimate_moments(trials, np.array([[False, False], [False, True]]))
+    >>> mean.round(6)  # the second is twice the first, plus one
+    array([2., 5.])
+    """
+    n_times = np.array([len(trial) for trial in trials])
+    n_alive = np.maximum(n_times @ ~dead, 1)
+    centre = sum(t.sum(axis=0, dtype=float) * ~gone for t, gone in zip(trials, dead))
+    centre = centre / n_alive
+    # Sums of products per set of dead channels; the first column of ones is for means.
+    kinds, kind_of = np.unique(dead, axis=0, return_inverse=True)
+    sums = np.zeros((len(kinds), len(centre) + 1, len(centre) + 1))
+    for trial, gone, kind in zip(trials, dead, kind_of.ravel()):
+        samples = np.column_stack([np.ones(len(trial)), (trial - centre) * ~gone])
+        sums[kind] += samples.T @ samples
+    kinds = np.column_stack([np.zeros(len(kinds), dtype=bool), kinds])
+    moments = np.diag(sums.sum(axis=0).diagonal() / np.r_[n_times.sum(), n_alive])
+    for _ in range(_MAX_ITER):
+        previous, moments = moments, np.zeros_like(moments)
+        for gone, known in zip(kinds, sums):
+            weights = _regression(previous, gone)
+            filling = np.eye(len(gone))
+            filling[np.ix_(~gone, gone)] = weights
+            moments += filling.T @ known @ filling
+            unsure = previous[np.ix_(gone, gone)]
+            unsure = unsure - previous[np.ix_(gone, ~gone)] @ weights
+            moments[np.ix_(gone, gone)] += known[0, 0] * unsure
+        moments /= n_times.sum()
+        scale = np.sqrt(moments.diagonal())
+        if (abs(moments - previous) <= _CONVERGED * np.outer(scale, scale)).all():
+            break
+    shift = moments[0, 1:]
+    return centre + shift, moments[1:, 1:] - np.outer(shift, shift)
 
 
 def repair_trial(cell, usual, limits, rest):
@@ -251,29 +322,21 @@ def usual_trials(cells, samples, limits, rest):
     usually = np.mean([_varies(cell) for cell in cells], axis=0) >= USUAL
     repaired = [repair_channels(cell, limits, rest)[0] for cell in cells]
     dead = np.array([dead_channels(cell, usually) for cell in cells])
-    # A trial with a dead channel says nothing about how channels go together, unless
-    # the channel is dead in all trials; nor about the level of that channel.
-    whole = np.flatnonzero(~(dead & ~dead.all(axis=0)).any(axis=1))
-    if not len(whole):
-        whole = np.flatnonzero(~dead.all(axis=1))
-    n_samples = sum(len(repaired[i]) for i in whole)
-    n_alive = sum(len(repaired[i]) * ~dead[i] for i in whole)
-    sums = sum(repaired[i].sum(axis=0, dtype=float) * ~dead[i] for i in whole)
-    mean = sums / np.maximum(n_alive, 1)
-    for i in whole:
-        repaired[i][:, dead[i]] = mean[dead[i]]
-    centred = ((repaired[i] - mean) for i in whole)
-    covariance = sum(trial.T @ trial for trial in centred) / n_samples
-    levels = np.array(
-        [np.r_[repaired[i].mean(axis=0), repaired[i].std(axis=0)] for i in whole]
-    )
+    some = np.flatnonzero(~dead.all(axis=1))  # the others tell nothing
+    repaired, dead = [repaired[i] for i in some], dead[some]
+    mean, covariance = estimate_moments(repaired, dead)
+    for trial, gone in zip(repaired, dead):
+        if gone.any():
+            trial[:, gone] = estimate_channels(trial, gone, mean, covariance)
+    # A recording is better than an estimate, but one of few whole trials may be odd.
+    whole = ~(dead & ~dead.all(axis=0)).any(axis=1)
+    if whole.mean() >= 0.5:
+        repaired = [repaired[i] for i in np.flatnonzero(whole)]
+    levels = np.array([np.r_[t.mean(axis=0), t.std(axis=0)] for t in repaired])
     spread = levels.std(axis=0)
     spread[spread == 0] = 1
     distances = np.abs((levels - np.median(levels, axis=0)) / spread).sum(axis=1)
-    most = whole[distances.argmin()]
-    typical, gone = repaired[most], dead[most]
-    if gone.any():
-        typical[:, gone] = estimate_channels(typical, gone, mean, covariance)
+    typical = repaired[distances.argmin()]
     return Usual(samples, usually, mean, covariance, typical)
 
 
@@ -536,10 +599,10 @@ class RepairTrials(
     which is a trial with one channel. Trials keep their container. To leave faulty
     trials out instead, take those whose position is not in ``faults_["trial"]``.
 
-    What is estimated is learned from the trials of `fit` alone, and from those without
-    a dead channel if there are any. A channel without a sample in all of them is 0. No
-    more than repairs the faults is changed: a trial without faults comes out as it went
-    in.
+    What is estimated is learned from the trials of `fit` alone, and of each channel
+    from those in which it works; no trial needs to be whole. A channel without a sample
+    in all of them is 0. No more than repairs the faults is changed: a trial without
+    faults comes out as it went in.
 
     The most typical trial keeps its own length, so that its frequencies and phases stay
     what they are: a dead sensor has then not as many samples as before.

@@ -17,9 +17,9 @@ from .._validation import check_numbers, check_regular, has_no_samples
 
 _ALIKE = 1.1  # rates that differ by a smaller factor are taken for the same
 
-# Numbers are no seconds if their steps are longer: nobody samples a touch once in ten
-# seconds, and whole numbers are hardly seconds of a sensor slower than 1 Hz.
-_LONGEST, _LONGEST_WHOLE = 10, 1
+# Numbers are no seconds if their steps are longer: few sample a touch once a second,
+# and milliseconds of 1000 Hz, even with jitter, have such steps.
+_LONGEST = 0.9
 
 # Nor if a step holds more new samples. From 10 Hz to 3 kHz it holds 300, from 1 Hz to
 # 20 Hz it holds 20; in milliseconds of the same rate that are taken for seconds, 1000.
@@ -41,8 +41,10 @@ def infer_rate(
     Returns
     -------
     rate : float
-        Samples per second: one over the median of the steps from stamp to stamp in all
-        trials, so that dropped frames do not count.
+        Samples per second: the number of steps over their length in all trials, in
+        which a step over dropped frames counts as many as it holds. So neither they nor
+        stamps rounded to milliseconds change the rate; but both together may, if a
+        step is shorter than 1.5 units of the stamps.
 
     Raises
     ------
@@ -67,35 +69,95 @@ def infer_rate(
     return _rate([stamps for _, stamps in _with_stamps(trials, times)])
 
 
-def _rate(stamps):
-    """Return the rate of trials by their stamps, None in place of missing ones."""
-    steps = [np.diff(each) for each in stamps if each is not None and len(each) > 1]
-    if not steps:
+def _rate(stamps, even=None):
+    """Return the rate of trials by their stamps, None in place of missing ones.
+
+    `even` is as in `_step`.
+    """
+    stamps = [each for each in stamps if each is not None and len(each) > 1]
+    if not stamps:
         raise ValueError(
             "No trial has two samples, whose time stamps would tell a rate; give the "
             "rate."
         )
-    typical = [np.median(each) for each in steps]
-    if max(typical) >= _ALIKE * min(typical):
+    steps = [np.diff(each) for each in stamps]
+    unit = _unit(stamps)
+    step, _, even = _step(np.concatenate(steps), unit, even)
+    each = np.array([_step(some, unit, even)[0] for some in steps])
+    slack = unit / np.array([len(some) for some in steps])  # of rounded stamps
+    if (each - slack).max() >= _ALIKE * (each + slack).min():
         raise ValueError(
-            f"Trials are sampled at {1 / max(typical):.4g} to {1 / min(typical):.4g} "
+            f"Trials are sampled at {1 / each.max():.4g} to {1 / each.min():.4g} "
             "Hz; bring them to one rate by resample_trials(trials, rate=...)."
         )
-    return float(1 / np.median(np.concatenate(steps)))
+    return float(1 / step)
 
 
-def rate_of(trials):
+def _resolution(stamps):
+    """Return the resolution of numbers as large as some stamps."""
+    return np.spacing(max(np.abs(stamps[0]), np.abs(stamps[-1])))
+
+
+def _unit(stamps):
+    """Return the largest of 0.01, ... 1e-6 s of which all stamps are multiples; or 0.
+
+    Stamps that were rounded to milliseconds have a unit of 0.001.
+    """
+    slack = 2 * max(map(_resolution, stamps))
+    all_stamps = np.concatenate(stamps)
+    for unit in 10.0 ** -np.arange(2, 7):
+        if (np.abs(all_stamps - unit * np.rint(all_stamps / unit)) <= slack).all():
+            return unit
+    return 0.0
+
+
+def _step(steps, unit, even=None):
+    """Return the step of even sampling by those from stamp to stamp, some of them gaps.
+
+    A step without a lost sample differs from the typical one by half of it, or by the
+    `unit` of the stamps. If some are closer to two than to one, either samples were
+    lost, or sampling is `even` and the unit coarse: then they are spread more evenly
+    than by chance (by the statistic of Kolmogorov and Smirnov). Return the step, the
+    longest without a lost sample, and `even`.
+    """
+    typical = np.median(steps)
+    near = np.abs(steps - typical) <= max(0.5 * typical, 1.5 * unit)
+    step = steps[near].mean()
+    for _ in range(3):
+        counts = np.rint(np.round(steps / step, 6))
+        counts[near] = counts[near].clip(1)
+        if even is None:
+            longer = near & (counts > 1)
+            n_longer = longer.sum()
+            excess = np.cumsum(longer) - n_longer * np.linspace(0, 1, len(steps))
+            even = np.abs(excess).max() <= 0.35 * np.sqrt(n_longer)
+        if even:
+            counts[near] = 1
+        step = steps.sum() / counts.sum()
+    return step, steps[counts == 1].max(initial=step), even
+
+
+def rate_of(trials, even=None):
     """Return the rate of trials that have a time index, None if they have none."""
     indices = [getattr(trial, "index", None) for trial in trials]
     if not all(isinstance(each, pd.Index) and _is_of_time(each) for each in indices):
         return None
-    return infer_rate(trials) if max(map(len, indices), default=0) > 1 else None
+    if max(map(len, indices), default=0) < 2:
+        return None
+    return _rate([stamps for _, stamps in _with_stamps(trials, None)], even)
+
+
+def _alike(one, other):
+    return max(one / other, other / one) < _ALIKE
 
 
 def check_rate(trials, rate):
     """Refuse trials whose time index has another rate than those of `fit` had."""
     found = None if rate is None else rate_of(trials)
-    if found is not None and max(found / rate, rate / found) >= _ALIKE:
+    if found is None or _alike(found, rate):
+        return
+    # The rounded stamps of a few samples do not tell whether some were lost.
+    if not _alike(rate_of(trials, even=True), rate):
         raise ValueError(
             f"X is sampled at {found:.4g} Hz, but {rate:.4g} Hz is expected, as in "
             f"fit; bring it to that by resample_trials(X, rate={rate:.4g})."
@@ -131,8 +193,9 @@ def resample_trials(
         Samples per second of the result, by default those of :func:`infer_rate`.
     longest_gap : float, default=None
         Seconds between two stamps within which a straight line is trusted; new samples
-        within a longer gap are NaN. By default 1.5 times the median of the steps of a
-        trial, which a single dropped frame exceeds. `np.inf` trusts every line.
+        within a longer gap are NaN. By default 1.5 times the step of a trial, as
+        :func:`infer_rate` finds it, which a single dropped frame exceeds. `np.inf`
+        trusts every line.
 
     Returns
     -------
@@ -157,8 +220,8 @@ def resample_trials(
     -----
     Numbers are taken for milliseconds or finer, and refused, if the median step holds
     more than 300 new samples, or more than 20 and is a second or longer. Without `rate`
-    they are if it is longer than 10 seconds, or longer than one and all numbers are
-    whole. Durations and dates, whose unit is known, may be as slow as they are.
+    they are if it is longer than 0.9 seconds. Durations and dates, whose unit is known,
+    may be as slow as they are.
 
     Examples
     --------
@@ -245,12 +308,8 @@ def _check_unit(numbers, rate):
     """Refuse numbers, by their names, that are milliseconds, or finer, not seconds."""
     steps = [np.diff(stamps) for stamps in numbers.values()]
     step = np.median(np.concatenate(steps)) if any(map(len, steps)) else 0
-    whole = all((stamps == np.rint(stamps)).all() for stamps in numbers.values())
-    if rate is None:
-        odd = step > (_LONGEST_WHOLE if whole else _LONGEST)
-    else:
-        odd = step * rate > (_MOST_BELOW_1_HZ if step >= 1 else _MOST)
-    if odd:
+    longest = (_MOST_BELOW_1_HZ if step >= 1 else _MOST) / rate if rate else _LONGEST
+    if step > longest:
         raise ValueError(
             f"{next(iter(numbers))} has steps of {step:.4g}, which are taken for "
             "seconds; give durations of the right unit, such as "
@@ -304,14 +363,16 @@ def _seconds(stamps, name):
 
 
 def _resample(trial, stamps, rate, longest_gap):
-    steps = np.diff(stamps)
-    typical = np.median(steps) if len(steps) else 1 / rate
+    step, longest = 1 / rate, 0
+    if len(stamps) > 1:
+        step, longest, _ = _step(np.diff(stamps), _unit([stamps]))
     if longest_gap is None:
-        longest_gap = 1.5 * typical
+        longest_gap = max(1.5 * step, longest)
+    slack = 1e-6 / rate + _resolution(stamps)  # rounding must not cost the last
     stamps = stamps - stamps[0]
-    n_samples = int(stamps[-1] * rate + 1e-6) + 1  # rounding must not cost the last
+    n_samples = int((stamps[-1] + slack) * rate) + 1
     # Samples a tenth closer than the new ones need no filter.
-    factor = max(1, int(np.ceil(1 / (typical * rate) - 0.1)))
+    factor = max(1, int(np.ceil(1 / (step * rate) - 0.1)))
     fine = np.arange((n_samples - 1) * factor + 1) / (rate * factor)
     flat = trial.reshape(len(trial), -1)
     out = np.full((n_samples, flat.shape[1]), np.nan, dtype=trial.dtype)
@@ -321,7 +382,7 @@ def _resample(trial, stamps, rate, longest_gap):
             line = np.interp(fine, stamps[known], signal[known])
             if factor > 1:
                 line = resample_poly(line, 1, factor, padtype="line")
-            in_gap = _in_gap(fine[::factor], stamps[known], longest_gap, 1e-6 / rate)
+            in_gap = _in_gap(fine[::factor], stamps[known], longest_gap, slack)
             column[:] = np.where(in_gap, np.nan, line)
     return out.reshape(n_samples, *trial.shape[1:])
 
