@@ -22,8 +22,8 @@ class Signal:
         windows, and statistics of each channel remain, which need no rate.
     window : float, default=None
         Seconds of a window, about as long as the shortest event that matters. By
-        default ten samples or half a second, whichever is shorter: on recorded touches,
-        ten predicted better than fifty.
+        default ten samples or half a second, whichever is shorter, but at least two: on
+        recorded touches, ten predicted better than fifty.
 
     Raises
     ------

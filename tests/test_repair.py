@@ -826,9 +826,11 @@ def test_a_rate_that_cannot_be_inferred_is_refused():
 
 
 def test_stamps_that_do_not_increase_are_named_by_their_place():
-    trial = stamped(np.zeros(5), "seconds")
+    trial = stamped(np.zeros(5), "durations")
     with pytest.raises(ValueError, match=r"^The index of trial 0 must be finite and"):
         SensorFeatures().fit([trial])
+    trial = stamped(np.zeros(5), "seconds")  # numbers that need not be of times
+    assert SensorFeatures().fit([trial]).rate_ is None
     trial["when"] = 0.0
     with pytest.raises(ValueError, match=r"^The column 'when' of trial 0 must be fin"):
         resample_trials([trial], "when")
@@ -920,3 +922,49 @@ def test_an_array_of_trials_keeps_all_channels():
         repaired = RepairTrials().fit(trials).transform(trials)
         for found, trial in zip(repaired, X, strict=True):
             np.testing.assert_array_equal(found, trial)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_channels_that_are_constant_equal_or_rounded_can_be_estimated(seed):
+    """Finite, in single precision and at any scale, whichever channels are dead."""
+    rng = np.random.default_rng(seed)
+    trials = []
+    for _ in range(12):
+        trial = rng.normal(size=(rng.integers(2, 30), 6)) * 10.0 ** np.arange(-9, 9, 3)
+        trial[:, 0], trial[:, 2] = 25.3, trial[:, 1]
+        trial[:, 3] = trial[:, 3].round(1)
+        trials.append(trial.astype([np.float32, np.float64][seed % 2]))
+    for trial in trials:
+        trial[:, rng.random(6) < 0.3] = np.nan
+    trials.append(np.ones((3, 6)))
+    repaired = RepairTrials().fit_transform(trials)
+    assert all(np.isfinite(trial).all() for trial in repaired)
+
+
+def test_hundreds_of_channels_with_some_dead_in_every_trial():
+    rng = np.random.default_rng(0)
+    mixing = rng.normal(size=(5, 200))
+    clean = [rng.normal(size=(50, 5)) @ mixing for _ in range(30)]
+    trials = [trial + 0.1 * rng.normal(size=trial.shape) for trial in clean]
+    dead = rng.random((30, 200)) < 0.02
+    for trial, gone in zip(trials, dead):
+        trial[:, gone] = 0
+    repaired = RepairTrials().fit_transform(trials)
+    errors = [(r - c)[:, gone] for r, c, gone in zip(repaired, clean, dead)]
+    assert np.sqrt(np.mean(np.concatenate([e.ravel() for e in errors]) ** 2)) < 0.1
+
+
+def test_a_short_touch_with_a_gap_has_the_rate_of_its_shortest_step():
+    gap = pd.Series([0.0, 1.0, 2.0], [0.0, 0.01, 0.1])
+    even = pd.Series(np.arange(100.0), np.arange(100) / 100)
+    assert infer_rate([gap]) == pytest.approx(100)
+    assert [len(trial) for trial in resample_trials([even, gap])] == [100, 11]
+    slow = pd.Series(np.arange(100.0), np.arange(100) / 30)
+    with pytest.raises(ValueError, match="Trials are sampled at 30 to 100 Hz"):
+        infer_rate([even, slow, gap])
+
+
+def test_stamps_in_a_series_go_with_trials_by_place():
+    times = pd.Series([np.arange(4) / 10, np.array([0, 0.1, 0.5, 0.6])], index=[1, 0])
+    trials = pd.Series([np.arange(4.0)] * 2, index=[1, 0])
+    assert [len(trial) for trial in resample_trials(trials, times, 10)] == [4, 7]

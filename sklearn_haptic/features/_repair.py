@@ -25,7 +25,11 @@ from .._sklearn import (
 from .._validation import check_table, is_missing
 
 _ALL = "all"  # the channel of a fault of them all
-_MAX_ITER, _CONVERGED = 200, 1e-8  # of estimates of dead channels and moments in turn
+
+# Estimates of dead channels and of moments, in turn.
+_MAX_ITER, _CONVERGED = 100, 1e-7
+_RIDGE = 1e-8  # makes correlations of collinear channels invertible
+_ROUNDING = 1e-12  # channels that vary less, relative to their level, are constant
 _COLUMNS = ["trial", "sensor", "channel", "fault", "n_samples", "answer", "offset"]
 
 
@@ -148,37 +152,42 @@ def estimate_moments(trials, dead):
     >>> from sklearn_haptic.features._repair import estimate_moments
     >>> trials = [np.array([[0.0, 1.0], [2.0, 5.0]]), np.array([[4.0, 0.0]])]
     >>> mean, _ = estimate_moments(trials, np.array([[False, False], [False, True]]))
-    >>> mean.round(6)  # the second is twice the first, plus one
+    >>> mean.round(5)  # the second is twice the first, plus one
     array([2., 5.])
     """
     n_times = np.array([len(trial) for trial in trials])
     n_alive = np.maximum(n_times @ ~dead, 1)
-    centre = sum(t.sum(axis=0, dtype=float) * ~gone for t, gone in zip(trials, dead))
-    centre = centre / n_alive
-    # Sums of products per set of dead channels; the first column of ones is for means.
-    kinds, kind_of = np.unique(dead, axis=0, return_inverse=True)
-    sums = np.zeros((len(kinds), len(centre) + 1, len(centre) + 1))
-    for trial, gone, kind in zip(trials, dead, kind_of.ravel()):
-        samples = np.column_stack([np.ones(len(trial)), (trial - centre) * ~gone])
-        sums[kind] += samples.T @ samples
-    kinds = np.column_stack([np.zeros(len(kinds), dtype=bool), kinds])
-    moments = np.diag(sums.sum(axis=0).diagonal() / np.r_[n_times.sum(), n_alive])
+    pairs = list(zip(trials, dead))
+    mean = sum(t.sum(axis=0, dtype=float) * ~gone for t, gone in pairs) / n_alive
+    variance = sum(np.square(t - mean).sum(axis=0) * ~gone for t, gone in pairs)
+    scale = np.sqrt(variance / n_alive)
+    varies = scale > _ROUNDING * np.abs(mean)
+    scale[~varies] = 1
+    units = [(t - mean) / scale * (varies & ~gone) for t, gone in pairs]
+    partial = [(units[i], dead[i]) for i in np.flatnonzero(dead.any(axis=1))]
+    whole = np.vstack([units[0][:0], *(units[i] for i in np.flatnonzero(~dead.any(1)))])
+    of_whole, known = whole.sum(axis=0), whole.T @ whole
+    shift, correlation = np.zeros(len(mean)), np.eye(len(mean))
+    if len(whole) > len(mean):  # a start from which a single dead channel is exact
+        shift = of_whole / len(whole)
+        correlation = known / len(whole) - np.outer(shift, shift)
     for _ in range(_MAX_ITER):
-        previous, moments = moments, np.zeros_like(moments)
-        for gone, known in zip(kinds, sums):
-            weights = _regression(previous, gone)
-            filling = np.eye(len(gone))
-            filling[np.ix_(~gone, gone)] = weights
-            moments += filling.T @ known @ filling
-            unsure = previous[np.ix_(gone, gone)]
-            unsure = unsure - previous[np.ix_(gone, ~gone)] @ weights
-            moments[np.ix_(gone, gone)] += known[0, 0] * unsure
-        moments /= n_times.sum()
-        scale = np.sqrt(moments.diagonal())
-        if (abs(moments - previous) <= _CONVERGED * np.outer(scale, scale)).all():
+        precision = np.linalg.inv(correlation + _RIDGE * np.eye(len(mean)))
+        total, products = of_whole.copy(), known.copy()
+        for unit, gone in partial:
+            unsure = np.linalg.inv(precision[np.ix_(gone, gone)])
+            weights = -precision[np.ix_(~gone, gone)] @ unsure
+            filled = unit.copy()
+            filled[:, gone] = (unit - shift)[:, ~gone] @ weights + shift[gone]
+            total += filled.sum(axis=0)
+            products += filled.T @ filled
+            products[np.ix_(gone, gone)] += len(unit) * unsure
+        previous, shift = correlation, total / n_times.sum()
+        correlation = products / n_times.sum() - np.outer(shift, shift)
+        if np.abs(correlation - previous).max() <= _CONVERGED:
             break
-    shift = moments[0, 1:]
-    return centre + shift, moments[1:, 1:] - np.outer(shift, shift)
+    scale = scale * varies
+    return mean + scale * shift, correlation * np.outer(scale, scale)
 
 
 def repair_trial(cell, usual, limits, rest):

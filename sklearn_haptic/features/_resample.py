@@ -120,7 +120,7 @@ def _step(steps, unit, even=None):
     than by chance (by the statistic of Kolmogorov and Smirnov). Return the step, the
     longest without a lost sample, and `even`.
     """
-    typical = np.median(steps)
+    typical = np.sort(steps)[(len(steps) - 1) // 2]
     near = np.abs(steps - typical) <= max(0.5 * typical, 1.5 * unit)
     step = steps[near].mean()
     for _ in range(3):
@@ -144,7 +144,13 @@ def rate_of(trials, even=None):
         return None
     if max(map(len, indices), default=0) < 2:
         return None
-    return _rate([stamps for _, stamps in _with_stamps(trials, None)], even)
+    try:
+        stamps = [stamps for _, stamps in _with_stamps(trials, None)]
+    except ValueError:
+        if all(each.dtype.kind == "f" for each in indices):
+            return None  # numbers in an index need not be times
+        raise
+    return _rate(stamps, even)
 
 
 def _alike(one, other):
@@ -266,6 +272,7 @@ def _with_stamps(trials, times, rate=None):
     A trial that is missing or has no samples has None in place of its stamps.
     """
     given = times is not None and not isinstance(times, str)
+    times = list(times) if given else times
     if given and len(trials) != len(times):
         raise ValueError(
             f"times has {len(times)} entries, but there are {len(trials)} trials; give "
