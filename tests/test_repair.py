@@ -673,7 +673,7 @@ def test_rounded_stamps_do_not_change_the_rate(rate, unit):
     features = SensorFeatures().fit(trials)
     assert features.rate_ == pytest.approx(rate, rel=0.01)
     features.transform(trials[::-1])
-    features.transform([trials[1][:20]])
+    features.transform([trials[1].iloc[:20]])
     for trial, even in zip(trials, resample_trials(trials, rate=rate)):
         assert np.isfinite(even).all()  # nothing was lost
         step = 1 / rate + 2 * UNITS.get(unit, 0) + 1e-6
