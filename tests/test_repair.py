@@ -678,7 +678,7 @@ def test_rounded_stamps_do_not_change_the_rate(rate, unit):
         assert np.isfinite(even).all()  # nothing was lost
         step = 1 / rate + 2 * UNITS.get(unit, 0) + 1e-6
         assert np.abs(even[:, 0] - trial.iloc[: len(even)]).max() < step
-    short = [trial[:12] for trial in trials * 4]  # of which few tell no rate
+    short = [trial.iloc[:12] for trial in trials * 4]  # of which few tell no rate
     assert infer_rate(short) == pytest.approx(rate, rel=0.03)
 
 
