@@ -41,10 +41,10 @@ def infer_rate(
     Returns
     -------
     rate : float
-        Samples per second: the number of steps over their length in all trials, in
-        which a step over dropped frames counts as many as it holds. So neither they nor
-        stamps rounded to milliseconds change the rate; but both together may, if a
-        step is shorter than 1.5 units of the stamps.
+        Samples per second: the number of steps over their length in all trials, where
+        a step over dropped frames counts as many as it holds. Neither dropped frames
+        nor stamps rounded to milliseconds change the rate; both together may, if a step
+        is shorter than 1.5 ms.
 
     Raises
     ------

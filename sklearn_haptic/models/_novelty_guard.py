@@ -233,8 +233,8 @@ class NoveltyGuard(
             return distance
         repaired, _ = behind_repairs(self.estimator_, X)
         signals, _ = signals_of(repaired, self._columns, self._channel_names)
-        rows = rows_of(signals, self._statistics)
-        of_signals = nearest_distances(rows, self._signal_rows)
+        signal_rows = rows_of(signals, self._statistics)
+        of_signals = nearest_distances(signal_rows, self._signal_rows)
         return np.maximum(distance, self._unit * of_signals)
 
     def p_values(self, X: Trials) -> NDArray[np.float64]:

@@ -6,32 +6,23 @@ like those of a quiet touch. Its level, its power and its spectrum are unlike an
 
 import numpy as np
 from sklearn.compose import ColumnTransformer
-from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from .._check_trials import channel_names, check_trials, is_table
 from .._sequences import Sequences
 from .._sklearn import _safe_indexing
+from .._steps import flat_steps
 from .._validation import column_of
 from ..features import RepairTrials, SignalStatistics
 
 
-def behind_repairs(model, X):
+def behind_repairs(pipeline, X):
     """Return touches as repaired by the first steps, and the step behind these."""
-    steps = [*_steps(model)]
+    steps = [step for _, step in flat_steps(pipeline)]
     while len(steps) > 1 and isinstance(steps[0], RepairTrials):
         X = steps.pop(0).transform(X)
     return X, steps[0]
-
-
-def _steps(model):
-    """Yield the steps of a pipeline, those of inner ones too."""
-    if not isinstance(model, Pipeline):
-        yield model
-        return
-    for _, step in model.steps:
-        if step is not None and step != "passthrough":
-            yield from _steps(step)
 
 
 def columns_given(step):

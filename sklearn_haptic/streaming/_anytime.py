@@ -29,8 +29,9 @@ from .._sklearn import (
     _fit_context,
     one_blas_thread,
 )
+from .._steps import flat_steps
 from .._validation import check_groups, check_numbers
-from ._branches import fit_features, flat_steps, used_sensors
+from ._branches import fit_features, used_sensors
 from ._heads import best_power, fit_heads, predict_head, predict_out_of_fold, temper
 from ._prefixes import durations_complete, samples_in
 from ._touch import TouchInProgress, check_limits

@@ -18,6 +18,7 @@ from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import FeatureUnion, Pipeline
 
 from .._check_trials import is_table
+from .._steps import flat_steps
 from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
 from ._touches import ONLY_SENSOR
 
@@ -166,26 +167,6 @@ def _united(transformer, columns):
         return [Branch(transformer, columns)]
     parts = [part for _, part in transformer.transformer_list if part != "drop"]
     return [branch for part in parts for branch in _united(part, columns)]
-
-
-def flat_steps(pipeline):
-    """Return the steps that do something, with those of inner pipelines in their place.
-
-    Examples
-    --------
-    >>> from sklearn.pipeline import make_pipeline
-    >>> from sklearn.preprocessing import StandardScaler
-    >>> from sklearn_haptic.streaming._branches import flat_steps
-    >>> flat_steps(make_pipeline(None, make_pipeline(StandardScaler())))
-    [('pipeline-standardscaler', StandardScaler())]
-    """
-    steps = []
-    for name, step in pipeline.steps:
-        if isinstance(step, Pipeline):
-            steps += [(f"{name}-{inner}", each) for inner, each in flat_steps(step)]
-        elif step is not None and step != "passthrough":
-            steps.append((name, step))
-    return steps
 
 
 def _flat(transformer):

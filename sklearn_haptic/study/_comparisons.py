@@ -47,10 +47,9 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
         population is expected to score, as
         :func:`~sklearn_haptic.metrics.noise_ceiling` estimates it, NaN if an object has
         fewer than two ratings or, but for the RPS, is alone or its counts are not
-        whole; ``truth``, the score of
-        the population itself, if the corpus knows it; and ``no_better``, whether the
-        combined network is no better than the better guess. All are means over folds
-        and test trials.
+        whole; ``truth``, the score of the population itself, if the corpus knows it;
+        and ``no_better``, whether the combined network is no better than the better
+        guess. All are means over folds and test trials.
 
     Raises
     ------
@@ -89,10 +88,10 @@ def _ceiling(rows, score):
     """Return what the population is expected to score at the ratings of some trials."""
     by_object = rows.groupby("object")
     counts = by_object.first().filter(regex=r"^count_\d+$").to_numpy()
-    people = len(counts) > 1 and (counts == counts.round()).all()
-    if (counts.sum(axis=1) < 2).any() or not (
-        people or score is ranked_probability_score
-    ):
+    if (counts.sum(axis=1) < 2).any():
+        return np.nan
+    unfit = len(counts) < 2 or (counts % 1 != 0).any()
+    if unfit and score is not ranked_probability_score:
         return np.nan
     weight = by_object.size().to_numpy()
     return noise_ceiling(counts, score, sample_weight=weight, random_state=0).truth
