@@ -42,11 +42,11 @@ def outlying_raters(
     ratings : array-like of shape (n_ratings, n_adjectives), or RatingTable
         One row per person and object, one column per adjective: numbers. Missing
         ratings are None, NaN or NA. Or the ratings of one adjective, as a table that
-        knows its raters.
-    objects : array-like of shape (n_ratings,)
-        The object that each row is about. Not needed with a table.
-    raters : array-like of shape (n_ratings,)
-        The person who gave each row. Not needed with a table.
+        knows its raters; its levels that are words count by their place.
+    objects : array-like of shape (n_ratings,), default=None
+        The object that each row is about. Only a table goes without.
+    raters : array-like of shape (n_ratings,), default=None
+        The person who gave each row. Only a table goes without.
     limit : float, default=3.5
         Robust standard score beyond which a person is called outlying [1]_.
 
