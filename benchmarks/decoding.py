@@ -128,7 +128,7 @@ def decoding():
     for estimator, n_trials in ESTIMATORS:
         test = X[400::4][:n_trials]
         model = DistributionalOrdinalRegressor(
-            estimator, sampling="lattice", random_state=0
+            estimator, sampling="random", random_state=0
         ).fit(X[train], counts[train])
         fitted = model.estimator_
         if not isinstance(fitted, NNPOM):
@@ -159,7 +159,7 @@ def many_trials():
     print("|---|---|---|---|")
     X, counts = touches()
     for estimator in (NNPOM(0), mord.LogisticAT(), mord.LAD(), DecisionTreeRegressor()):
-        model = DistributionalOrdinalRegressor(estimator, sampling="lattice")
+        model = DistributionalOrdinalRegressor(estimator, sampling="random")
         model.fit(X[:400], counts[:400])
         rows = X[np.arange(100_000) % len(X)]
         taken = [seconds(model.predict_proba, rows[:n])[0] for n in (1, 5000, 100_000)]

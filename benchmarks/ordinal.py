@@ -157,16 +157,16 @@ def fitting(n_iter=200, n_runs=3):
         rows = materialised(X, np.tile(logit(positions), (len(X), 1)))
         network = NNPOM(n_hidden, max_iter=n_iter, tol=0, random_state=0)
         peer = Peer(n_hidden=n_hidden, alpha=1.0, max_iter=n_iter, random_state=0)
-        times = {"peer": [], "lattice": [], "level": []}
+        times = {"peer": [], "random": [], "level": []}
         for _ in range(n_runs):
-            for sampling in ("lattice", "level"):
+            for sampling in ("random", "level"):
                 model = DistributionalOrdinalRegressor(network, sampling=sampling)
                 taken, _ = seconds(model.fit, X, counts)
                 times[sampling].append(taken / model.estimator_.n_iter_ * n_iter)
             taken, _ = seconds(peer.fit, rows, level.ravel())
             times["peer"].append(taken / peer.n_iter_ * n_iter)
         theirs, ours, nodes = (np.median(times[k]) for k in times)
-        ratio = np.median(np.divide(times["peer"], times["lattice"]))
+        ratio = np.median(np.divide(times["peer"], times["random"]))
         print(
             f"| {n_features}, {n_hidden} | {theirs:.2f} | {ours:.2f} | {ratio:.1f} | "
             f"{nodes:.2f} |",

@@ -30,9 +30,9 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     SensorFusionNNPOM,
 )
-from sklearn_haptic._trial_scores import predict_and_score
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_macro_mae_scorer
+from sklearn_haptic.metrics._trial_scores import predict_and_score
 from sklearn_haptic.study._choice import fit_best
 from sklearn_haptic.study._features import (
     cells_of,

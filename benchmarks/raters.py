@@ -32,7 +32,7 @@ from sklearn.model_selection import GroupKFold
 
 from sklearn_haptic import NNPOM, make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.datasets._crowd import population, rate
+from sklearn_haptic.datasets._simulated_crowd import population, rate
 from sklearn_haptic.metrics import noise_ceiling, ranked_probability_score
 from sklearn_haptic.raters import rater_effects, shrink_counts
 from sklearn_haptic.ratings import rating_counts

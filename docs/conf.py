@@ -10,7 +10,7 @@ from docutils.nodes import SkipNode
 from latex2mathml.converter import convert
 
 from sklearn_haptic import __version__
-from sklearn_haptic._sklearn import DOCUMENTATION_URL
+from sklearn_haptic.utils._sklearn import DOCUMENTATION_URL
 
 project = "sklearn_haptic"
 author = copyright = "the sklearn_haptic developers"

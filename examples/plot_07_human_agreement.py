@@ -48,7 +48,7 @@ counts, objects = {}, wide.index.unique("object").tolist()
 for adjective, rows in long.groupby("adjective", sort=False):
     table = rating_counts(rows["rating"], rows["object"], levels=corpus.levels)
     counts[adjective] = table.counts_for(objects)
-print(f"\n{len(long)} rows, {sum(c.sum() for c in counts.values())} ratings")
+print(f"\n{len(long)} rows, {long['rating'].count()} ratings")
 
 # %%
 # 2. All ratings at a glance
@@ -59,7 +59,7 @@ print(f"\n{len(long)} rows, {sum(c.sum() for c in counts.values())} ratings")
 # and springy are alike.
 softest_first = np.argsort(rating_mean(counts["hard"]), kind="stable")[::3]
 RatingsDisplay.from_counts(
-    {adjective: table[softest_first] for adjective, table in counts.items()},
+    {adjective: table.iloc[softest_first] for adjective, table in counts.items()},
     objects=[objects[i] for i in softest_first],
 )
 plt.show()
@@ -76,7 +76,7 @@ figure, axes = plt.subplots(
     2, 5, figsize=(6.4, 3.4), sharex=True, sharey=True, layout="constrained"
 )
 for ax, (adjective, table) in zip(axes.flat, counts.items()):
-    InverseCDFDisplay.from_counts(table[row], ax=ax)
+    InverseCDFDisplay.from_counts(table.iloc[row], ax=ax)
     ax.set(title=adjective, xlabel="", ylabel="", xticks=[0, 0.5])
 figure.supxlabel("position p in the population")
 figure.supylabel(f"rating of {chosen}")
@@ -96,7 +96,7 @@ plt.show()
 
 for adjective in ("sticky", "hard", "springy"):
     agreement = interrater_agreement(counts[adjective])
-    ones = counts[adjective][:, 0].sum() / counts[adjective].sum()
+    ones = counts[adjective][1].sum() / counts[adjective].to_numpy().sum()
     print(
         f"{adjective:8s} median r_wg {np.median(agreement):.2f}, "
         f"lowest {agreement.min():5.2f}; {ones:.0%} of the ratings are 1"

@@ -22,9 +22,10 @@ import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 from dask.distributed import Client
+from sklearn.callback import ProgressBar
 from sklearn.model_selection import GridSearchCV, GroupKFold
 
-from sklearn_haptic import ProgressLine, make_haptic_pipeline
+from sklearn_haptic import make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_rps_scorer
 
@@ -57,10 +58,9 @@ def run(name, search):
 # %%
 # 2. Progress
 # -----------
-# A line in the terminal counts the fits, and has a second bar for the steps of the
-# current pipeline. scikit-learn's `ProgressBar` would show one bar for each of the 25
-# fits.
-search = new_search().set_callbacks(ProgressLine(max_propagation_depth=1))
+# scikit-learn's `ProgressBar` counts the fits in the terminal. Without a limit to its
+# depth it would show one bar more for each of the 25 fits.
+search = new_search().set_callbacks(ProgressBar(max_propagation_depth=0))
 run("no cache", search)
 
 # %%

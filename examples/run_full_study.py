@@ -6,7 +6,7 @@ Run it as
     python examples/run_full_study.py --split paper --jobs 2  # a quarter of an hour
     python examples/run_full_study.py --paper --jobs 2        # as in the paper: hours
     python examples/run_full_study.py --jobs 8 --phac2 \
-        phac_train_test_pos_neg_90_10_1_20.h5 --ratings ratings.mat
+        phac_train_test_pos_neg_90_10_1_20.h5 --ratings ratings.csv
 
 You can interrupt it at any time: the same command resumes where it stopped. It prints
 the scores beside those of single sensors, of guesses without touch and, for generated
@@ -51,7 +51,7 @@ def parse_arguments():
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--phac2", help="HDF5 file of trials; generated if not given")
-    parser.add_argument("--ratings", help="MATLAB file of ratings, with --phac2")
+    parser.add_argument("--ratings", help="CSV file of ratings, with --phac2")
     parser.add_argument("--folder", type=Path, help="where results are kept")
     parser.add_argument("--demo", action="store_true", help="a small study")
     parser.add_argument("--paper", action="store_true", help="the paper's settings")

@@ -4,30 +4,30 @@ from importlib import import_module
 from typing import Any
 
 from ._pipeline import make_haptic_pipeline
-from ._progress import ProgressLine
-from ._sensors import Signal, TaxelGrid
-from ._sequences import Sequences
+from .ensembles import DistributionBlend, NoveltyGuard, TouchPool
 from .features import (
     KSVDTransformer,
-    RepairTrials,
     SensorFeatures,
     SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
-    infer_rate,
-    resample_trials,
 )
 from .models import (
     NNPOM,
     PAPER_2020,
     ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
-    DistributionBlend,
     DummyDistribution,
-    NoveltyGuard,
     RegressedDistribution,
     SensorFusionNNPOM,
-    TouchPool,
+)
+from .recordings import (
+    RepairTrials,
+    Sequences,
+    Signal,
+    TaxelGrid,
+    infer_rate,
+    resample_trials,
 )
 from .streaming import AnytimeRegressor
 
@@ -43,7 +43,6 @@ __all__ = [
     "DummyDistribution",
     "KSVDTransformer",
     "NoveltyGuard",
-    "ProgressLine",
     "RegressedDistribution",
     "RepairTrials",
     "STHMPTransformer",
@@ -64,9 +63,7 @@ _SUBMODULES = (
     "datasets",
     "metrics",
     "model_selection",
-    "pairs",
     "plotting",
-    "raters",
     "ratings",
     "study",
 )

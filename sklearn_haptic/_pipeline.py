@@ -10,9 +10,7 @@ from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from ._biotac import PROCEDURES, SENSORS, columns_of
-from ._sensors import BIOTAC, Sensor, Signal, TaxelGrid
-from ._sklearn import Memory, RandomState
+from .ensembles import DistributionBlend
 from .features import (
     KSVDTransformer,
     SensorFeatures,
@@ -23,9 +21,11 @@ from .features import (
 from .models import (
     NNPOM,
     DistributionalOrdinalRegressor,
-    DistributionBlend,
     RegressedDistribution,
 )
+from .recordings._biotac import PROCEDURES, SENSORS, columns_of
+from .recordings._sensors import BIOTAC, Sensor, Signal, TaxelGrid
+from .utils._sklearn import Memory, RandomState
 
 # Atoms of the sensors that have not 25 in the 2020 paper; bands of those of 2200 Hz.
 _N_ATOMS = {"pac": 40, "tdc": 10}

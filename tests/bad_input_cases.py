@@ -35,7 +35,6 @@ from sklearn_haptic import (
     DummyDistribution,
     KSVDTransformer,
     NoveltyGuard,
-    ProgressLine,
     RegressedDistribution,
     RepairTrials,
     SensorFeatures,
@@ -51,9 +50,7 @@ from sklearn_haptic import (
     make_haptic_pipeline,
     metrics,
     model_selection,
-    pairs,
     plotting,
-    raters,
     ratings,
     resample_trials,
     streaming,
@@ -424,7 +421,7 @@ SCORES = direct(
     metrics.dispersion, y_true=COUNTS, y_proba=PROBA)
 FUNCTIONS_OF_COUNTS = direct(
     ratings.interrater_agreement, ratings.rating_distribution, ratings.rating_cdf,
-    ratings.rating_mean, raters.shrinkage_strength, raters.shrink_counts
+    ratings.rating_mean, ratings.shrink_counts
 ) | direct(ratings.inverse_cdf, p=0.5)
 ask(fitting(RATED, "y") | fitting(BLEND, "y", groups=OBJECTS), *NOT_RATINGS, arg="y")
 ask(by_name("y_true", SCORES), *NOT_RATINGS, arg="y_true")
@@ -554,7 +551,7 @@ PARAMETERS = {
     },
     DistributionalOrdinalRegressor: {
         "estimator": ("nnpom", 3), "n_duplicates": (0, 1.5), "sampling": ("grid",),
-        "p_transform": ("probit",), "balance": ("micro",), "monotone": ("yes",),
+        "p_transform": ("probit",),
         "decode": ("mean",), "rule": ("mean",), "n_quantiles": (0,),
     },
     SensorFusionNNPOM: {
@@ -690,9 +687,6 @@ ask(direct(STOPPING.fit, X=X, y=COUNTS),
         says="^y_val has 2 columns of counts, but there are 3 levels"),
     check("y_val of other trials", X_val=X, y_val=COUNTS[1:],
         says=r"inconsistent numbers of samples: \[12, 11\]"))
-ask(direct(DistributionalOrdinalRegressor(LogisticRegression(), monotone=True).fit),
-    check("monotone=True, and an estimator that cannot", X, COUNTS,
-        "monotone=True requires an NNPOM, but estimator is a LogisticRegression"))
 ask(direct(DistributionalOrdinalRegressor(LogisticRegression()).fit),
     check("several adjectives, and an estimator that cannot", X, TWO,
         "^y has the ratings of several adjectives, which .* cannot share; use an"))
@@ -800,9 +794,11 @@ ask({"TouchPool.weights": lambda touches: call(
     check("a member twice", [["linear", "linear"]],
         "^The member 'linear' is asked for twice"))
 ask(direct(describe_corpus),
-    check("no trials", [], "^corpus holds no trials; give a DataFrame or a list"),
-    check("a dict of sensors", {"pac": TRIALS}, "^corpus is a dict without 'trials'"),
-    check("a table of numbers", pd.DataFrame(X), "none of which holds arrays; give"),
+    *(check(given, corpus, "^corpus has no trials; give what load_phac2 returns, a D")
+      for given, corpus in [
+          *(("no trials", []), ("a dict of sensors", {"pac": TRIALS})),
+          ("a table of numbers", pd.DataFrame(X)),
+      ]),
     check("trials of other channels", [np.ones((3, 1)), np.ones((3, 2))],
         "^Trial 1 of X has time samples of shape"),
     check("text in a trial", [np.ones((3, 1)), "rough"], "^Trial 1 of X is not an"),
@@ -821,7 +817,6 @@ ask(direct(make_haptic_corpus),
 ask(fitting(DUMMY),
     check("trials of another number than ratings", TRIALS,
         r"inconsistent numbers of samples: \[4, 12\]"))
-ask(direct(ProgressLine), *wrong(n_fits=0, max_propagation_depth=-1))
 ask(direct(Sequences),
     check("a number in place of trials", 3, ["x0"], error=(TypeError, ValueError),
         says="^trials|is not iterable"))
@@ -996,7 +991,7 @@ ask(direct(ratings.outlying_raters, objects=np.zeros(N), raters=np.arange(N)),
 ask(direct(ratings.adjective_correlation, ratings=X),
     *settings("alpha", 0, "5%"), *settings("threshold", -0.3))
 
-# Scales with units, continuous ratings, pairs and raters
+# Scales with units, continuous ratings, few raters
 
 IN_UNITS = direct(
     metrics.ranked_probability_score, metrics.earth_movers_distance, metrics.macro_mae,
@@ -1052,40 +1047,13 @@ ask(direct(metrics.noise_ceiling),
         "^counts must be whole numbers of people, of whom one is left out"),
     check("a score by name", COUNTS, "rps", wrong_type("score")),
     *NOT_COUNTS[:1], arg="y_true")
-ask(direct(raters.shrinkage_strength, raters.shrink_counts),
+ask(direct(ratings.shrink_counts),
     check("one object", COUNTS[:1], "^counts has one object; shrinkage needs others"),
     check("weights instead of people", COUNTS / 2,
         "^counts must be whole numbers of people"),
     check("one rating of each object", np.eye(3),
         "^counts has no object with two ratings, .*; have some .* or give strength"))
-ask(direct(raters.shrink_counts, counts=COUNTS), *settings("strength", -1, "cv"))
-ask(direct(raters.rater_effects),
-    check("a table without raters", ratings.rating_counts([1, 2], ["a", "b"]),
-        "^table does not know its raters; make it by rating_counts.ratings"))
-SUPERIORITY = direct(pairs.probability_of_superiority, first=COUNTS, second=PROBA)
-for name in ("first", "second"):
-    ask(by_name(name, SUPERIORITY), *NOT_COUNTS, arg=name)
-ask(SUPERIORITY, *settings("ties", "drop"),
-    check("other levels", second=PROBA[:, :2],
-        says="^first has 3 levels, but second has 2; give both the same levels"),
-    check("other pairs", second=PROBA[:5],
-        says="^first has 12 rows, but second has 5; give one row per pair in both"))
-SCALE = direct(pairs.pairwise_scale, winners=list("abca"), losers=list("bcab"))
-ask(SCALE, *settings("alpha", 0, -1), *settings("model", "elo"),
-    check("an object against itself", winners=list("abcb"),
-        says="^winners and losers have the same object in row 3; name two objects"),
-    check("a missing object", winners=["a", None, "c", "a"],
-        says="^winners has no object in row 1; name the object of every row"),
-    check("a row less", losers=list("bca"), says="inconsistent numbers of samples"),
-    check("text against numbers", losers=[1, 2, 3, 4],
-        says="^winners and losers are not of one type, .*; convert one of them"),
-    check("objects without a link", winners=list("abxa"), losers=list("bcyb"),
-        says=r"^No judgement connects the objects \['x', 'y'\] .*; add judgements"),
-    check("a negative weight", sample_weight=[1, 1, 1, -1], says="Negative values"))
-PLACES = pairs.pairwise_scale(["tile"], ["foam"])
-ask(direct(PLACES.values_for),
-    check("an unknown object", ["tile", "cork"],
-        r"^The scale has no judgements of objects \['cork'\]; leave .* add their judg"))
+ask(direct(ratings.shrink_counts, counts=COUNTS), *settings("strength", -1, "cv"))
 LONG = pd.DataFrame({"object": list("aab"), "rater": list("xyx"), "rating": [1, 2, 2]})
 ask(direct(RatingTable.from_long),
     check("somebody's second rating of an object", pd.concat([LONG, LONG[:1]]),
@@ -1093,7 +1061,7 @@ ask(direct(RatingTable.from_long),
     check("a missing rater", LONG.replace({"rater": {"y": None}}),
         "^raters names nobody in row 1; name the rater of every row"),
     check("no column of raters", LONG[["object", "rating"]],
-        "^The table has 0 columns 'rater' among .*; give a DataFrame that has one"))
+        "^The table has no column 'rater', only .*; rename the one that is meant"))
 ask(direct(RatingTable.from_wide),
     check("an object in two rows", pd.DataFrame({"object": ["a", "a"], "x": [1, 2]}),
         "^ratings has two of the object 'a' by the rater 'x'; keep one, or tell"),
@@ -1379,22 +1347,21 @@ def cut(share):
     return lambda data: data[: int(share * len(data))]
 
 
-DAMAGED = "cut short or damaged|is not an HDF5 file; give one, or download it again"
-NOT_HDF5 = "is not an HDF5 file; give one, or download it again"
+DAMAGED = "cannot be read .*; close the file .* if it is no HDF5, cut short or damag"
 LINK = "is a soft or external link, .*; copy what it points at"
 NO_DTYPE = "tac of .* has dtype .*; it must hold numbers"
 NOT_FINITE = "tac of .* has NaN or infinity in sample 0 .*; leave the trial out"
 ask({"load_phac2": loading},
     check("no file", path="missing.h5", error=FileNotFoundError,
         says="There is no file .*missing.h5; give the path of one"),
-    check("a folder", path="", error=OSError, says="Is a directory|Permission"),
+    check("a folder", path="", error=FileNotFoundError, says="There is no file .*; gi"),
     *settings("path", 3),
-    check("an empty file", change=cut(0), error=OSError, says=NOT_HDF5),
+    check("an empty file", change=cut(0), error=OSError, says=DAMAGED),
     check("a text file", change=lambda _: b"trial,rating\n" * 99, error=OSError,
-        says=NOT_HDF5),
+        says=DAMAGED),
     *(check(f"a file cut at {share:.0%}", change=cut(share), error=OSError,
           says=DAMAGED)
-      for share in (0.001, 0.01, 0.1, 0.25, 0.5, 0.75, 0.9, 0.99)),
+      for share in (0.01, 0.99)),
     check("no trials", lambda file: file.clear(),
         "has no trials; give a file with groups named <object>_<id>_<run>"),
     check("a group that is no trial", lambda file: file.create_group("notes"),
@@ -1460,41 +1427,34 @@ ask({"load_phac2": loading},
     *settings("trials", [TRIAL] * 2, says="is asked for twice; name it"),
     in_folder=True)
 
-WORDS = np.array([f"word {i}" for i in range(10)], dtype=object)
 RATINGS = np.random.default_rng(0).integers(1, 6, (2, 10, 12))
+AXES = ["objects", "adjectives", "raters"]
 
 
-def loading_ratings(folder, change=None, name="ratings.mat", **variables):
-    """Call of `load_phac2` with a file of ratings whose bytes were changed."""
-    path = folder / "ratings.mat"
-    savemat(path, variables or {"ratings": RATINGS})
-    if change is not None:
-        path.write_bytes(change(path.read_bytes()))
-    return call(load_phac2, write_corpus(folder), ratings=folder / name)
-
-
-def loading_in_order(folder, array=RATINGS, **told):
-    """Call of `load_phac2` with a file of ratings, and what is said of it."""
+def loading_matlab(folder, change=None, array=RATINGS, name="ratings.mat", **told):
+    """Call of `load_phac2` with a MATLAB file , changed or misdescribed."""
     path = folder / "ratings.mat"
     savemat(path, {"ratings": array})
-    told = {"objects": [114, 602], "adjectives": [*"abcdefghij"]} | told
-    ratings = MatlabRatings(path, **told)
+    if change is not None:
+        path.write_bytes(change(path.read_bytes()))
+    usual = {"objects": [114, 602], "adjectives": [*"abcdefghij"]}
+    told = usual | {"variable": "ratings", "axes": AXES} | told
+    ratings = MatlabRatings(folder / name, **told)
     return call(load_phac2, write_corpus(folder), ratings=ratings)
 
 
 ANSWERS = pd.DataFrame(
-    [(o, r, a, 1 + r) for o in (114, 602) for r in (0, 1) for a in ("hard", "soft")],
+    [(o, r, a, 1 + r) for a in ("hard", "soft") for o in (114, 602) for r in (0, 1)],
     columns=["object", "rater", "adjective", "rating"],
 )
 
 
-def loading_answers(folder, table=None, change=None, **columns):
-    """Call of `load_phac2` with a table of answers, some of its cells changed."""
+def loading_answers(folder, table=None, **columns):
+    """Call of `load_phac2` with a table of answers, its last row changed."""
     if table is None:
         table = ANSWERS.astype(object)
         for column, value in columns.items():
             table.loc[table.index[-1], column] = value
-        table = table if change is None else change(table)
     return call(load_phac2, write_corpus(folder), ratings=table)
 
 
@@ -1507,154 +1467,95 @@ COUNTED = pd.DataFrame(np.ones((2, 5)), index=[114, 602], columns=range(1, 6))
 OTHER_IDS = RatingTable(np.ones((2, 5), int), np.array([114, 603]), np.arange(1, 6))
 
 
-def loading_counts(folder, table=COUNTED, adjective="hard", **others):
+def loading_counts(folder, table=COUNTED, **others):
     """Call of `load_phac2` with the counts of an adjective, and of others."""
-    return loading_answers(folder, {adjective: table} | others)
+    return loading_answers(folder, {"hard": table} | others)
 
 
-def flipped(byte, bit):
-    def change(data):
-        data = bytearray(data)
-        data[byte] ^= 1 << bit
-        return bytes(data)
-
-    return change
-
-
-NOT_MATLAB = "is not a MATLAB file, is cut short or is damaged .*; download it again"
-UNTOLD = "has no ratings that can be told by shape"
-ask({"load_phac2(ratings)": loading_ratings},
-    check("no file", name="missing.mat", error=FileNotFoundError,
-        says="There is no file .*missing.mat; give the path of one"),
-    *(check(given, change, error=OSError, says=NOT_MATLAB)
-      for given, change in {
-          "an empty file": cut(0),
-          "a text file": lambda _: b"a,b\n" * 99,
-          "zeros": lambda _: bytes(500),
-          **{
-              f"a file cut at {share:.0%}": cut(share)
-              for share in (0.05, 0.07, 0.08, 0.1, 0.5, 0.99)
-          },
-          "a variable of unknown type": flipped(128, 6),
-          "a variable larger than the file": flipped(134, 3),
-          "values of unknown type": flipped(192, 6),
-          "values that are said to be a variable": flipped(192, 1),
-          "values larger than the variable": flipped(199, 3),
-          "a class that is none": flipped(144, 7),
-          "dimensions that are not those of the values": flipped(160, 6),
-      }.items()),
+NO_FILE = "There is no file .*; give the path of one"
+NOT_MATLAB = "cannot be read as a MATLAB file .*; give one, or download it again"
+OTHER_OBJECT = r"objects that the corpus does not have, \[603\]; leave them out, or"
+ask({"MatlabRatings": loading_matlab},
+    check("no file", name="missing.mat", error=FileNotFoundError, says=NO_FILE),
+    check("a folder", name="", error=FileNotFoundError, says=NO_FILE),
+    check("an empty file", cut(0), error=OSError, says=NOT_MATLAB),
+    check("a text file", lambda _: b"a,b\n" * 99, error=OSError, says=NOT_MATLAB),
+    check("a file cut in half", cut(0.5), error=OSError, says=NOT_MATLAB),
     check("HDF5 that is cut short",
         lambda _: b"MATLAB 7.3 MAT-file" + bytes(493) + b"\x89HDF", error=OSError,
         says=DAMAGED),
-    check("no array of ratings", a=np.ones(3), says=f"{UNTOLD}: .* It has"),
-    check("ratings above 5", a=RATINGS + 3, says=UNTOLD),
-    check("negative ratings", a=RATINGS - 3, says=UNTOLD),
-    check("ratings in fractions", a=RATINGS / 2, says=UNTOLD),
-    check("infinite ratings", a=replaced(RATINGS, np.inf), says=UNTOLD),
-    check("complex ratings", a=RATINGS * 1j, says=UNTOLD),
-    check("counts that 64 bits do not hold",
-        a=np.eye(5)[None, [0, 1] * 5].repeat(2, axis=0) * 1e19,
-        says="has a count of 1e\\+19, which no 64-bit .*; divide the counts by"),
-    check("two arrays of ratings", a=RATINGS, b=RATINGS[::-1],
-        says="can be read in several ways: .* save one numeric array"),
-    check("two vectors of ids", a=RATINGS, b=[114, 602], c=[602, 114],
-        says=r"several vectors that could be object ids: .*; keep one"),
-    check("ids that the corpus does not have", a=RATINGS, ids=[114, 603], names=WORDS,
-        says=r"objects that the corpus does not have, \[603\]; leave them out or mend"),
-    check("an object that nobody rated", a=RATINGS * [[[0]], [[1]]], ids=[114, 602],
-        names=WORDS,
-        says="has no .* rating of object 114; leave the object's trials out"),
-    in_folder=True)
-
-UNTOLD_ORDER = r"of its objects and adjectives; give .*MatlabRatings\(.*, objects=\["
-ask({"load_phac2(ratings)": loading_ratings},
-    check("ratings without ids and names", says=UNTOLD_ORDER),
-    in_folder=True)
-ask({"MatlabRatings": loading_in_order},
     check("a variable that is not there", variable="counts",
-        says="has no variable 'counts'; it has ratings"),
-    check("objects of another number", objects=[114], says=UNTOLD),
-    check("an object twice", objects=[114, 114], says="must be distinct and at least"),
+        says=r"has no variable 'counts'; it has \[\('ratings', \(2, 10, 12\), 'int64'"),
+    check("axes that are none", axes=["objects", "people"],
+        says="must be 'objects', 'adjectives' and either 'raters' or 'levels', in"),
+    check("another order of axes", axes=["raters", *AXES[:2]],
+        says=r"has shape \(2, 10, 12\) .*; mend the axes, the objects or the adj"),
+    check("an array of complex numbers", array=RATINGS * 1j,
+        says="dtype complex128, but axes=.* tells of numbers of shape"),
+    check("objects of another number", objects=[114], says="mend the axes, the obj"),
+    check("an object twice", objects=[114, 114], says="list each once, in the order"),
+    check("an adjective twice", adjectives=["hard"] * 10, says="list each once, in"),
     check("objects by name", objects=["sponge", "cup"],
-        says="has the object 'sponge'; give the ids that the names of trials have"),
+        says="objects that the corpus does not have, .*, or give ids .* such as 114"),
     check("an object that the corpus does not have", objects=[114, 603],
-        says=r"objects that the corpus does not have, \[603\]; leave them out or mend"),
-    check("adjectives of another number", adjectives=["hard"], says=UNTOLD),
-    check("an adjective twice", adjectives=["hard"] * 10, says="must be distinct"),
-    check("adjectives by number", adjectives=range(10), says="must list names as text"),
+        says=OTHER_OBJECT),
+    check("ratings above 5", array=RATINGS + 3,
+        says="^The answers on 'a': ratings has the rating [678].0 in row [0-9]+, w"),
+    check("an object that nobody rated", array=RATINGS * [[[0]], [[1]]],
+        says=r"^ratings\['a'\] has no ratings of objects \[114\]; leave their trials"),
     in_folder=True)
 ask({"load_phac2(ratings)": loading_answers},
     *(check(given, table, error=TypeError, says=f"^ratings is of the type {kind}; ")
       for given, table, kind in [
           *(("a number", 3, "int"), ("a list", [[1]], "list")),
-          ("an array", np.ones((2, 5)), "ndarray"),
+          *(("an array", np.ones((2, 5)), "ndarray"), ("an empty dict", {}, "dict")),
       ]),
     *(check(f"a table without {column}", ANSWERS.drop(columns=column),
-          "has the columns .*; give one row per answer, with the columns 'rater'")
+          f"The table has no column '{column}', only .*; rename the one")
       for column in ANSWERS.columns),
-    check("a table by object and trial", ANSWERS.assign(trial=TRIAL),
-        "and either 'object' or 'trial'"),
     check("a table of no rows", ANSWERS[:0], "holds no values at all"),
-    check("a table of counts", COUNTED, "give one row per answer, with the columns"),
-    *(check(f"no {column} in a row", says="no|lacks", **{column: None})
-      for column in ("object", "rater", "adjective")),
-    check("an object that the corpus does not have", object=603,
-        says=r"^ratings has ratings of objects .* does not have, \[603\]; leave"),
-    check("an object with a fraction", object=114.5, says="has the object 114.5; give"),
-    check("an object that is infinite", object=np.inf, says="has the object inf; give"),
-    check("objects by name", change=lambda table: table.assign(object="sponge"),
-        says="has the object 'sponge'; give the ids"),
+    *(check(f"no {column} in a row", says=f"no {column} in row", **{column: None})
+      for column in ("object", "adjective")),
+    check("no rater in a row", rater=None, says="'soft': raters names nobody in row 3"),
+    check("an object that the corpus does not have", object=603, says=OTHER_OBJECT),
+    check("objects by name", ANSWERS.replace({114: "sponge", 602: "cup"}),
+        says=r"does not have, \['cup', 'sponge'\]; leave them out, or give ids"),
     check("a table that lacks an object", ANSWERS[ANSWERS["object"] == 114],
-        "^ratings has no ratings of object 602; .* Leave the object's trials out"),
-    check("a trial that nobody rated",
-        ANSWERS[:4].assign(trial=TRIAL).drop(columns="object"),
-        "has no ratings of trial 'cup_602_01'; .* Leave the trial out through trials="),
-    check("a trial that the corpus does not have",
-        ANSWERS.assign(trial="x_1_1").drop(columns="object")[:4],
-        r"trials that the corpus does not have, \['x_1_1'\]; leave them out or mend"),
-    check("a missing rating on an adjective", ANSWERS.drop([5, 7]),
-        "has no 'soft' rating of object 602; leave the object's trials out"),
+        r"^ratings\['hard'\] has no ratings of objects \[602\]; leave their trials"),
+    check("a missing rating on an adjective", ANSWERS.drop([6, 7]),
+        r"^ratings\['soft'\] has no ratings of objects \[602\]; leave their trials"),
     check("two answers of a person", ANSWERS.assign(rater=0),
-        "two ratings of object 114, rater 0, adjective 'hard'; keep one, or tell"),
+        "^The answers on 'hard': ratings has two of the object 114 by the rater 0; k"),
     *(check(f"a rating of {rating!r}", rating=rating,
-          says="^ratings has the rating .*, which is not among the levels .*; mend it")
+          says="on 'soft': ratings has the rating .* row 3, which is not among levels")
       for rating in (0, 6, 2.5, np.inf)),
-    check("ratings that are booleans", change=lambda table: table.assign(rating=True),
-        says="^ratings has the rating 'True', which is not among the levels"),
-    check("ratings that are lists", change=lambda table: table.assign(
-        rating=pd.Series([[1]] * 8)), says=r"has the rating \[1\]; give numbers or"),
-    check("ratings in words", change=lambda table: table.assign(rating="very"),
-        says="^ratings has the rating 'very', which is not among the levels"),
+    check("ratings in words", ANSWERS.assign(rating="very"),
+        says="ratings has the rating 'very' in row 0, which is not among levels"),
     check("words among ratings", rating="very", says="mixes text with something else"),
-    check("adjectives by number", ANSWERS.assign(adjective=1), "name it by text"),
     in_folder=True)
-NOT_CSV = "is not a CSV file in UTF-8 .*; save it as one"
+NOT_CSV = "is not a CSV file in UTF-8 .*; save it as one, or describe a MATLAB file"
 LINE = b"object,rater,adjective,rating\n"
 ask({"load_phac2(ratings)": loading_csv},
-    check("an empty CSV file", b"", r"csv has the columns \[\]; give one row per"),
-    check("CSV by semicolons", LINE.replace(b",", b";"), "give one row per answer"),
+    check("an empty CSV file", b"", NOT_CSV),
+    check("CSV by semicolons", LINE.replace(b",", b";"), "no column 'adjective', only"),
     check("CSV that is not UTF-8", LINE + b"\xff", NOT_CSV),
     check("CSV with an open quote", LINE + b'1,"2', NOT_CSV),
-    check("CSV with a row cut short", LINE + b"114,1\n",
-        "has 2 cells in row 0, but 4 columns; separate"),
-    check("CSV with a column twice", b"object," + LINE, "give one row per answer"),
+    check("CSV with a row too long", LINE + b"114,1,a,2\n114,1,a,2,3\n", NOT_CSV),
     check("CSV without answers", LINE, "holds no values at all"),
     in_folder=True)
 ask({"load_phac2(ratings)": loading_counts},
     check("counts without ids", COUNTED.reset_index(drop=True),
-        r"^ratings\['hard'\] does not say which objects .*; give a RatingTable, or"),
-    check("counts in an array", COUNTED.to_numpy(), "does not say which objects"),
+        r"^ratings has objects that the corpus does not have, \[0, 1\]; leave them"),
+    check("counts in an array", COUNTED.to_numpy(), error=TypeError,
+        says=r"^ratings\['hard'\] is of the type ndarray; give"),
     check("counts of an object twice", COUNTED.set_axis([114, 114]),
-        "has 2 rows for 1 objects; give one row per object"),
-    check("counts of an object that the corpus does not have", OTHER_IDS,
-        r"objects that the corpus does not have, \[603\]; leave them out or mend"),
-    check("counts that lack an object", COUNTED[:1], "has no ratings of object 602"),
+        "has two rows of an object; give one row per object"),
+    check("counts of an object that the corpus does not have", OTHER_IDS, OTHER_OBJECT),
+    check("counts that lack an object", COUNTED[:1],
+        r"has no ratings of objects \[602\]"),
     check("counts of other levels", soft=COUNTED.set_axis(range(5), axis=1),
         says="has the levels .*, but .*; give all adjectives the same, for instance"),
-    check("counts by words", COUNTED.set_axis([*"abcde"], axis=1),
-        "words in alphabetical order, .*; make them an ordered pandas.Cat"),
     check("negative counts", -COUNTED, "has a negative count in"),
-    check("counts for no adjective", adjective=3, says="name the adjective"),
     in_folder=True)
 
 # Studies

@@ -20,9 +20,7 @@ from sklearn_haptic import (  # noqa: E402
     datasets,
     metrics,
     model_selection,
-    pairs,
     plotting,
-    raters,
     ratings,
     streaming,
     study,
@@ -30,8 +28,8 @@ from sklearn_haptic import (  # noqa: E402
 from sklearn_haptic.datasets import load_phac2  # noqa: E402
 
 MODULES = (
-    *(sklearn_haptic, datasets, metrics, model_selection, pairs, plotting),
-    *(raters, ratings, streaming, study),
+    *(sklearn_haptic, datasets, metrics, model_selection, plotting),
+    *(ratings, streaming, study),
 )
 PAGE = Path(__file__).parents[1] / "docs" / "bad_input.md"
 

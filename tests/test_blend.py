@@ -22,13 +22,13 @@ from sklearn_haptic import (
     DummyDistribution,
     RegressedDistribution,
 )
-from sklearn_haptic.metrics import neg_rps_scorer, ranked_probability_score
-from sklearn_haptic.model_selection import cross_val_predict_proba
-from sklearn_haptic.models._pool_weights import (
+from sklearn_haptic.ensembles._blend_weights import (
     best_weights,
     cautious_exponent,
     cautious_weights,
 )
+from sklearn_haptic.metrics import neg_rps_scorer, ranked_probability_score
+from sklearn_haptic.model_selection import cross_val_predict_proba
 
 N_OBJECTS, N_TRIALS = 12, 3
 OBJECTS = np.repeat(np.arange(N_OBJECTS), N_TRIALS)

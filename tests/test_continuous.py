@@ -17,13 +17,13 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     DummyDistribution,
 )
-from sklearn_haptic._answers import check_answers
 from sklearn_haptic.metrics import (
     crps,
     neg_rps_scorer,
     noise_ceiling,
     ranked_probability_score,
 )
+from sklearn_haptic.ratings._continuous import check_answers
 
 
 def crowd(n_objects=30, n_people=12, seed=0):

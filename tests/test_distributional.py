@@ -23,8 +23,6 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     DummyDistribution,
 )
-from sklearn_haptic._distributions import quantile_grid
-from sklearn_haptic._folds import validation_split
 from sklearn_haptic.model_selection import cross_val_predict_proba
 from sklearn_haptic.models._decoding import decide
 from sklearn_haptic.models._quantile_positions import (
@@ -33,6 +31,8 @@ from sklearn_haptic.models._quantile_positions import (
     training_observations,
     unit_gauss_legendre,
 )
+from sklearn_haptic.ratings._distributions import quantile_grid
+from sklearn_haptic.utils._folds import validation_split
 
 
 def ordinal_trials(n_objects=20, n_trials=5, n_features=4, seed=0):
@@ -48,14 +48,13 @@ def ordinal_trials(n_objects=20, n_trials=5, n_features=4, seed=0):
     return X, counts[objects], objects
 
 
-@pytest.mark.parametrize("sampling", ["level", "lattice", "stratified", "random"])
-@pytest.mark.parametrize("balance", [None, "macro"])
-def test_labels_are_the_exact_inverse_cdf(sampling, balance):
+@pytest.mark.parametrize("sampling", ["level", "random"])
+def test_labels_are_the_exact_inverse_cdf(sampling):
     rng = np.random.default_rng(0)
     counts = rng.integers(0, 6, size=(50, 5)).astype(float)
     counts[:, 3] += 1
     positions, level, weight = training_observations(
-        counts, 15, sampling, balance, np.random.RandomState(0)
+        counts, 15, sampling, np.random.RandomState(0)
     )
     assert ((positions > 0) & (positions < 1)).all()
     np.testing.assert_allclose(weight.sum(axis=1), 15)
@@ -63,27 +62,16 @@ def test_labels_are_the_exact_inverse_cdf(sampling, balance):
         rank = Fraction(positions[t, w]) * int(counts[t].sum())
         below = np.cumsum(counts[t].astype(int))
         assert level[t, w] == np.argmax([b >= rank for b in below])
-    if balance == "macro":
-        for t in range(50):
-            used = [weight[t][level[t] == k].sum() for k in range(5)]
-            np.testing.assert_allclose([u for u in used if u], max(used))
 
 
 def test_level_sampling_integrates_over_the_population():
     counts = np.array([[3.0, 0.0, 6.0, 2.0, 1.0]])
-    positions, level, weight = training_observations(counts, 15, "level", None, None)
+    positions, level, weight = training_observations(counts, 15, "level", None)
     for k, (start, end) in enumerate([(0, 3), (3, 3), (3, 9), (9, 11), (11, 12)]):
         exact = quad(lambda p: p**5, start / 12, end / 12)[0]
         at_level = level[0] == k
         ours = weight[0, at_level] @ positions[0, at_level] ** 5 / 15
         assert ours == pytest.approx(exact, rel=1e-12)
-
-
-def test_lattice_shows_every_rating_of_many_raters():
-    rng = np.random.default_rng(1)
-    counts = np.tile(rng.multinomial(70, [0.6, 0.2, 0.1, 0.08, 0.02]), (10, 1))
-    _, level, _ = training_observations(counts * 1.0, 15, "lattice", None, None)
-    assert set(np.unique(level)) == set(np.flatnonzero(counts[0]))
 
 
 def test_paper_settings_are_the_papers_procedure():
@@ -98,7 +86,7 @@ def test_paper_settings_are_the_papers_procedure():
     rng.randint(np.iinfo(np.int32).max, size=1)  # the seed of the network
     uniform = rng.uniform(size=(len(X), 15))
     positions, level, weight = training_observations(
-        counts.astype(float), 15, "random", None, _Replay(uniform)
+        counts.astype(float), 15, "random", _Replay(uniform)
     )
     np.testing.assert_array_equal(positions, uniform)
     np.testing.assert_array_equal(weight, 1)
@@ -239,7 +227,7 @@ class CountingBase(BaseEstimator):
     def fit(self, X, y):
         raise AssertionError("the rows were repeated")
 
-    def fit_with_positions(self, *observed, levels, monotone, validation, **_):
+    def fit_with_positions(self, *observed, levels, validation, **_):
         self.seen_, self.validation_ = observed, validation
         self.n_levels_ = len(levels)
 
@@ -390,7 +378,9 @@ def test_equal_weights_count_beside_the_penalty_of_a_base():
     )
     once, twice = (
         DistributionalOrdinalRegressor(
-            LogisticRegression(C=C, tol=1e-10, max_iter=1000), sampling="lattice"
+            LogisticRegression(C=C, tol=1e-10, max_iter=1000),
+            sampling="random",
+            random_state=0,
         )
         .fit(X, counts, sample_weight=np.full(30, weight))
         .predict_proba(X)
@@ -402,16 +392,19 @@ def test_equal_weights_count_beside_the_penalty_of_a_base():
 def test_base_without_weights_says_what_to_do():
     X, counts, _ = ordinal_trials()
     model = DistributionalOrdinalRegressor(KNeighborsClassifier())
-    with pytest.raises(ValueError, match=r"takes no sample_weight.*'lattice'"):
+    with pytest.raises(ValueError, match=r"takes no sample_weight.*'random'"):
         model.fit(X, counts)
-    proba = model.set_params(sampling="lattice").fit(X, counts).predict_proba(X)
+    proba = (
+        model.set_params(sampling="random", random_state=0)
+        .fit(X, counts)
+        .predict_proba(X)
+    )
     np.testing.assert_allclose(proba.sum(axis=1), 1)
 
 
 @pytest.mark.parametrize(
     ("params", "message"),
     [
-        ({"monotone": True, "estimator": Ridge()}, "monotone=True requires an NNPOM"),
         ({"levels": [1, 2, 3]}, "5 columns of counts, but there are 3 levels"),
     ],
 )
@@ -454,15 +447,6 @@ def test_barycentre_minimises_the_mean_distance():
     own = np.abs(cdf - best).sum(axis=1).mean()
     for other in np.cumsum(rng.dirichlet(np.ones(5), size=2000), axis=1):
         assert own <= np.abs(cdf - other).sum(axis=1).mean() + 1e-12
-
-
-@pytest.mark.parametrize("monotone", [False, True])
-def test_monotone_reaches_the_network(monotone):
-    """It keeps the position's weights, and those out of the units, from below zero."""
-    X, counts, _ = ordinal_trials()
-    model = DistributionalOrdinalRegressor(NNPOM(5), monotone=monotone, random_state=0)
-    into, out_of = model.fit(X, counts).estimator_.coefs_
-    assert (np.append(into[-1], out_of) >= 0).all() == monotone
 
 
 def test_validation_trials_may_be_given():

@@ -5,13 +5,12 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from joblib.externals.loky import get_reusable_executor
+from scipy.io import savemat
 from test_annotations import public_objects
-from test_matlab_ratings import save_v7
 from test_phac2 import REST, STATES, write_trial
-
-from sklearn_haptic.datasets._rated import ADJECTIVES
 
 h5py = pytest.importorskip("h5py")
 pytest.importorskip("distributed")
@@ -40,9 +39,12 @@ def write_phac2(folder):
     with h5py.File(folder / "phac_train_test_pos_neg_90_10_1_20.h5", "w") as file:
         for seed, name in enumerate(["cup_114_01", "cup_114_02", "mat_602_01"]):
             write_trial(file, name, states, seed)
-    counts = np.tile([0, 1, 3, 2, 0], (2, len(ADJECTIVES), 1))
-    names = np.array(ADJECTIVES, dtype=object)
-    save_v7(folder / "ratings.mat", {"counts": counts, "ids": [114, 602], "n": names})
+    ratings = np.random.default_rng(0).integers(1, 6, (2, 10, 12))
+    savemat(folder / "ratings.mat", {"ratings": ratings, "ids": [114, 602]})
+    names = ["object", "adjective", "rater"]
+    index = pd.MultiIndex.from_product([[114, 602], ["hard", "rough"], range(12)])
+    answers = pd.Series(ratings[:, :2].ravel(), index.set_names(names), name="rating")
+    answers.to_csv(folder / "ratings.csv")
 
 
 @pytest.fixture

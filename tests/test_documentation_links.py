@@ -24,7 +24,7 @@ from sklearn_haptic import (
     TouchPool,
     make_haptic_pipeline,
 )
-from sklearn_haptic._sklearn import DOCUMENTATION_URL
+from sklearn_haptic.utils._sklearn import DOCUMENTATION_URL
 
 PUBLIC = [getattr(sklearn_haptic, name) for name in sklearn_haptic.__all__]
 ESTIMATORS = [each for each in PUBLIC if hasattr(each, "_repr_html_")]

@@ -268,7 +268,9 @@ def test_the_basis_of_the_solver_is_that_of_repeated_trials():
 )
 def test_estimators_that_hold_out_rows_themselves(estimator, off, recwarn):
     X, counts, objects = touches()
-    model = DistributionalOrdinalRegressor(clone(estimator), sampling="lattice")
+    model = DistributionalOrdinalRegressor(
+        clone(estimator), sampling="random", random_state=0
+    )
     with pytest.warns(UserWarning, match="rows that it holds out itself"):
         model.fit(X, counts, groups=objects)
     model.estimator.set_params(**off)
@@ -283,7 +285,7 @@ def test_more_than_10_000_rows_make_histogram_boosting_stop_early():
         (HistGradientBoostingClassifier(max_iter=2, early_stopping=False), False),
         (LogisticRegression(), False),
     ]:
-        model = DistributionalOrdinalRegressor(base, sampling="lattice")
+        model = DistributionalOrdinalRegressor(base, sampling="random", random_state=0)
         if warned:
             with pytest.warns(UserWarning, match="rows that it holds out itself"):
                 model.fit(X, counts)

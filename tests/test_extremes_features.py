@@ -25,6 +25,7 @@ from sklearn_haptic import (
     TemporalMaxPool,
 )
 from sklearn_haptic.features._ksvd import initial_atoms, ksvd
+from sklearn_haptic.features._ksvd_transformer import sliding_windows
 from sklearn_haptic.features._sparse_coding import (
     batch_omp,
     dense_codes,
@@ -32,7 +33,6 @@ from sklearn_haptic.features._sparse_coding import (
     unit_rows,
 )
 from sklearn_haptic.features._sthmp import normalise_frames, spatial_max_pool
-from sklearn_haptic.features._windows import sliding_windows
 
 DTYPES = [np.float64, np.float32]
 # Near 1e-150 and 1e150, or 1e-30 and 1e30, as powers of two.

@@ -21,7 +21,6 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.utils._testing import ignore_warnings
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, DummyDistribution
-from sklearn_haptic._distributions import level_at
 from sklearn_haptic.metrics import (
     dispersion,
     earth_movers_distance,
@@ -47,6 +46,7 @@ from sklearn_haptic.ratings import (
     interrater_agreement,
     inverse_cdf,
 )
+from sklearn_haptic.ratings._distributions import level_at
 
 EPS = np.finfo(np.float64).eps
 MAX = np.finfo(np.float64).max
@@ -593,16 +593,13 @@ def assert_consistent(model, X):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("crowd", CROWDS)
-@pytest.mark.parametrize("sampling", ["level", "lattice"])
-@pytest.mark.parametrize("balance", [None, "macro"])
-def test_every_crowd_gives_consistent_predictions(crowd, sampling, balance):
+@pytest.mark.parametrize("sampling", ["level", "random"])
+def test_every_crowd_gives_consistent_predictions(crowd, sampling):
     X, counts = touches()
-    for n_hidden, monotone in [(0, False), (0, True), (3, False)]:
+    for n_hidden in (0, 3):
         model = DistributionalOrdinalRegressor(
             NNPOM(n_hidden, max_iter=60),
             sampling=sampling,
-            balance=balance,
-            monotone=monotone,
             random_state=0,
         )
         fit_quietly(model.fit)(X, CROWDS[crowd](counts))
@@ -613,7 +610,7 @@ def test_every_crowd_gives_consistent_predictions(crowd, sampling, balance):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("n_duplicates", [1, 1000])
-@pytest.mark.parametrize("sampling", ["level", "lattice", "stratified", "random"])
+@pytest.mark.parametrize("sampling", ["level", "random"])
 def test_one_duplicate_and_a_thousand(n_duplicates, sampling):
     X, counts = touches()
     model = DistributionalOrdinalRegressor(
@@ -632,7 +629,7 @@ def test_one_duplicate_and_a_thousand(n_duplicates, sampling):
 @given(
     counts=st.lists(st.sampled_from([0, 1, 2, 70, 10**12]), min_size=2, max_size=20),
     n_duplicates=st.sampled_from([1, 2, 15, 1000]),
-    sampling=st.sampled_from(["level", "lattice", "stratified", "random"]),
+    sampling=st.sampled_from(["level", "random"]),
 )
 def test_observations_of_extreme_counts(counts, n_duplicates, sampling):
     """Every label is the rating at its position; every rating has its weight."""
@@ -641,7 +638,6 @@ def test_observations_of_extreme_counts(counts, n_duplicates, sampling):
         np.array([counts], dtype=np.float64),
         n_duplicates,
         sampling,
-        None,
         np.random.RandomState(0),
     )
     assert ((positions > 0) & (positions < 1)).all()
@@ -666,10 +662,9 @@ class Uniform:
         return np.resize([0.0, 1 - EPS / 2], size)
 
 
-@pytest.mark.parametrize("sampling", ["stratified", "random"])
-def test_positions_next_to_zero_and_one(sampling):
+def test_positions_next_to_zero_and_one():
     counts = np.array([[1.0, 0, 1, 0], [0, 1e12, 1, 0]])
-    positions, level, _ = training_observations(counts, 4, sampling, None, Uniform())
+    positions, level, _ = training_observations(counts, 4, "random", Uniform())
     assert ((positions > 0) & (positions < 1)).all()
     assert np.isfinite(logit(positions)).all()
     assert (np.take_along_axis(counts, level, axis=1) > 0).all()

@@ -84,7 +84,7 @@ def test_it_is_what_the_paper_describes(held_out, sampling):
 
     rng = np.random.RandomState(3)  # one seed for the networks, then the positions
     seeds = np.random.RandomState(rng.randint(2**31 - 1)).randint(2**31 - 1, size=4)
-    p, level, weight = training_observations(counts, 15, sampling, None, rng)
+    p, level, weight = training_observations(counts, 15, sampling, rng)
     trial = np.nonzero(weight)[0]
     level, p, weight = level[weight > 0], p[weight > 0], weight[weight > 0]
     rows = np.column_stack((X[trial], np.log(p / (1 - p))))
@@ -407,9 +407,3 @@ def test_a_frozen_network_of_other_columns():
     model = SensorFusionNNPOM({"pac": [0, 1, 2]}, {"pac": FrozenEstimator(narrow)})
     with pytest.raises(ValueError, match=r"has 3 inputs, but 4 .* position among them"):
         DistributionalOrdinalRegressor(model).fit(X, counts)
-
-
-def test_monotone_is_not_possible():
-    X, counts, _ = touches()
-    with pytest.raises(ValueError, match="monotone=True requires an NNPOM"):
-        DistributionalOrdinalRegressor(fusion(), monotone=True).fit(X, counts)

@@ -15,7 +15,6 @@ from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic._distributions import macro_error
 from sklearn_haptic.metrics import (
     dispersion,
     earth_movers_distance,
@@ -27,6 +26,7 @@ from sklearn_haptic.metrics import (
     pit_histogram,
     ranked_probability_score,
 )
+from sklearn_haptic.ratings._distributions import macro_error
 
 SCORES = [
     macro_mae,

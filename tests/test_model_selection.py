@@ -31,7 +31,6 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     make_haptic_pipeline,
 )
-from sklearn_haptic._candidates import is_non_dominated
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
 from sklearn_haptic.model_selection import (
@@ -40,6 +39,7 @@ from sklearn_haptic.model_selection import (
     sensor_subsets,
     speed_accuracy_frontier,
 )
+from sklearn_haptic.model_selection._candidates import is_non_dominated
 
 pytestmark = pytest.mark.slow
 

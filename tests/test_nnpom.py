@@ -384,9 +384,9 @@ def test_shared_features_at_the_size_of_a_study(n_duplicates):
     counts = rng.integers(0, 4, size=(6, 5)).repeat(10, axis=0) + 1.0
     layout = Layout(301, 30, (5,))
     params = initial_params(layout, [np.ones(5)], np.random.RandomState(0))
-    for sampling in ("level", "lattice"):
+    for sampling in ("level", "random"):
         positions, level, weight = training_observations(
-            counts, n_duplicates, sampling, None, None
+            counts, n_duplicates, sampling, np.random.RandomState(0)
         )
         positions = logit(positions)
         shared = NetworkLoss(layout, X, [(positions, level, weight)], 2.0)(params)
@@ -411,19 +411,6 @@ def test_sigmoid_of_sums(size):
     np.testing.assert_allclose(
         sigmoid_of_sums(a, b), expected, rtol=1e-15 * max(size, 10), atol=1e-300
     )
-
-
-@pytest.mark.parametrize("n_hidden", [0, 3])
-def test_monotone_latent_rises_with_the_position(n_hidden):
-    rng = np.random.default_rng(4)
-    X, positions = rng.normal(size=(30, 3)), rng.normal(size=(30, 5))
-    level = np.argsort(np.argsort(-positions, axis=1), axis=1)  # falls with p
-    model = NNPOM(n_hidden, alpha=0.1, random_state=0).fit_with_positions(
-        X, positions, level, np.ones((30, 5)), levels=np.arange(5), monotone=True
-    )
-    proba = model.predict_proba_with_positions(X, np.linspace(-3, 3, 50))
-    cdf = proba.cumsum(axis=2)
-    assert (np.diff(cdf, axis=1) <= 1e-12).all()
 
 
 def test_irprop_minimises_a_quadratic():
@@ -507,18 +494,6 @@ def test_warns_without_convergence():
 def test_bad_ratings(y, params, message):
     with pytest.raises(ValueError, match=message):
         NNPOM(0, **params).fit(np.eye(3), y)
-
-
-def test_monotone_needs_lbfgs():
-    with pytest.raises(ValueError, match="monotone=True requires solver='lbfgs'"):
-        NNPOM(0, solver="irprop+").fit_with_positions(
-            np.eye(3),
-            np.zeros((3, 1)),
-            np.arange(3)[:, None],
-            np.ones((3, 1)),
-            levels=np.arange(3),
-            monotone=True,
-        )
 
 
 def test_pickle_and_hidden_activations():

@@ -20,13 +20,13 @@ from sklearn_haptic import (
     make_haptic_pipeline,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.metrics import ranked_probability_score
-from sklearn_haptic.models._novelty import (
+from sklearn_haptic.ensembles._novelty import (
     belief_at,
     conformal_p_values,
     fit_belief,
     nearest_distances,
 )
+from sklearn_haptic.metrics import ranked_probability_score
 
 
 def made(n_objects=40, n_touches=3, seed=0, shift=0.0):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import sklearn_haptic
-from sklearn_haptic._sklearn import DOCUMENTATION_URL
+from sklearn_haptic.utils._sklearn import DOCUMENTATION_URL
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -22,12 +22,12 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     SensorFusionNNPOM,
 )
-from sklearn_haptic._trial_scores import predict_and_score, score_trials
 from sklearn_haptic.metrics import (
     macro_mae,
     macro_mae_at_positions,
     neg_macro_mae_scorer,
 )
+from sklearn_haptic.metrics._trial_scores import predict_and_score, score_trials
 from sklearn_haptic.models._network import Layout
 from sklearn_haptic.models._network_loss import NetworkLoss
 from sklearn_haptic.models._proportional_odds import GAPS

@@ -10,12 +10,12 @@ from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic._cells import cell_bounds
-from sklearn_haptic._sequences import Sequences
 from sklearn_haptic.features._pooling import (
     TemporalMaxPool,
     temporal_max_pool,
 )
+from sklearn_haptic.features._pyramid_cells import cell_bounds
+from sklearn_haptic.recordings._sequences import Sequences
 
 
 def sequences(lengths=(40, 23, 16), n_columns=3, dtype=np.float64, seed=0):

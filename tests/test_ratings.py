@@ -7,7 +7,6 @@ import polars as pl
 import pytest
 from scipy.stats import rankdata, spearmanr, wasserstein_distance
 
-from sklearn_haptic._distributions import level_at
 from sklearn_haptic.ratings import (
     RatingTable,
     adjective_correlation,
@@ -19,6 +18,7 @@ from sklearn_haptic.ratings import (
     rating_distribution,
 )
 from sklearn_haptic.ratings._correlation import _holm
+from sklearn_haptic.ratings._distributions import level_at
 
 
 def exact_level(counts, p):

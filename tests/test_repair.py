@@ -19,7 +19,7 @@ from sklearn_haptic import (
     make_haptic_pipeline,
     resample_trials,
 )
-from sklearn_haptic.features._faults import estimate_moments
+from sklearn_haptic.recordings._faults import estimate_moments
 
 MIXING = np.random.default_rng(0).normal(size=(2, 4))
 

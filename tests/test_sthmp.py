@@ -9,10 +9,9 @@ from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic._biotac import biotac_layout
-from sklearn_haptic._sequences import Sequences
 from sklearn_haptic.features import _dictionary_coder
 from sklearn_haptic.features._dictionary_coder import encode
+from sklearn_haptic.features._ksvd_transformer import KSVDTransformer
 from sklearn_haptic.features._pooling import TemporalMaxPool
 from sklearn_haptic.features._sthmp import (
     STHMPTransformer,
@@ -22,7 +21,8 @@ from sklearn_haptic.features._sthmp import (
     spatial_grids,
     spatial_max_pool,
 )
-from sklearn_haptic.features._windows import KSVDTransformer
+from sklearn_haptic.recordings._biotac import biotac_layout
+from sklearn_haptic.recordings._sequences import Sequences
 
 LAYOUT = biotac_layout()
 SIGNS = {"omp": "absolute", "omp_sign": "split"}

@@ -34,10 +34,10 @@ from sklearn_haptic import (
     SensorFusionNNPOM,
     metrics,
 )
-from sklearn_haptic._biotac import PROCEDURES
-from sklearn_haptic._biotac import SENSORS as SENSORS_OF_PHAC2
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.model_selection import contribution_summary
+from sklearn_haptic.recordings._biotac import PROCEDURES
+from sklearn_haptic.recordings._biotac import SENSORS as SENSORS_OF_PHAC2
 from sklearn_haptic.study import read_study, run_study
 from sklearn_haptic.study._choice import fit_best
 from sklearn_haptic.study._features import (

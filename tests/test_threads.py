@@ -20,7 +20,7 @@ from sklearn_haptic import (
     STHMPTransformer,
     TemporalMaxPool,
 )
-from sklearn_haptic._sklearn import one_blas_thread
+from sklearn_haptic.utils._sklearn import one_blas_thread
 
 TRIALS = [np.random.default_rng(i).normal(size=(30, 19)) for i in range(6)]
 TABLE = np.random.default_rng(0).normal(size=(30, 4))

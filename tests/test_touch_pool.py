@@ -22,9 +22,7 @@ from sklearn_haptic import (
     make_haptic_pipeline,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.metrics import dispersion, ranked_probability_score
-from sklearn_haptic.model_selection import cross_val_predict_proba
-from sklearn_haptic.models._pool_moments import (
+from sklearn_haptic.ensembles._pool_moments import (
     blur_share,
     error_moments,
     mean_products,
@@ -32,6 +30,8 @@ from sklearn_haptic.models._pool_moments import (
     pool_weights,
     spread_moments,
 )
+from sklearn_haptic.metrics import dispersion, ranked_probability_score
+from sklearn_haptic.model_selection import cross_val_predict_proba
 
 N_LEVELS = 4
 MEMBERS = [("a", NNPOM(0), ["a0", "a1"]), ("b", NNPOM(0), ["b"])]

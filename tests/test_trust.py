@@ -38,11 +38,11 @@ from load_and_predict import (
     refuse_training,
 )
 from matplotlib import pyplot
+from scipy.io import savemat
 from sklearn.base import BaseEstimator, clone
 from sklearn.exceptions import InconsistentVersionWarning
 from sklearn.model_selection import GroupKFold
 from sklearn.utils import _safe_indexing
-from test_matlab_ratings import save_v7, save_v73
 from test_phac2 import write_trial
 from threadpoolctl import threadpool_info, threadpool_limits
 
@@ -54,16 +54,13 @@ from sklearn_haptic import (
     make_haptic_pipeline,
     metrics,
     model_selection,
-    pairs,
     plotting,
-    raters,
     ratings,
     resample_trials,
     streaming,
     study,
 )
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
-from sklearn_haptic.datasets._rated import ADJECTIVES
 from sklearn_haptic.model_selection import sensor_contributions, sensor_subsets
 from sklearn_haptic.models._quantile_positions import population_quadrature
 from sklearn_haptic.study import (
@@ -269,30 +266,18 @@ def test_pickles_in_datasets_are_refused(tmp_path, payload, name, message, kind)
         load_phac2(path)
 
 
-@pytest.mark.parametrize("save", [save_v7, save_v73])
-def test_pickles_in_ratings_stay_data(tmp_path, payload, save):
-    path, ratings_path = tmp_path / "corpus.h5", tmp_path / "ratings.mat"
-    write_corpus(path)
-    code = pickle.dumps(payload, protocol=0).decode()
-    variables = {
-        "counts": np.tile([0, 1, 3, 2, 0], (2, 10, 1)),
-        "ids": np.array([114, 602]),
-        "adjectives": np.array([code, *"bcdefghij"], dtype=object),
-        "bytes": np.frombuffer(pickle.dumps(payload), dtype=np.uint8),
-    }
-    save(ratings_path, variables)
-    corpus = load_phac2(path, ratings=ratings_path)
-    assert list(corpus.ratings) == [code.lower().strip(), *"bcdefghij"]
-
-
 def test_pickles_are_no_corpus(tmp_path, payload):
-    path, ratings_path = tmp_path / "corpus.h5", tmp_path / "ratings.mat"
+    path, ratings = tmp_path / "corpus.h5", tmp_path / "ratings"
     write_corpus(path)
-    ratings_path.write_bytes(pickle.dumps(payload))
-    with pytest.raises(OSError, match="is not a MATLAB file"):
-        load_phac2(path, ratings=ratings_path)
-    with pytest.raises(OSError, match="is not an HDF5 file"):
-        load_phac2(ratings_path)
+    ratings.write_bytes(pickle.dumps(payload))
+    told = {"variable": "a", "axes": ["objects", "adjectives", "levels"]}
+    told = datasets.MatlabRatings(ratings, **told, objects=[114], adjectives=["hard"])
+    with pytest.raises(OSError, match="cannot be read as a MATLAB file"):
+        load_phac2(path, ratings=told)
+    with pytest.raises(ValueError, match="is not a CSV file"):
+        load_phac2(path, ratings=ratings)
+    with pytest.raises(OSError, match="if it is no HDF5"):
+        load_phac2(ratings)
 
 
 SCORES = pd.DataFrame({"trial": ["cup_602_01"], "rps": [0.1]})
@@ -691,7 +676,7 @@ SEARCH = {
 def public_functions():
     """Every public function and display, by name."""
     public = {name: getattr(sklearn_haptic, name) for name in sklearn_haptic.__all__}
-    modules = datasets, metrics, model_selection, pairs, plotting, raters, ratings
+    modules = datasets, metrics, model_selection, plotting, ratings
     for module in (*modules, streaming, study):
         public |= {name: getattr(module, name) for name in module.__all__}
     displays = {name for name in public if name.endswith("Display")}
@@ -706,17 +691,16 @@ def _full_name(function):
     )
 
 
-def answered():
-    """Answers of three people about four objects."""
-    objects, people = np.repeat([*"abcd"], 3), [*"xyz"] * 4
-    answers = [1, 2, 1, 2, 3, 2, 4, 5, 4, 3, 3, 5]
-    return ratings.rating_counts(answers, objects, people)
-
-
 def calls_of_functions(folder):
     write_corpus(folder / "corpus.h5")
-    rated = {"counts": np.tile([0, 1, 3, 2, 0], (2, 10, 1)), "ids": [114, 602]}
-    save_v7(folder / "ratings.mat", rated | {"names": np.array(ADJECTIVES, object)})
+    savemat(folder / "ratings.mat", {"a": np.tile([0, 1, 3, 2, 0], (2, 1, 1))})
+    rated = datasets.MatlabRatings(
+        folder / "ratings.mat",
+        variable="a",
+        axes=["objects", "adjectives", "levels"],
+        objects=[114, 602],
+        adjectives=["hard"],
+    )
     model, proba = fitted("regressor"), fitted("regressor").predict_proba(NAMED)
     scores = contributions_of_sensors()
     calls = {
@@ -744,11 +728,7 @@ def calls_of_functions(folder):
         ),
         metrics.crps: ([1.0, 2.0], [0.0, 0.5, 1.0], [0.0, 1.0, 3.0]),
         metrics.noise_ceiling: (COUNTS, metrics.ranked_probability_score),
-        pairs.probability_of_superiority: (COUNTS, proba),
-        pairs.pairwise_scale: (["a", "b", "a"], ["b", "c", "c"]),
-        raters.shrinkage_strength: (COUNTS,),
-        raters.shrink_counts: (COUNTS,),
-        raters.rater_effects: (answered(),),
+        ratings.shrink_counts: (COUNTS,),
         make_haptic_pipeline: (["pdc"],),
         infer_rate: ([[0.0, 1.0, 3.0]], [[0.0, 0.1, 0.2]]),
         resample_trials: ([[0.0, 1.0, 3.0]], [[0.0, 0.1, 0.3]], 10),
@@ -803,9 +783,7 @@ def calls_of_functions(folder):
         "model_report": lambda: model_selection.model_report(
             model, NAMED, COUNTS, groups=np.arange(len(COUNTS)) // 3, cv=2
         ),
-        "load_phac2": lambda: load_phac2(
-            folder / "corpus.h5", ratings=folder / "ratings.mat"
-        ),
+        "load_phac2": lambda: load_phac2(folder / "corpus.h5", ratings=rated),
         "sensor_contributions": contributions_of_sensors,
         "sensor_subsets": scores_of_subsets,
         "run_study": lambda: run_study(folder=folder / "study", **tiny),

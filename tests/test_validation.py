@@ -9,10 +9,10 @@ import polars as pl
 import pytest
 from scipy import sparse
 
-from sklearn_haptic._check_ratings import check_ratings
-from sklearn_haptic._check_trials import channel_names, check_trials, is_table
-from sklearn_haptic._sequences import Sequences, row_index
-from sklearn_haptic._validation import check_numbers
+from sklearn_haptic.ratings._checks import check_ratings
+from sklearn_haptic.recordings._sequences import Sequences, row_index
+from sklearn_haptic.recordings._trials import channel_names, check_trials, is_table
+from sklearn_haptic.utils._validation import check_numbers
 
 TRIAL = np.arange(6.0).reshape(3, 2)
 RAGGED = [TRIAL, TRIAL[:2]]

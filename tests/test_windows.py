@@ -19,10 +19,10 @@ from sklearn.exceptions import NotFittedError
 from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import STHMPTransformer
-from sklearn_haptic._sequences import Sequences
 from sklearn_haptic.features._dictionary_coder import draw_observations
+from sklearn_haptic.features._ksvd_transformer import KSVDTransformer
 from sklearn_haptic.features._pooling import TemporalMaxPool
-from sklearn_haptic.features._windows import KSVDTransformer
+from sklearn_haptic.recordings._sequences import Sequences
 
 DTYPES = [np.float64, np.float32]
 N_CHANNELS = 2

@@ -1,8 +1,8 @@
-"""What a corpus holds: its trials, its recordings and their faults, its ratings."""
+"""What a corpus holds: its recordings and their faults, its objects, its ratings."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from numbers import Real
 from typing import Any
 
@@ -12,15 +12,14 @@ from numpy.typing import ArrayLike
 from sklearn.utils import Bunch
 from sklearn.utils.validation import check_consistent_length
 
-from .._biotac import PROCEDURES
-from .._check_trials import count
-from .._recordings import ALONE, USUAL, is_frame, iter_cells, trial_columns
-from .._report import Report, Table, as_texts
-from .._sklearn import Trials, validate_params
-from .._validation import check_objects
-from ._described_ratings import describe_ratings
+from ..ratings import interrater_agreement
+from ..ratings._checks import check_counts, match_levels
+from ..ratings._distributions import shares
+from ..recordings._faulty_trials import USUAL, iter_cells, trial_columns
+from ..utils._report import Report, Table, as_texts
+from ..utils._sklearn import Trials, validate_params
+from ..utils._validation import check_objects, check_regular, count, drop_missing
 
-_CHUNK = 2**20  # values that are looked at in one go
 _MOST_ROWS = 12  # of objects that are shown
 
 
@@ -28,9 +27,8 @@ class _Corpus(Report):
     """What `describe_corpus` returns."""
 
     def _parts(self):
-        yield self.summary
         yield _sensor_table(self.sensors)
-        if self.objects is not None and self.objects["trials"].nunique() > 1:
+        if self.objects is not None:
             yield _object_table(self.objects)
         if self.ratings is not None:
             yield _rating_table(self.ratings, self.shares, self.rated)
@@ -39,7 +37,6 @@ class _Corpus(Report):
 @validate_params(
     {
         "objects": ["array-like", None],
-        "procedures": ["array-like", None],
         "ratings": [Mapping, "array-like", None],
         "levels": ["array-like", None],
         "sampling_rates": [Mapping, Real, None],
@@ -48,10 +45,9 @@ class _Corpus(Report):
     prefer_skip_nested_validation=True,
 )
 def describe_corpus(
-    corpus: Bunch | Trials | Sequence[Mapping[str, ArrayLike]],
+    corpus: Bunch | Trials,
     *,
     objects: ArrayLike | None = None,
-    procedures: ArrayLike | None = None,
     ratings: Mapping[str, ArrayLike] | ArrayLike | None = None,
     levels: ArrayLike | None = None,
     sampling_rates: Mapping[str, float] | float | None = None,
@@ -64,15 +60,12 @@ def describe_corpus(
 
     Parameters
     ----------
-    corpus : Bunch, DataFrame, list of dict, or collection of trials
+    corpus : Bunch, DataFrame, or collection of trials
         What `load_phac2` or `make_haptic_corpus` returns; or trials: a DataFrame with
-        one row per trial and a column of arrays per sensor, a list with a dict of
-        arrays per trial, or the trials of one sensor, as a list or a 3-D array.
+        one row per trial and a column of arrays per sensor, or the trials of one
+        sensor, as a list or a 3-D array.
     objects : array-like of shape (n_trials,), default=None
         The object of each trial; by default those of the corpus.
-    procedures : array-like of shape (n_trials,), default=None
-        The exploratory procedure of each trial. By default those before the names of
-        the sensors, as in ``"hold_pac"``, if there are any.
     ratings : dict of str to array-like, or array-like, default=None
         For each adjective or for one, how many people gave each trial's object each
         rating, of shape (n_trials, n_levels), or one rating per trial; by default those
@@ -91,8 +84,6 @@ def describe_corpus(
     description : :class:`~sklearn.utils.Bunch`
         Dictionary-like object with attributes:
 
-        summary : str
-            How much there is, in a sentence.
         sensors : DataFrame
             One row per sensor, or column of trials: ``n_trials`` that have it and
             ``n_missing_trials`` that have not; ``n_channels``; ``rate`` in samples per
@@ -104,8 +95,8 @@ def describe_corpus(
             in the trial, but not in nine trials of ten; the third the channels that no
             trial moves.
         objects : DataFrame or None
-            One row per object: its ``name`` if known, and the number of its trials, of
-            each procedure or in the column ``trials``. None without objects.
+            One row per object: its ``name`` if known, and its ``trials``, their number.
+            None without objects.
         ratings : DataFrame or None
             One row per adjective: ``n_rated`` objects; ``fewest`` and ``most``, people
             who rated one; ``agreement`` and ``least_agreement``, the median and the
@@ -138,8 +129,6 @@ def describe_corpus(
     >>> from sklearn_haptic.datasets import describe_corpus, make_haptic_corpus
     >>> corpus = make_haptic_corpus(6, 2, sensors=["pdc", "tdc"], random_state=0)
     >>> description = describe_corpus(corpus)
-    >>> print(description.summary)
-    12 trials of 6 objects, 2 of each; 2 sensors; ratings on 10 adjectives.
     >>> description.sensors[["n_trials", "n_channels", "rate", "median", "dead"]]
          n_trials  n_channels   rate  median  dead
     pdc        12           2  100.0  1000.0     0
@@ -155,10 +144,16 @@ def describe_corpus(
     given: Mapping[str, Any] = (
         corpus if isinstance(corpus, Mapping) else {"trials": corpus}
     )
-    columns = _columns(given)
+    trials = given.get("trials", ())
+    known = not isinstance(trials, str) and hasattr(trials, "__len__") and len(trials)
+    columns = trial_columns(trials) if known else {}
+    if not columns:
+        raise ValueError(
+            "corpus has no trials; give what load_phac2 returns, a DataFrame with one "
+            "array per trial and sensor, or the trials of one sensor."
+        )
     n_trials = len(next(iter(columns.values())))
-    if objects is None:
-        objects = given.get("objects")
+    objects = given.get("objects") if objects is None else objects
     if objects is not None:
         check_consistent_length(objects, np.empty(n_trials))
         objects = check_objects(objects, row="trial")
@@ -173,61 +168,18 @@ def describe_corpus(
                 "0."
             )
     ranges = _by_sensor(limits, columns, "limits")
-    found = {
-        name: _look_at(column, name, ranges[name]) for name, column in columns.items()
-    }
-    sensors = pd.DataFrame(
-        [{"rate": rates[name], **_sensor_row(*found[name])} for name in columns],
-        index=pd.Index(list(columns), dtype=object),
-    ).astype({"rate": float})
-    there = {name: found[name][0] > 0 for name in columns}
-    table = _objects(
-        objects, given.get("object_names"), _procedures(procedures, there, n_trials)
-    )
-    if ratings is None:
-        ratings = given.get("ratings")
-    if levels is None:
-        levels = given.get("levels")
-    rated = describe_ratings(ratings, objects, levels, n_trials)
+    rows = [
+        {"rate": rates[name], **_sensor_row(column, name, ranges[name])}
+        for name, column in columns.items()
+    ]
+    sensors = pd.DataFrame(rows, index=pd.Index(list(columns), dtype=object))
+    ratings = given.get("ratings") if ratings is None else ratings
+    levels = given.get("levels") if levels is None else levels
     return _Corpus(
-        summary=_summary(n_trials, table, sensors, rated["ratings"]),
-        sensors=sensors,
-        objects=table,
-        **rated,
+        sensors=sensors.astype({"rate": float}),
+        objects=_objects(objects, given.get("object_names")),
+        **_describe_ratings(ratings, levels, objects, n_trials),
     )
-
-
-def _columns(given):
-    """Return the trials of each sensor by name."""
-    if "trials" not in given:
-        raise ValueError(
-            f"corpus is a {type(given).__name__} without 'trials'; give what "
-            "load_phac2 returns, or trials."
-        )
-    trials = given["trials"]
-    if isinstance(trials, str) or not hasattr(trials, "__len__") or len(trials) == 0:
-        raise ValueError(
-            "corpus holds no trials; give a DataFrame or a list with one entry per "
-            "trial."
-        )
-    if is_frame(trials):
-        columns = trial_columns(trials)
-        if not columns:
-            raise ValueError(
-                f"corpus has the columns {list(trials.columns)}, none of which holds "
-                "arrays; give one array per trial and sensor."
-            )
-        return columns
-    dicts = [isinstance(trial, Mapping) for trial in trials if isinstance(trials, list)]
-    if any(dicts):
-        if not all(dicts):
-            raise ValueError(
-                f"corpus has no dict in trial {dicts.index(False)}; give one per "
-                "trial, empty where nothing was recorded."
-            )
-        names = dict.fromkeys(name for trial in trials for name in trial)
-        return {name: [trial.get(name) for trial in trials] for name in names}
-    return {ALONE: trials}
 
 
 def _by_sensor(option, columns, name):
@@ -243,210 +195,172 @@ def _by_sensor(option, columns, name):
     return {key: option.get(key) for key in columns}
 
 
-def _look_at(column, name, limits):
-    """Look at the trials of a sensor, chunk by chunk.
-
-    Returns
-    -------
-    n_times : ndarray of shape (n_trials,)
-        0 where the sensor is missing.
-    n_missing : ndarray of shape (n_recorded,)
-        Samples of all channels of each trial that has the sensor.
-    varies, unknown, beyond : ndarray of bool of shape (n_recorded, n_channels)
-        Whether the samples of a channel differ, are all missing, and reach `limits`;
-        the last is None without these.
-    """
-    pair = np.asarray((-1, 1) if limits is None else limits)
-    if pair.shape != (2,) or pair.dtype.kind not in "iuf" or not pair[0] < pair[1]:
+def _sensor_row(column, name, limits):
+    """Return a row of the table of sensors, but its rate."""
+    ends = np.asarray((-1, 1) if limits is None else limits)
+    if ends.shape != (2,) or ends.dtype.kind not in "iuf" or not ends[0] < ends[1]:
         raise ValueError(
             f"limits={limits!r} must be the lowest and the highest value of the sensor."
         )
-    n_times, chunks, trials, size = [], [], [], 0
+    n_times, varies, unknown, n_missing, saturated = [], [], [], 0, 0
     for trial, _ in iter_cells(column, name):
         n_times.append(0 if trial is None else len(trial))
         if trial is not None:
-            trials.append(trial)
-            size += trial.size
-        if size > _CHUNK:
-            chunks.append(_channels(trials, limits))
-            trials, size = [], 0
-    if trials or not chunks:
-        chunks.append(_channels(trials, limits))
-    parts = [None if part[0] is None else np.concatenate(part) for part in zip(*chunks)]
-    return np.array(n_times), *parts
-
-
-def _channels(trials, limits):
-    """Return of trials of any lengths what `_look_at` does, but n_times."""
-    if not trials:
-        none = np.empty((0, 0), dtype=bool)
-        return np.empty(0, dtype=int), none, none, none
-    starts = np.cumsum([0, *map(len, trials[:-1])])
-    samples = np.concatenate(trials)
-    n_missing = np.add.reduceat(np.isnan(samples), starts, dtype=int).sum(axis=1)
-    low, high = np.fmin.reduceat(samples, starts), np.fmax.reduceat(samples, starts)
-    beyond = None if limits is None else (low <= limits[0]) | (high >= limits[1])
-    return n_missing, high > low, np.isnan(low), beyond
-
-
-def _sensor_row(n_times, n_missing, varies, unknown, beyond):
-    """Return a row of the table of sensors, but its rate."""
-    recorded = n_times[n_times > 0]
-    n_trials, n_channels = varies.shape
-    shortest, median, longest = (
-        np.quantile(recorded, [0, 0.5, 1]) if n_trials else [np.nan] * 3
-    )
-    usual = varies.mean(axis=0) >= USUAL if n_trials else varies.any(axis=0)
+            lowest, highest = np.fmin.reduce(trial), np.fmax.reduce(trial)
+            varies.append(highest > lowest)
+            unknown.append(np.isnan(lowest))
+            n_missing += np.isnan(trial).sum()
+            saturated += ((lowest <= ends[0]) | (highest >= ends[1])).sum()
+    recorded = np.array([n for n in n_times if n], dtype=int)
+    varies, unknown = np.array(varies, bool, ndmin=2), np.array(unknown, bool, ndmin=2)
+    usual = varies.mean(axis=0) >= USUAL
     dead = (usual & ~varies & (recorded > 1)[:, None]) | unknown
+    shortest, median, longest = (
+        np.quantile(recorded, [0, 0.5, 1]) if len(recorded) else [np.nan] * 3
+    )
     return {
-        "n_trials": n_trials,
-        "n_missing_trials": len(n_times) - n_trials,
-        "n_channels": n_channels,
+        "n_trials": len(recorded),
+        "n_missing_trials": len(n_times) - len(recorded),
+        "n_channels": varies.shape[1],
         "shortest": shortest,
         "median": median,
         "longest": longest,
-        "n_samples": int(recorded.sum()) * n_channels,
-        "n_missing_samples": int(n_missing.sum()),
-        "saturated": np.nan if beyond is None else float(beyond.sum()),
+        "n_samples": int(recorded.sum()) * varies.shape[1],
+        "n_missing_samples": int(n_missing),
+        "saturated": np.nan if limits is None else float(saturated),
         "dead": int(dead.sum()),
         "constant": int((~varies.any(axis=0)).sum()),
     }
 
 
-def _procedures(procedures, there, n_trials):
-    """Return which trials have each procedure, as a dict of masks."""
-    if procedures is not None:
-        check_consistent_length(procedures, np.empty(n_trials))
-        procedures = check_objects(procedures, name="procedures", row="trial")
-        return {each: procedures == each for each in np.unique(procedures).tolist()}
-    masks: dict[str, np.ndarray] = {}
-    for name, mask in there.items():
-        procedure, _ = _split(name)
-        if procedure:
-            masks[procedure] = masks.get(procedure, False) | mask
-    return masks
-
-
-def _split(name):
-    """Split the name of a column into a procedure, or "", and a sensor."""
-    for procedure in PROCEDURES:
-        if str(name).startswith(f"{procedure}_"):
-            return procedure, name.removeprefix(f"{procedure}_")
-    return "", name
-
-
-def _objects(objects, names, procedures):
+def _objects(objects, names):
     """Return the table of objects, None if these are not known."""
     if objects is None:
         return None
-    ids, first, which = np.unique(objects, return_index=True, return_inverse=True)
+    ids, first, n_trials = np.unique(objects, return_index=True, return_counts=True)
     columns = {}
     if names is not None:
         check_consistent_length(names, objects)
         columns["name"] = np.asarray(names)[first]
-    columns["trials"] = np.bincount(which)
-    for name, mask in procedures.items():
-        columns[name] = np.bincount(which[mask], minlength=len(ids))
+    columns["trials"] = n_trials
     return pd.DataFrame(columns, index=pd.Index(ids, name="object"))
 
 
-def _summary(n_trials, objects, sensors, ratings):
-    parts = [count(n_trials, "trials")]
+def _describe_ratings(ratings, levels, objects, n_trials):
+    """Return the tables of ratings, and what was rated."""
+    if ratings is None or (isinstance(ratings, Mapping) and not ratings):
+        return {"ratings": None, "shares": None, "rated": None}
+    if not isinstance(ratings, Mapping):
+        ratings = {"ratings": ratings}
+    counts, levels_of = {}, {}
+    for name, y in ratings.items():
+        check_consistent_length(y, np.empty(n_trials))
+        counts[name], levels_of[name] = _counts(y, levels, f"ratings[{name!r}]")
+    rated = "trial"
     if objects is not None:
-        fewest, most = objects["trials"].min(), objects["trials"].max()
-        each = f"{fewest}" if fewest == most else f"{fewest} to {most}"
-        parts[0] += f" of {count(len(objects), 'objects')}"
-        parts[0] += f", {each} of each" * (len(objects) < n_trials)
-    procedures, names = map(set, zip(*map(_split, sensors.index)))
-    parts.append(count(len(names), "sensors"))
-    if len(procedures) > 1:
-        parts[-1] += f" in {count(len(procedures), 'procedures')}"
-    if ratings is not None:
-        parts.append(f"ratings on {count(len(ratings), 'adjectives')}")
-    return "; ".join(parts) + "."
+        _, first, which = np.unique(objects, return_index=True, return_inverse=True)
+        if all(np.array_equal(each, each[first][which]) for each in counts.values()):
+            rated = "object"
+            counts = {name: each[first] for name, each in counts.items()}
+    names = pd.Index(list(counts), name="adjective", dtype=object)
+    chosen = [
+        dict(zip(levels_of[name].tolist(), _mean_shares(counts[name])))
+        for name in counts
+    ]
+    table = pd.DataFrame(chosen, index=names)
+    if all(isinstance(level, Real) for level in table):
+        table = table.sort_index(axis=1)  # of scales that differ, lowest level first
+    return {
+        "ratings": pd.DataFrame(map(_rating_row, counts.values()), index=names),
+        "shares": table,
+        "rated": rated,
+    }
+
+
+def _counts(y, levels, name):
+    """Return counts of shape (n_trials, n_levels), 0 where unrated, and the levels."""
+    shape = check_regular(y, name).shape
+    if len(shape) > 2:
+        raise ValueError(
+            f"{name} has shape {shape}; give a dict with the counts of each adjective."
+        )
+    if len(shape) == 1 or shape[1] == 1:
+        ratings, given = drop_missing(y, name)
+        rows = np.flatnonzero(given)
+        matches, levels = match_levels(ratings, y, levels, name, rows=rows)
+        counts = np.zeros((len(given), len(levels)))
+        counts[given] = matches
+        return counts, levels
+    counts, levels = check_counts(y, levels, name=name, unrated=True)
+    if not counts.any():
+        raise ValueError(f"{name} has no ratings at all; leave it out.")
+    return counts, levels
+
+
+def _rating_row(counts):
+    """Return a row of the table of ratings."""
+    people = counts.sum(axis=1)
+    rated, several = people[people > 0], counts[people >= 2]
+    agreement = interrater_agreement(several) if len(several) else np.array([np.nan])
+    return {
+        "n_rated": len(rated),
+        "fewest": rated.min(),
+        "most": rated.max(),
+        "agreement": np.median(agreement),
+        "least_agreement": agreement.min(),
+    }
+
+
+def _mean_shares(counts):
+    return shares(counts[counts.any(axis=1)]).mean(axis=0)
 
 
 def _sensor_table(sensors):
     """Return the table of sensors as it is shown."""
-    shown = sensors.copy()
-    shown["duration"] = [
-        _range(np.array(samples), rate)
-        for *samples, rate in sensors[["shortest", "median", "longest", "rate"]].values
-    ]
-    n_samples = sensors["n_samples"].where(sensors["n_samples"] > 0)
-    shown["missing"] = sensors["n_missing_samples"] / n_samples
-    for column in ("dead", "saturated"):
-        shown[column] /= sensors["n_trials"] * sensors["n_channels"]
+    number = "{:,.10g}".format
     texts = {
-        "n_trials": ("trials", "{:,}".format),
-        "n_missing_trials": ("without it", "{:,}".format),
-        "n_channels": ("channels", "{:,}".format),
-        "rate": ("samples per s", "{:,.6g}".format),
-        "duration": ("duration", str),
-        "missing": ("samples missing", _share),
-        "dead": ("channels dead", _share),
-        "saturated": ("channels saturated", _share),
-        "constant": ("channels never moved", "{:,}".format),
+        "n_trials": ("trials", number),
+        "n_missing_trials": ("without it", number),
+        "n_channels": ("channels", number),
+        "rate": ("samples per s", number),
+        "shortest": ("shortest", number),
+        "median": ("median", number),
+        "longest": ("longest", number),
+        "n_samples": ("samples", number),
+        "n_missing_samples": ("missing", number),
+        "dead": ("dead", number),
+        "saturated": ("saturated", number),
+        "constant": ("constant", number),
     }
-    hints = []
-    for column, hint in (
-        ("rate", "Durations in seconds are not known without sampling_rates=."),
-        ("saturated", "Which channels are saturated is not known without limits=."),
-    ):
-        if shown[column].isna().all():
-            hints.append(hint)
-            del texts[column]
-    return Table("Recordings", as_texts(shown, texts), note=" ".join(hints))
-
-
-def _range(n_times, rate):
-    """Write a median duration and, in brackets, the shortest and the longest."""
-    values, unit = (n_times, "samples") if np.isnan(rate) else (n_times / rate, "s")
-    low, middle, high = map("{:,.4g}".format, values)
-    if np.isnan(values[0]):
-        return None
-    return f"{middle} {unit}" + f" ({low}–{high})" * (low != high)
-
-
-def _share(value):
-    """Write a share, so that what is rare does not look like what never happens."""
-    if 0 < value < 5e-5:
-        return "<0.01%"
-    return "0" if value == 0 else f"{100 * value:.2f}%"
+    note = (
+        "Lengths are in samples. A channel is dead or saturated in single trials, and "
+        "constant in all."
+    )
+    return Table("Recordings", as_texts(sensors, texts), note=note)
 
 
 def _object_table(objects):
     """Return the objects with the fewest trials as they are shown."""
-    caption = "Trials of each object"
-    if len(objects) > _MOST_ROWS:
-        caption = f"The {_MOST_ROWS} of {len(objects)} objects with the fewest trials"
     fewest = objects.sort_values("trials", kind="stable").head(_MOST_ROWS)
-    return Table(caption, fewest.astype(str))
+    shown = count(len(objects), "objects")
+    if len(fewest) < len(objects):
+        shown += f", the {_MOST_ROWS} with the fewest trials"
+    return Table(shown, fewest.astype(str))
 
 
 def _rating_table(ratings, shares, rated):
     """Return the ratings as they are shown, with the shares of people tinted."""
-    table = ratings.copy()
-    table["people"] = [
-        f"{most:.6g}" if fewest == most else f"{fewest:.6g}–{most:.6g}"
-        for fewest, most in zip(ratings["fewest"], ratings["most"])
-    ]
     texts = {
         "n_rated": (f"{rated}s rated", "{:,}".format),
-        "people": (f"people per {rated}", str),
+        "fewest": ("by at least", "{:,.6g}".format),
+        "most": ("by at most", "{:,.6g}".format),
         "agreement": ("agreement, median", "{:.2f}".format),
         "least_agreement": ("least", "{:.2f}".format),
     }
-    shares = shares.rename(
-        columns=lambda level: (
-            f"chose {level:.15g}" if isinstance(level, Real) else f"chose {level}"
-        )
-    )
+    shares = shares.rename(columns="chose {}".format)
     texts |= {column: (column, "{:.0%}".format) for column in shares}
-    return Table(
-        "Ratings",
-        as_texts(table.join(shares), texts),
-        shares,
+    note = (
         "Agreement (r_wg) is 1 where all people chose the same rating, and 0 where "
-        "they might as well have drawn lots.",
+        "they might as well have drawn lots."
     )
+    return Table("Ratings", as_texts(ratings.join(shares), texts), shares, note)

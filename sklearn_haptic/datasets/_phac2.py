@@ -16,22 +16,14 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.utils import Bunch
 
-from .._biotac import PROCEDURES, SENSORS, Procedure, columns_of
-from .._sklearn import Names, StrOptions, validate_params
-from .._validation import check_names
 from ..ratings import RatingTable
-from ._hdf5 import (
-    check_expansion,
-    check_stored,
-    get_node,
-    names_in,
-    open_hdf5,
-    read_rows,
-)
-from ._matlab_ratings import MatlabRatings, read_matlab
+from ..recordings._biotac import PROCEDURES, SENSORS, Procedure, columns_of
+from ..utils._sklearn import Names, StrOptions, validate_params
+from ..utils._validation import check_names
+from ._hdf5 import check_stored, get_node, names_in, open_hdf5, read_rows
+from ._matlab_ratings import LEVELS, MatlabRatings
+from ._phac2_ratings import rate_trials
 from ._procedures import check_procedures, rates_of
-from ._rated import LEVELS, ratings_of_trials
-from ._rating_tables import collect_counts, count_answers, read_csv
 
 PROCEDURE_STATES = {
     "squeeze": b"SQUEEZE_SET_PRESSURE_SLOW",
@@ -117,24 +109,19 @@ def load_phac2(
         Names of trials, such as ``"kitchen_sponge_114_10"``, in the order of the rows
         wanted; by default all, ordered by object id, then run.
     ratings : path, DataFrame, dict or MatlabRatings, default=None
-        What people answered, in one of three forms:
+        What people answered about the objects, in one of three forms:
 
         - a table with one row per answer, as a DataFrame of pandas or polars or the
-          path of a ``.csv`` file in UTF-8, with the columns ``object`` (its id) or
-          ``trial`` (its name), ``rater``, ``adjective`` and ``rating``. A missing
-          rating is left out, and nobody may answer twice. Ratings by object hold for
-          all its trials.
-        - a dict of the counts of each adjective: a
-          :class:`~sklearn_haptic.ratings.RatingTable`, as
-          :func:`~sklearn_haptic.ratings.rating_counts` returns it, or a
-          pandas.DataFrame indexed by the objects' ids, with one column per level;
-        - the path of a MATLAB file that holds the ids of its objects and the names of
-          its adjectives, or a :class:`~sklearn_haptic.datasets.MatlabRatings` that
-          says them.
+          path of a CSV file in UTF-8, with the columns ``object`` (its id), ``rater``,
+          ``adjective`` and ``rating``. A missing rating is left out, and nobody may
+          answer twice;
+        - a dict with the counts of each adjective: a
+          :class:`~sklearn_haptic.ratings.RatingTable`, or a pandas.DataFrame indexed
+          by the objects' ids, with one column per level;
+        - a :class:`~sklearn_haptic.datasets.MatlabRatings`.
 
-        The levels are the ordered categories of the ratings (an ordered categorical
-        column of pandas, an Enum of polars) or those that the counts are of; else
-        1 to 5. Ids may be text: "007" is the object 7.
+        The levels are 1 to 5, or else the ordered categories of the column ``rating``
+        (of pandas, or an Enum of polars), or those that the counts are of.
     remove_baseline : bool, default=True
         Subtract from each channel its mean at rest in the same trial: over the rows
         in which the arm moves to its start, or rows 100 to 109 if there are none.
@@ -165,11 +152,11 @@ def load_phac2(
         rater_ratings : DataFrame of shape (n_rated, n_adjectives) or None
             Each person's answers, as :func:`~sklearn_haptic.ratings.rating_counts` and
             :func:`~sklearn_haptic.ratings.adjective_correlation` take them: one row per
-            object (or trial) and person who rated it, both in the index, and one
-            column per adjective, NaN where a rating is missing. A person is the
-            ``rater`` of the table, or the place in the MATLAB file, from 1; only the
-            file's authors know whether a place means the same person for two objects.
-            None without ``ratings``, or if they are counts.
+            object and person who rated it, both in the index, and one column per
+            adjective, NaN where a rating is missing. A person is the ``rater`` of the
+            table, or the place in the MATLAB array, from 1; only the file's authors
+            know whether a place means the same person for two objects. None without
+            ``ratings``, or if they are counts.
         levels : ndarray of shape (n_levels,)
             The levels, lowest first: 1 to 5 unless ``ratings`` has others.
         sampling_rates : dict of str to int
@@ -184,16 +171,15 @@ def load_phac2(
     FileNotFoundError
         If a file is missing.
     OSError
-        If a file is not of its format, is cut short or damaged, is being written by
-        another process, or declares values that it does not hold; if the result takes
-        more memory than there is, or both more than 100 times the size of the file and
-        more than 256 MiB (64 MiB for ratings).
+        If a file is not of its format, is cut short or damaged, or is being written by
+        another process; if a dataset declares more values than the file holds: more
+        than were written, or more than 100 times the size of the file and 256 MiB.
     ValueError
         If a name is unknown; if a trial lacks the procedure or a sensor, or holds
         data of another shape or type; if some trials have one finger and others two;
-        if the file links elsewhere; or if the ratings are not found or are ambiguous,
-        do not tell their order, lack an object, have one that the corpus does not
-        have, have a rating that is no level, or have two answers of one person.
+        if the file links elsewhere; or if the ratings are not where they are said to
+        be, lack an object, have one that the corpus does not have, have a rating that
+        is no level, or have two answers of one person.
 
     Notes
     -----
@@ -232,15 +218,11 @@ def load_phac2(
         parsed = _parse_trial_names(file)
         names = check_names(trials, sorted(parsed, key=parsed.get), "trial", path)
         objects = np.array([parsed[name][0] for name in names])
-        counts: dict[str, np.ndarray] = {}
-        answers, levels = None, LEVELS.copy()
+        counts, levels, answers = {}, LEVELS.copy(), None
         if ratings is not None:
-            object_of = {name: object_id for name, (object_id, _, _) in parsed.items()}
-            rated = _read_ratings(ratings, object_of)
-            counts, answers = ratings_of_trials(rated, object_of, names)
-            levels = rated.levels
+            known = {object_id for object_id, _, _ in parsed.values()}
+            counts, levels, answers = rate_trials(ratings, objects, known)
         cells = {column: np.empty(len(names), dtype=object) for column in columns}
-        n_bytes = 0
         for i, name in enumerate(names):
             trial = get_node(file, name)
             fingers = _fingers(trial)
@@ -255,8 +237,6 @@ def load_phac2(
             signals = _read_trial(trial, fingers, procedures, sensors, remove_baseline)
             for column, signal in zip(columns, signals):
                 cells[column][i] = signal
-                n_bytes += signal.nbytes
-            check_expansion(trial, n_bytes)
     return Bunch(
         trials=pd.DataFrame(cells, index=pd.Index(names, name="trial", dtype=object)),
         objects=objects,
@@ -266,24 +246,6 @@ def load_phac2(
         levels=levels,
         sampling_rates=rates_of(columns),
         DESCR=DESCR,
-    )
-
-
-def _read_ratings(ratings, object_of):
-    """Return ratings of any form as `Rated`."""
-    if isinstance(ratings, (str, os.PathLike)):
-        if os.fspath(ratings).lower().endswith(".csv"):
-            return count_answers(read_csv(ratings), os.fspath(ratings))
-        ratings = MatlabRatings(ratings)
-    if isinstance(ratings, MatlabRatings):
-        return read_matlab(ratings, np.unique([*object_of.values()]))
-    if isinstance(ratings, Mapping):
-        return collect_counts(ratings)
-    if hasattr(ratings, "columns"):
-        return count_answers(ratings, "ratings")
-    raise TypeError(
-        f"ratings is of the type {type(ratings).__name__}; give a table of answers, "
-        "counts by adjective, the path of a file, or MatlabRatings."
     )
 
 

@@ -1,7 +1,7 @@
 """Corpora of one procedure, or of several in the same trials."""
 
-from .._biotac import PROCEDURES, SAMPLING_RATES
-from .._validation import check_names
+from ..recordings._biotac import PROCEDURES, SAMPLING_RATES
+from ..utils._validation import check_names
 
 
 def check_procedures(procedure, where):

@@ -1,8 +1,8 @@
 """A generated haptic corpus of the shape and statistics of PHAC-2.
 
 Objects of eight materials have latent properties. These drive what the robot's
-sensors record (:mod:`._touch`) and, together with a share that no robot can feel, how
-people rate the objects (:mod:`._crowd`).
+sensors record (`_simulated_touch`) and, together with a share that no robot can feel,
+how people rate the objects (`_simulated_crowd`).
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch, check_random_state
 
-from .._biotac import PROCEDURES, SENSORS, Procedure, columns_of
-from .._sklearn import Interval, Names, RandomState, StrOptions, validate_params
-from .._validation import check_names
-from ._crowd import (
+from ..recordings._biotac import PROCEDURES, SENSORS, Procedure, columns_of
+from ..utils._sklearn import Interval, Names, RandomState, StrOptions, validate_params
+from ..utils._validation import check_names
+from ._procedures import check_procedures, rates_of
+from ._simulated_crowd import (
     ADJECTIVES,
     LEVELS,
     PERCEPTS,
     population,
     rate,
 )
-from ._procedures import check_procedures, rates_of
-from ._touch import draw_conditions, touch
+from ._simulated_touch import draw_conditions, touch
 
 # Per material: first digit of its ids, share of the objects, median compression beyond
 # that of the finger itself (mm) and standard deviation of its logarithm, relaxation,

@@ -13,9 +13,9 @@ from sklearn.utils import check_array, check_random_state
 from sklearn.utils.random import sample_without_replacement
 from sklearn.utils.validation import check_is_fitted, check_memory
 
-from .._check_trials import channel_names
-from .._sequences import Sequences, row_index
-from .._sklearn import (
+from ..recordings._sequences import Sequences, row_index
+from ..recordings._trials import channel_names
+from ..utils._sklearn import (
     DocumentedEstimator,
     FloatArray,
     HasMethods,
@@ -28,7 +28,7 @@ from .._sklearn import (
     fit_task,
     one_blas_thread,
 )
-from .._validation import check_numbers, check_table
+from ..utils._validation import check_numbers, check_table
 from ._ksvd import initial_atoms, ksvd
 from ._product import product
 from ._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows

@@ -9,11 +9,8 @@ import numpy as np
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted, check_memory
 
-from .._cells import cell_bounds, check_cells
-from .._check_trials import count
-from .._roots import signed_root
-from .._sequences import Sequences
-from .._sklearn import (
+from ..recordings._sequences import Sequences
+from ..utils._sklearn import (
     FloatArray,
     HasMethods,
     Memory,
@@ -23,7 +20,9 @@ from .._sklearn import (
     fit_task,
     one_blas_thread,
 )
-from .._validation import check_names
+from ..utils._validation import check_names, count
+from ._pyramid_cells import cell_bounds, check_cells
+from ._roots import signed_root
 from ._trial_rows import TrialRows
 
 _STATISTICS = ["max", "mean", "share"]

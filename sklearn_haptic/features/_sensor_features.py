@@ -9,8 +9,9 @@ from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.pipeline import make_pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from .._check_trials import cells_of, check_trials, is_table
-from .._sklearn import (
+from ..recordings._resample import check_rate, rate_of
+from ..recordings._trials import cells_of, check_trials, is_table
+from ..utils._sklearn import (
     DocumentedEstimator,
     FloatArray,
     HasMethods,
@@ -19,7 +20,6 @@ from .._sklearn import (
     _fit_context,
 )
 from ._pooling import TemporalMaxPool
-from ._resample import check_rate, rate_of
 from ._statistics import SignalStatistics
 from ._sthmp import STHMPTransformer
 

@@ -12,9 +12,8 @@ from scipy.fft import dct, next_fast_len
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from .._cells import cell_bounds, check_cells
-from .._sequences import Sequences
-from .._sklearn import (
+from ..recordings._sequences import Sequences
+from ..utils._sklearn import (
     FloatArray,
     Interval,
     Trials,
@@ -22,8 +21,9 @@ from .._sklearn import (
     fit_task,
     one_blas_thread,
 )
-from .._validation import check_names
+from ..utils._validation import check_names
 from ._product import product
+from ._pyramid_cells import cell_bounds, check_cells
 from ._sparse_coding import rounding_level, row_norms
 from ._trial_rows import TrialRows
 

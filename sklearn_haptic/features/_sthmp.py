@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils import check_array
 
-from .._biotac import biotac_layout
-from .._cells import cell_bounds, check_cells
-from .._check_trials import check_trials, is_table, transposed_hint
-from .._sklearn import (
+from ..recordings._biotac import biotac_layout
+from ..recordings._trials import check_trials, is_table, transposed_hint
+from ..utils._sklearn import (
     Interval,
     Memory,
     RandomState,
@@ -22,8 +21,9 @@ from .._sklearn import (
     Trials,
     _fit_context,
 )
-from .._validation import check_numbers
+from ..utils._validation import check_numbers
 from ._dictionary_coder import DictionaryCoder, encode
+from ._pyramid_cells import cell_bounds, check_cells
 
 # Most patches coded at a time, so that their codes stay in the cache until pooled.
 _CHUNK_SIZE = 8192
@@ -40,7 +40,7 @@ def electrode_images(trial, layout):
     Examples
     --------
     >>> import numpy as np
-    >>> from sklearn_haptic._biotac import biotac_layout
+    >>> from sklearn_haptic.recordings._biotac import biotac_layout
     >>> from sklearn_haptic.features._sthmp import electrode_images
     >>> electrode_images(np.arange(1.0, 20.0)[np.newaxis], biotac_layout())[0, :3]
     array([[ 8.,  7.,  9.],

@@ -9,15 +9,15 @@ from sklearn.base import TransformerMixin
 from sklearn.callback import CallbackSupportMixin
 from sklearn.utils.validation import check_is_fitted
 
-from .._check_trials import channel_names, check_sequences, check_trials, is_table
-from .._sequences import Sequences, row_index
-from .._sklearn import (
+from ..recordings._sequences import Sequences, row_index
+from ..recordings._trials import channel_names, check_sequences, check_trials, is_table
+from ..utils._sklearn import (
     DocumentedEstimator,
     Names,
     _check_feature_names_in,
     _get_output_config,
 )
-from .._validation import check_table
+from ..utils._validation import check_table
 
 
 class TrialRows(DocumentedEstimator, CallbackSupportMixin, TransformerMixin):

@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._check_ratings import check_distributions
-from .._distributions import cdf, shares
-from .._levels import level_values
-from .._sklearn import Interval, validate_params
+from ..ratings._checks import check_distributions
+from ..ratings._distributions import cdf, shares
+from ..ratings._levels import level_values
+from ..utils._sklearn import Interval, validate_params
 from ._score import CONSTRAINTS, UNITS, weighted_mean
 
 

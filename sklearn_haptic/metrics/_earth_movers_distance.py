@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._check_ratings import check_distributions
-from .._distributions import cdf
-from .._levels import level_values
+from ..ratings._checks import check_distributions
+from ..ratings._distributions import cdf
+from ..ratings._levels import level_values
 from ._score import UNITS, as_score, summarise
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import xlogy
 
-from .._check_ratings import check_distributions
-from .._distributions import shares
+from ..ratings._checks import check_distributions
+from ..ratings._distributions import shares
 from ._score import as_score, summarise
 
 

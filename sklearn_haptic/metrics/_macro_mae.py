@@ -8,11 +8,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._check_ratings import check_distributions, check_predicted_ratings
-from .._distributions import level_at, macro_error, quantile_grid
-from .._levels import level_values
-from .._sklearn import Interval, validate_params
-from .._validation import check_positions
+from ..ratings._checks import check_distributions, check_predicted_ratings
+from ..ratings._distributions import level_at, macro_error, quantile_grid
+from ..ratings._levels import level_values
+from ..utils._sklearn import Interval, validate_params
+from ..utils._validation import check_positions
 from ._score import UNITS, as_score, summarise
 
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.utils import Bunch, check_random_state
 
-from .._answers import check_answers, half_mean_difference
-from .._check_ratings import check_ratings, refuse_shares
-from .._distributions import shares
-from .._shrinkage import leave_one_out_strength, mean_of_others
-from .._sklearn import Interval, RandomState, validate_params
+from ..ratings._checks import check_ratings, refuse_shares
+from ..ratings._continuous import check_answers, half_mean_difference
+from ..ratings._distributions import shares
+from ..ratings._shrinkage import leave_one_out_strength, mean_of_others
+from ..utils._sklearn import Interval, RandomState, validate_params
 from ._calibration import dispersion, pit_histogram
 from ._ranked_probability import crps, ranked_probability_score
 from ._score import summarise

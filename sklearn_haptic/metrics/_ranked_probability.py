@@ -8,11 +8,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._answers import check_answers, check_cdf, crps_per_trial
-from .._check_ratings import check_distributions
-from .._distributions import cdf
-from .._levels import level_values
-from .._sklearn import validate_params
+from ..ratings._checks import check_distributions
+from ..ratings._continuous import check_answers, check_cdf, crps_per_trial
+from ..ratings._distributions import cdf
+from ..ratings._levels import level_values
+from ..utils._sklearn import validate_params
 from ._score import UNITS, as_score, summarise
 
 

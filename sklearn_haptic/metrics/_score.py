@@ -6,8 +6,8 @@ from typing import Any, Literal, Protocol, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._sklearn import StrOptions, validate_params
-from .._validation import check_weights
+from ..utils._sklearn import StrOptions, validate_params
+from ..utils._validation import check_weights
 
 CONSTRAINTS = {
     "y_true": ["array-like"],

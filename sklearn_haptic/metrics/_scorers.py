@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator
 from sklearn.pipeline import Pipeline
 
-from .._decided import ratings_decided_on
-from .._levels import in_named_order
-from .._sklearn import Trials
+from ..ratings._levels import in_named_order
+from ..utils._sklearn import Trials
+from ._decided_ratings import ratings_decided_on
 from ._macro_mae import macro_mae, macro_mae_at_positions
 from ._ranked_probability import ranked_probability_score
 

@@ -13,10 +13,11 @@ from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils import check_random_state, indexable
 from sklearn.utils.parallel import Parallel, delayed
 
-from .._check_ratings import check_adjectives
-from .._folds import make_splitter
-from .._holdouts import fit_holdouts
-from .._sklearn import (
+from ..metrics._trial_scores import predict_and_score
+from ..models import DistributionalOrdinalRegressor, SensorFusionNNPOM
+from ..ratings._checks import check_adjectives
+from ..utils._folds import make_splitter
+from ..utils._sklearn import (
     CrossValidator,
     Interval,
     RandomState,
@@ -24,9 +25,8 @@ from .._sklearn import (
     _safe_indexing,
     validate_params,
 )
-from .._trial_scores import predict_and_score
-from .._validation import check_groups
-from ..models import DistributionalOrdinalRegressor, SensorFusionNNPOM
+from ..utils._validation import check_groups
+from ._holdouts import fit_holdouts
 
 
 @validate_params(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator
 
-from .._sklearn import Trials, _num_samples, _safe_indexing
+from ..utils._sklearn import Trials, _num_samples, _safe_indexing
 
 # Trials that are timed, and how often each is: few, because a search times every fit.
 _N_TRIALS = 5

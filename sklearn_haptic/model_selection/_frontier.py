@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._candidates import best_and_cheapest, is_non_dominated, read_candidates
-from .._sklearn import BaseSearchCV
+from ..utils._sklearn import BaseSearchCV
+from ._candidates import best_and_cheapest, is_non_dominated, read_candidates
 
 
 def speed_accuracy_frontier(

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
-from .._trial_scores import score_trials
 from ..metrics import dispersion
+from ..metrics._trial_scores import score_trials
 from ..models import DummyDistribution
 from ._out_of_fold import in_order
 

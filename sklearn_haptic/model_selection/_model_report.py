@@ -15,13 +15,13 @@ from sklearn.frozen import FrozenEstimator
 from sklearn.utils import Bunch, indexable
 from sklearn.utils.parallel import Parallel, delayed
 
-from .._check_ratings import check_adjectives, check_ratings
-from .._check_trials import count, is_table
-from .._folds import make_splitter, route
-from .._levels import is_text
-from .._recordings import trial_columns
-from .._report import Report, Table, as_texts
-from .._sklearn import (
+from ..metrics import noise_ceiling
+from ..ratings._checks import check_adjectives, check_ratings
+from ..recordings._faulty_trials import trial_columns
+from ..recordings._trials import is_table
+from ..utils._folds import make_splitter, route
+from ..utils._report import Report, Table, as_texts
+from ..utils._sklearn import (
     CrossValidator,
     HasMethods,
     Trials,
@@ -29,8 +29,7 @@ from .._sklearn import (
     _safe_indexing,
     validate_params,
 )
-from .._validation import check_groups
-from ..metrics import noise_ceiling
+from ..utils._validation import check_groups, count, is_text
 from ._cost import predictor, seconds_per_trial, timed
 from ._gains import (
     GUESSES,

@@ -12,11 +12,11 @@ from sklearn.base import BaseEstimator, clone
 from sklearn.utils import indexable
 from sklearn.utils.parallel import Parallel, delayed
 
-from .._check_ratings import check_ratings
-from .._distributions import cdf
-from .._folds import make_splitter, route
-from .._levels import in_named_order
-from .._sklearn import (
+from ..ratings._checks import check_ratings
+from ..ratings._distributions import cdf
+from ..ratings._levels import in_named_order
+from ..utils._folds import make_splitter, route
+from ..utils._sklearn import (
     CrossValidator,
     HasMethods,
     StrOptions,
@@ -26,7 +26,7 @@ from .._sklearn import (
     _safe_indexing,
     validate_params,
 )
-from .._validation import check_groups
+from ..utils._validation import check_groups
 
 
 @validate_params(

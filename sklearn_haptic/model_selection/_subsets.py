@@ -17,9 +17,8 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils import indexable
 from sklearn.utils.parallel import Parallel, delayed
 
-from .._candidates import COST
-from .._folds import make_splitter, route
-from .._sklearn import (
+from ..utils._folds import make_splitter, route
+from ..utils._sklearn import (
     CrossValidator,
     Scorer,
     Trials,
@@ -27,7 +26,8 @@ from .._sklearn import (
     _get_adapter_from_container,
     _safe_indexing,
 )
-from .._validation import check_groups
+from ..utils._validation import check_groups
+from ._candidates import COST
 from ._cost import predictor, seconds_per_trial, timed, without_caches
 
 

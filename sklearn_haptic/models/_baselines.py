@@ -13,15 +13,15 @@ from sklearn.utils.validation import (
     validate_data,
 )
 
-from .._check_ratings import check_ratings
-from .._sklearn import (
+from ..ratings._checks import check_ratings
+from ..utils._sklearn import (
     DocumentedEstimator,
     StrOptions,
     Trials,
     _fit_context,
     _num_samples,
 )
-from .._validation import check_weights
+from ..utils._validation import check_weights
 from ._ordinal import OrdinalClassifierMixin
 
 

@@ -20,8 +20,9 @@ from sklearn.utils.validation import (
     validate_data,
 )
 
-from .._answers import cdf_at, check_answers, quantile_at
-from .._sklearn import (
+from ..metrics import crps
+from ..ratings._continuous import cdf_at, check_answers, quantile_at
+from ..utils._sklearn import (
     BaseSearchCV,
     DocumentedEstimator,
     HasMethods,
@@ -30,13 +31,12 @@ from .._sklearn import (
     Trials,
     _fit_context,
 )
-from .._validation import (
+from ..utils._validation import (
     check_groups,
     check_numbers,
     check_positions,
     check_weights,
 )
-from ..metrics import crps
 from ._distributional import DistributionalOrdinalRegressor
 
 

@@ -9,7 +9,7 @@ adjectives before that of the levels if there are several.
 import numpy as np
 from sklearn.utils import gen_batches
 
-from .._distributions import quantile_grid
+from ..ratings._distributions import quantile_grid
 from ._quantile_positions import (
     crossing_positions,
     largest_jump_error,

@@ -21,9 +21,9 @@ from sklearn.frozen import FrozenEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
-from .._check_ratings import check_adjectives, validate_rated_trials, weighted
-from .._distributions import level_at, quantile_grid
-from .._sklearn import (
+from ..ratings._checks import check_adjectives, validate_rated_trials, weighted
+from ..ratings._distributions import level_at, quantile_grid
+from ..utils._sklearn import (
     DocumentedEstimator,
     HasMethods,
     Interval,
@@ -32,7 +32,12 @@ from .._sklearn import (
     _fit_context,
     fit_task,
 )
-from .._validation import check_groups, check_positions, check_table, check_weights
+from ..utils._validation import (
+    check_groups,
+    check_positions,
+    check_table,
+    check_weights,
+)
 from ._decoding import (
     is_smooth,
     mixture,
@@ -78,22 +83,14 @@ class DistributionalOrdinalRegressor(
     n_duplicates : int, default=15
         Observations per trial. Their weights sum to this number, so a larger one makes
         the estimator's penalty weaker in comparison.
-    sampling : {"level", "lattice", "stratified", "random"}, default="level"
+    sampling : {"level", "random"}, default="level"
         How positions are chosen. "level": quadrature nodes within the share of the
         population at each level, weighted by that share, so that no rating is missed
-        and nothing is random; the estimator must take sample weights. "lattice":
-        evenly spaced, and shifted by a different amount for each trial. "stratified":
-        one at random in each of ``n_duplicates`` even intervals. "random": at random
-        (the paper).
+        and nothing is random; the estimator must take sample weights. "random": at
+        random (the paper).
     p_transform : {"logit", None}, default="logit"
         What the estimator gets as its last feature: the log-odds of p, which reach
         into the tails of the distribution, or p itself (the paper).
-    balance : {"macro", None}, default=None
-        With "macro" the levels of a trial count equally, however many people chose
-        each, as in the macro-averaged error.
-    monotone : bool, default=False
-        Constrain `NNPOM` to ratings that never fall as p grows. Predicted
-        distributions are sorted in any case.
     decode : {"mixture", "quantile"}, default="mixture"
         "mixture" averages the probabilities of the levels over the population. It is
         calibrated and better by RPS and log score. "quantile" decides on one rating
@@ -189,10 +186,8 @@ class DistributionalOrdinalRegressor(
     _parameter_constraints = {  # noqa: RUF012
         "estimator": [HasMethods(["fit", "predict"]), None],
         "n_duplicates": [Interval(Integral, 1, None, closed="left")],
-        "sampling": [StrOptions({"level", "lattice", "stratified", "random"})],
+        "sampling": [StrOptions({"level", "random"})],
         "p_transform": [StrOptions({"logit"}), None],
-        "balance": [StrOptions({"macro"}), None],
-        "monotone": ["boolean"],
         "decode": [StrOptions({"mixture", "quantile"})],
         "rule": [StrOptions({"median", "argmax"})],
         "n_quantiles": [Interval(Integral, 1, None, closed="left")],
@@ -205,10 +200,8 @@ class DistributionalOrdinalRegressor(
         estimator: BaseEstimator | None = None,
         *,
         n_duplicates: int = 15,
-        sampling: Literal["level", "lattice", "stratified", "random"] = "level",
+        sampling: Literal["level", "random"] = "level",
         p_transform: Literal["logit"] | None = "logit",
-        balance: Literal["macro"] | None = None,
-        monotone: bool = False,
         decode: Literal["mixture", "quantile"] = "mixture",
         rule: Literal["median", "argmax"] = "median",
         n_quantiles: int = 99,
@@ -219,8 +212,6 @@ class DistributionalOrdinalRegressor(
         self.n_duplicates = n_duplicates
         self.sampling = sampling
         self.p_transform = p_transform
-        self.balance = balance
-        self.monotone = monotone
         self.decode = decode
         self.rule = rule
         self.n_quantiles = n_quantiles
@@ -251,8 +242,8 @@ class DistributionalOrdinalRegressor(
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial, also where early stopping validates on it. With
             ``sampling="level"`` a weight of 2 equals giving the trial twice, if groups
-            keep both on the same side of the split; the other samplings draw positions
-            for each trial anew. Multiplying all weights by a factor divides the
+            keep both on the same side of the split; "random" draws positions for each
+            trial anew. Multiplying all weights by a factor divides the
             estimator's penalty by it.
         groups : array-like of shape (n_trials,), default=None
             The object of each trial, so that an estimator with
@@ -312,7 +303,6 @@ class DistributionalOrdinalRegressor(
                 level,
                 weight,
                 levels=self.levels_,
-                monotone=self.monotone,
                 validation=validation,
                 feature_names=getattr(self, "feature_names_in_", None),
             )
@@ -353,11 +343,6 @@ class DistributionalOrdinalRegressor(
 
     def _check_frozen(self, X, counts):
         """Check a fitted estimator, which takes the features and the position."""
-        if self.monotone:
-            raise ValueError(
-                "monotone=True constrains what is fitted, but estimator is frozen; set "
-                "monotone=False, predicted distributions are sorted in any case."
-            )
         labels = self.levels_ if self._base is self.estimator_ else self._present
         check_frozen(
             self.estimator,
@@ -383,7 +368,6 @@ class DistributionalOrdinalRegressor(
                 counts.reshape(-1, counts.shape[-1]),
                 self.n_duplicates,
                 self.sampling,
-                self.balance,
                 rng,
             )
         )
@@ -485,8 +469,6 @@ PAPER_2020 = _Settings(
     n_duplicates=15,
     sampling="random",
     p_transform=None,
-    balance=None,
-    monotone=False,
     decode="quantile",
     rule="argmax",
     n_quantiles=99,

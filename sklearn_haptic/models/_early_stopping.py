@@ -4,8 +4,8 @@ import warnings
 
 import numpy as np
 
-from .._distributions import macro_error
-from .._folds import validation_split
+from ..ratings._distributions import macro_error
+from ..utils._folds import validation_split
 from ._observations import of_each_adjective
 
 _VALIDATION_INTERVAL = 10  # iterations between two looks at the validation error

@@ -20,8 +20,8 @@ from sklearn.frozen import FrozenEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from .._check_ratings import validate_rated_trials
-from .._sklearn import (
+from ..ratings._checks import validate_rated_trials
+from ..utils._sklearn import (
     DocumentedEstimator,
     FloatArray,
     HasMethods,
@@ -32,13 +32,12 @@ from .._sklearn import (
     one_blas_thread,
     with_callbacks,
 )
-from .._validation import check_groups, check_table, check_weights
+from ..utils._validation import check_groups, check_table, check_weights
 from ._early_stopping import hold_out_trials
 from ._frozen import check_frozen, unfrozen
 from ._nnpom import NNPOM
 from ._observations import single_ratings
 from ._ordinal import OrdinalClassifierMixin
-from ._shared_features import refuse_monotone
 
 _Network: TypeAlias = NNPOM | FrozenEstimator
 
@@ -304,7 +303,6 @@ class SensorFusionNNPOM(
         weight: FloatArray,
         *,
         levels: np.ndarray,
-        monotone: bool = False,
         validation: Observations | None = None,
         feature_names: np.ndarray | None = None,
     ) -> Self:
@@ -312,11 +310,8 @@ class SensorFusionNNPOM(
 
         The parameters are those of :meth:`NNPOM.fit_with_positions`. Every network gets
         the same positions; those that stop early use the validation trials.
-        ``monotone=True`` raises a ValueError.
         """
         self._validate_params()
-        if monotone:
-            refuse_monotone("SensorFusionNNPOM")
         self.n_features_in_ = X.shape[1] + 1
         if feature_names is not None:
             self.feature_names_in_ = np.append(feature_names, "position")

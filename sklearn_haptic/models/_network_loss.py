@@ -3,7 +3,6 @@
 import numpy as np
 from scipy import sparse
 
-from .._together import Matrix
 from ._network import Head, sigmoid, sigmoid_of_sums
 from ._proportional_odds import ordinal_loss
 
@@ -153,8 +152,7 @@ class NetworkLoss:
         self.input_alpha, self.output_alpha = alpha[:-1], alpha[-1]
         self.blocks = self._divide(observations)
         # One product of all trials is fastest, unless they are many and read by block.
-        by_block = len(self.blocks) > 1 and X.shape[0] > X.shape[1]
-        self.matrix = None if by_block else Matrix(X)
+        self.by_block = len(self.blocks) > 1 and X.shape[0] > X.shape[1]
         self.total = sum(each.weight.sum() for _, of in self.blocks for _, each in of)
 
     def _divide(self, observations):
@@ -192,7 +190,7 @@ class NetworkLoss:
         grad = np.zeros(len(params))
         coef, bias, heads = self.layout.split(params)
         g_coef, g_bias, g_heads = self.layout.split(grad)
-        shared = None if self.matrix is None else self.matrix.times(coef[:n_features])
+        shared = None if self.by_block else self.X @ coef[:n_features]
         np.multiply(self.input_alpha, coef.T, out=g_coef.T)
         square = np.vdot(g_coef, coef)
         for head, g_head in zip(heads, g_heads):
@@ -220,7 +218,7 @@ class NetworkLoss:
             if shared is None:
                 g_coef[:n_features] += (g_trials.T @ self.X[rows]).T  # the faster order
         if shared is not None:
-            self.matrix.add_transposed_times(g_shared, g_coef[:n_features])
+            g_coef[:n_features] += self.X.T @ g_shared
         grad /= self.total
         return (loss + 0.5 * square) / self.total, grad
 
@@ -243,13 +241,3 @@ def initial_params(layout, level_weights, random_state):
     raw_gaps = np.log(share[1:-1]) - below[:-2] - above[2:]
     raw_gaps = layout.gaps.from_softplus(raw_gaps)
     return np.concatenate((np.zeros(layout.n_inputs), first, raw_gaps))
-
-
-def monotone_bounds(layout):
-    """Return bounds that keep the position's and the output weights non-negative."""
-    lower = np.full(layout.size, -np.inf)
-    coef, _, heads = layout.split(lower)
-    coef[-1:] = 0.0
-    for head in heads:
-        head.output[:] = 0.0
-    return np.stack((lower, np.full(layout.size, np.inf)), axis=1)

@@ -14,8 +14,8 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from .._check_ratings import validate_rated_trials
-from .._sklearn import (
+from ..ratings._checks import validate_rated_trials
+from ..utils._sklearn import (
     DocumentedEstimator,
     FloatArray,
     Interval,
@@ -27,11 +27,11 @@ from .._sklearn import (
     one_blas_thread,
     with_callbacks,
 )
-from .._validation import check_groups, check_table, check_weights
+from ..utils._validation import check_groups, check_table, check_weights
 from ._conditioning import Conditioning
 from ._early_stopping import Monitor, hold_out_trials, validation_error
 from ._network import Layout, Network
-from ._network_loss import NetworkLoss, initial_params, monotone_bounds
+from ._network_loss import NetworkLoss, initial_params
 from ._observations import (
     one_trial_each,
     rank_levels,
@@ -264,7 +264,6 @@ class NNPOM(
         weight: FloatArray,
         *,
         levels: np.ndarray,
-        monotone: bool = False,
         validation: Observations | None = None,
         feature_names: np.ndarray | None = None,
     ) -> Self:
@@ -291,10 +290,6 @@ class NNPOM(
             Weight of each observation.
         levels : ndarray of shape (n_levels,)
             The ordered levels.
-        monotone : bool, default=False
-            Keep the latent response from falling as the position grows: the weights
-            of the position and those out of the hidden units are not negative. For
-            the "lbfgs" solver only.
         validation : tuple of (X, positions, level, weight), default=None
             Validation trials; None for no early stopping. Observations of zero weight
             do not count; all others of a trial have the trial's weight.
@@ -313,19 +308,14 @@ class NNPOM(
         train = X, positions, level, weight
         if X.ndim > 2:
             train = one_trial_each(*train)
-        self._fit(train, validation, levels, rng, monotone)
+        self._fit(train, validation, levels, rng)
         self.n_features_in_ = n_inputs
         if feature_names is not None:
             self.feature_names_in_ = np.append(feature_names, "position")
         return self
 
-    def _fit(self, train, validation, levels, rng, monotone=False):
+    def _fit(self, train, validation, levels, rng):
         """Fit to validated observations; attributes are set once the fit is over."""
-        if monotone and self.solver != "lbfgs":
-            raise ValueError(
-                f"monotone=True requires solver='lbfgs', but solver={self.solver!r}; "
-                "set one of the two."
-            )
         X, _, _, weight = train
         several = weight.ndim == 3
         if several and self.n_hidden == 0:
@@ -335,7 +325,7 @@ class NNPOM(
             )
         with fit_task(self, X, max_subtasks=self.max_iter) as task:
             network, self.loss_, self.loss_curve_, self.n_iter_ = self._minimise(
-                train, validation, len(levels), rng, monotone, task.on_iteration
+                train, validation, len(levels), rng, task.on_iteration
             )
             output, thresholds = network.output, network.thresholds
             if not several:
@@ -346,7 +336,7 @@ class NNPOM(
         return self
 
     @one_blas_thread
-    def _minimise(self, train, validation, n_levels, rng, monotone, on_iteration):
+    def _minimise(self, train, validation, n_levels, rng, on_iteration):
         """Return the network, its cost, the cost after each iteration, their number."""
         X, positions, level, weight = train
         weight, alpha = scaled_to_unit_weight(weight, self.alpha)
@@ -379,17 +369,15 @@ class NNPOM(
             self.n_iter_no_change,
             on_iteration,
         )
-        params, n_iter = self._search(loss, features.apply(start), monitor, monotone)
+        params, n_iter = self._search(loss, features.apply(start), monitor)
         return network_of(params), float(loss(params)[0]), monitor.costs, n_iter
 
-    def _search(self, loss, start, monitor, monotone):
+    def _search(self, loss, start, monitor):
         """Return the parameters that cost least, or validate best, and the iterations.
 
         A search that did not converge warns, unless validation chose the parameters.
         """
         options = {"max_iter": self.max_iter, "tol": self.tol, "callback": monitor}
-        if monotone:
-            options["bounds"] = monotone_bounds(loss.layout)
         params, n_iter, converged = SOLVERS[self.solver](loss, start, **options)
         if monitor.best_params is not None:
             return monitor.best_params, n_iter

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._check_ratings import weighted
-from .._sklearn import FloatArray
+from ..ratings._checks import weighted
+from ..utils._sklearn import FloatArray
 
 # In units of the total weight; more would make no difference but overflow.
 _LARGEST_PENALTY = 1e300

@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import ClassifierMixin
 from sklearn.utils import check_random_state
 
-from .._distributions import cdf, level_at
-from .._sklearn import RandomState, Trials
-from .._validation import check_positions
 from ..metrics import neg_rps_scorer
+from ..ratings._distributions import cdf, level_at
+from ..utils._sklearn import RandomState, Trials
+from ..utils._validation import check_positions
 
 
 class OrdinalClassifierMixin(ClassifierMixin):

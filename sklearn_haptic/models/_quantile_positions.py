@@ -9,12 +9,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from .._distributions import level_at
-
-_GOLDEN = (np.sqrt(5) - 1) / 2
+from ..ratings._distributions import level_at
 
 
-def training_observations(counts, n_duplicates, sampling, balance, random_state):
+def training_observations(counts, n_duplicates, sampling, random_state):
     """Choose quantile positions of each trial; label and weight them by its ratings.
 
     Parameters
@@ -22,12 +20,9 @@ def training_observations(counts, n_duplicates, sampling, balance, random_state)
     counts : ndarray of shape (n_trials, n_levels)
         How many people gave each rating.
     n_duplicates : int
-        Total weight of the observations of each trial; with every sampling but
-        "level" also their number.
-    sampling : {"level", "lattice", "stratified", "random"}
+        Total weight of the observations of each trial; with "random" also their number.
+    sampling : {"level", "random"}
         How positions are chosen, as `DistributionalOrdinalRegressor` says.
-    balance : {"macro", None}
-        "macro" gives all levels that a trial has the same total weight.
     random_state : RandomState instance
 
     Returns
@@ -38,25 +33,11 @@ def training_observations(counts, n_duplicates, sampling, balance, random_state)
         Index of the rating at each position.
     weight : ndarray of shape (n_trials, n_observations)
     """
-    n_trials, n_levels = counts.shape
     if sampling == "level":
-        positions, level, weight = _level_nodes(counts, n_duplicates)
-    else:
-        cell = np.arange(n_duplicates) / n_duplicates
-        if sampling == "lattice":  # shifted by another amount for each trial
-            shift = (_GOLDEN * (np.arange(n_trials)[:, None] + 1)) % 1
-        else:
-            shift = random_state.uniform(size=(n_trials, n_duplicates))
-        positions = shift if sampling == "random" else cell + shift / n_duplicates
-        positions = clip_positions(positions)
-        level = level_at(counts, positions)
-        weight = np.ones_like(positions)
-    if balance == "macro":
-        total = np.stack([(weight * (level == k)).sum(1) for k in range(n_levels)], 1)
-        total, n_used = np.take_along_axis(total, level, axis=1), (total > 0).sum(1)
-        weight = np.divide(weight, total, out=np.zeros_like(weight), where=total > 0)
-        weight *= n_duplicates / n_used[:, None]
-    return positions, level, weight
+        return _level_nodes(counts, n_duplicates)
+    positions = random_state.uniform(size=(len(counts), n_duplicates))
+    positions = clip_positions(positions)
+    return positions, level_at(counts, positions), np.ones_like(positions)
 
 
 def _level_nodes(counts, n_duplicates):

@@ -11,10 +11,10 @@ from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.utils import check_random_state, get_tags
 from sklearn.utils.validation import check_is_fitted
 
-from .._check_ratings import validate_rated_trials
-from .._distributions import cdf
-from .._sklearn import DocumentedEstimator, HasMethods, RandomState, _fit_context
-from .._validation import check_table, check_weights
+from ..ratings._checks import validate_rated_trials
+from ..ratings._distributions import cdf
+from ..utils._sklearn import DocumentedEstimator, HasMethods, RandomState, _fit_context
+from ..utils._validation import check_table, check_weights
 from ._ordinal import OrdinalClassifierMixin
 from ._shared_features import fit_with_weights, refuse_adjectives, seed_estimator
 

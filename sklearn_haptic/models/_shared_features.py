@@ -17,7 +17,7 @@ from sklearn.frozen import FrozenEstimator
 from sklearn.utils import gen_batches
 from sklearn.utils.validation import has_fit_parameter
 
-from .._sklearn import FloatArray, Observations
+from ..utils._sklearn import FloatArray, Observations
 from ._early_stopping import validates_on_rows
 
 # Rows, and values in them, that an estimator is given at once for prediction.
@@ -31,8 +31,7 @@ class SharesFeatures(Protocol):
     scale that ``p_transform`` of the regressor chooses. Of several adjectives, the
     observations have the shape (n_trials, n_adjectives, n_observations), and what is
     predicted has an axis of adjectives behind that of the positions; an estimator that
-    cannot learn several calls `refuse_adjectives`, one that cannot be monotone
-    `refuse_monotone`.
+    cannot learn several calls `refuse_adjectives`.
     """
 
     def fit_with_positions(
@@ -43,7 +42,6 @@ class SharesFeatures(Protocol):
         weight: FloatArray,
         *,
         levels: np.ndarray,
-        monotone: bool = False,
         validation: Observations | None = None,
         feature_names: np.ndarray | None = None,
     ) -> Any:
@@ -110,14 +108,6 @@ def seed_estimator(estimator, rng):
     estimator.set_params(**dict.fromkeys(names, seed))
 
 
-def refuse_monotone(name):
-    """Raise the error of an estimator that cannot be monotone."""
-    raise ValueError(
-        f"monotone=True requires an NNPOM, but estimator is a {name}; set "
-        "monotone=False, predicted distributions are sorted in any case."
-    )
-
-
 def fit_with_weights(estimator, X, y, weight, refusal):
     """Fit an estimator; one that takes no weights only if they are all equal.
 
@@ -175,16 +165,14 @@ class RepeatedRows:
     present: NDArray[np.integer]
     n_levels: int
 
-    def fit_with_positions(
-        self, X, positions, level, weight, *, monotone=False, **_not_needed
-    ):
+    def fit_with_positions(self, X, positions, level, weight, **_not_needed):
         """Fit the estimator to one row per observation, the position its last column.
 
         Raises
         ------
         ValueError
-            If `monotone` is true, there are several adjectives, or the observations
-            differ in weight and the estimator takes no weights.
+            If there are several adjectives, or the observations differ in weight and
+            the estimator takes no weights.
 
         Warns
         -----
@@ -192,8 +180,6 @@ class RepeatedRows:
             If the estimator stops early by rows that it holds out itself.
         """
         name = type(self.estimator).__name__
-        if monotone:
-            refuse_monotone(name)
         if weight.ndim == 3:
             refuse_adjectives(name)
         used = weight > 0
@@ -215,8 +201,8 @@ class RepeatedRows:
             rows,
             level,
             weight,
-            "the observations differ in weight; set sampling='lattice' and "
-            "balance=None, and give equal sample_weight or none.",
+            "the observations differ in weight; set sampling='random', and "
+            "give equal sample_weight or none.",
         )
 
     def predict_proba_with_positions(self, X, positions):

@@ -85,16 +85,11 @@ def _move(x, grad, size, step, previous_sign, back):
     x += step
 
 
-def lbfgs(fun, x0, *, max_iter, tol, callback, bounds=None):
+def lbfgs(fun, x0, *, max_iter, tol, callback):
     """Minimise by scipy's L-BFGS-B; arguments and results as for `irprop_plus`.
 
     Where the cost no longer falls, the search ends; it has converged only if the
     gradient is small there, which it is not under an extreme penalty.
-
-    Parameters
-    ----------
-    bounds : ndarray of shape (n_params, 2), default=None
-        Smallest and largest value of each parameter; `x0` is brought within them.
     """
 
     def stop(intermediate_result):
@@ -106,7 +101,6 @@ def lbfgs(fun, x0, *, max_iter, tol, callback, bounds=None):
         x0,
         jac=True,
         method="L-BFGS-B",
-        bounds=bounds,
         callback=stop,
         options={
             "maxiter": max_iter,
@@ -117,9 +111,7 @@ def lbfgs(fun, x0, *, max_iter, tol, callback, bounds=None):
             "ftol": np.finfo(float).eps,
         },
     )
-    lower, upper = (-np.inf, np.inf) if bounds is None else bounds.T
-    downhill = np.clip(result.x - result.jac, lower, upper) - result.x
-    flat = np.max(np.abs(downhill)) <= max(tol, _ROUNDING)
+    flat = np.max(np.abs(result.jac)) <= max(tol, _ROUNDING)
     return result.x, result.nit, flat or result.status == _STOPPED
 
 

@@ -12,12 +12,12 @@ from scipy.special import betaincinv
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
 
-from .._check_ratings import check_distributions
-from .._distributions import cdf, shares
-from .._levels import in_named_order
-from .._sklearn import Trials
-from .._validation import check_groups
 from ..metrics import pit_histogram
+from ..ratings._checks import check_distributions
+from ..ratings._distributions import cdf, shares
+from ..ratings._levels import in_named_order
+from ..utils._sklearn import Trials
+from ..utils._validation import check_groups
 from ._display import Display
 from ._style import BLUE, colours_of, legend_beside
 

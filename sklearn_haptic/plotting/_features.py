@@ -11,10 +11,10 @@ from sklearn.base import BaseEstimator
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from .._cells import cell_bounds
-from .._roots import signed_root
-from .._sklearn import FloatArray, Names, Trials
 from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
+from ..features._pyramid_cells import cell_bounds
+from ..features._roots import signed_root
+from ..utils._sklearn import FloatArray, Names, Trials
 from ._display import Display
 from ._signals import check_rate
 from ._style import BLUE, label_blocks

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 
-from .._check_ratings import check_distributions, check_ratings
-from .._distributions import cdf, shares
-from .._levels import in_named_order
-from .._sklearn import Trials, _safe_indexing
-from .._validation import check_regular
 from ..metrics import macro_mae
+from ..ratings._checks import check_distributions, check_ratings
+from ..ratings._distributions import cdf, shares
+from ..ratings._levels import in_named_order
+from ..utils._sklearn import Trials, _safe_indexing
+from ..utils._validation import check_regular
 from ._display import Display
 from ._style import BLUE, legend_beside
 

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 from sklearn.utils.validation import check_consistent_length
 
-from .._check_ratings import check_counts, check_two_ratings
-from .._validation import check_objects
 from ..ratings import adjective_correlation, interrater_agreement
+from ..ratings._checks import check_counts, check_two_ratings
+from ..utils._validation import check_objects
 from ._display import Display
 from ._style import BLUE
 

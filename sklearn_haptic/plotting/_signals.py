@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from .._biotac import SAMPLING_RATES, SENSORS
-from .._check_trials import check_trials
-from .._sklearn import FloatArray
+from ..recordings._biotac import SAMPLING_RATES, SENSORS
+from ..recordings._trials import check_trials
+from ..utils._sklearn import FloatArray
 from ._display import Display
 from ._style import colours_of, label_blocks, legend_beside
 

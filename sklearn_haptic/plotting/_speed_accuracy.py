@@ -8,14 +8,18 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from .._candidates import best_and_cheapest, is_non_dominated, read_candidates
+from ..model_selection._candidates import (
+    best_and_cheapest,
+    is_non_dominated,
+    read_candidates,
+)
 from ._display import Display
 from ._style import BLUE, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from .._sklearn import BaseSearchCV
+    from ..utils._sklearn import BaseSearchCV
 
 
 class SpeedAccuracyDisplay(Display):

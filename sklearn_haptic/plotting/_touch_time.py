@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._check_ratings import check_distributions, check_ratings
-from .._validation import check_groups, check_numbers
 from ..metrics import ranked_probability_score
+from ..ratings._checks import check_distributions, check_ratings
+from ..utils._validation import check_groups, check_numbers
 from ._display import Display
 from ._style import colours_of
 

@@ -10,6 +10,7 @@ from ._correlation import adjective_correlation
 from ._counts import RatingTable, rating_counts
 from ._distribution import inverse_cdf, rating_cdf, rating_distribution, rating_mean
 from ._outlying_raters import outlying_raters
+from ._shrinkage import shrink_counts
 
 __all__ = [
     "RatingTable",
@@ -21,4 +22,5 @@ __all__ = [
     "rating_counts",
     "rating_distribution",
     "rating_mean",
+    "shrink_counts",
 ]

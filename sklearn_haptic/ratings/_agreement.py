@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._check_ratings import check_counts, check_two_ratings
+from ._checks import check_counts, check_two_ratings
 
 
 def interrater_agreement(counts: ArrayLike) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import spearmanr
 from sklearn.utils import Bunch
 
-from .._sklearn import Interval, validate_params
+from ..utils._sklearn import Interval, validate_params
 from ._single_ratings import check_single_ratings
 
 # A row of `adjective_correlation(ratings).pairs`.

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_consistent_length
 
-from .._check_ratings import match_levels
-from .._check_trials import count
-from .._levels import levels_of_ratings, names_levels
-from .._validation import (
+from ..utils._validation import (
     check_objects,
+    count,
     drop_missing,
     missing_to_none,
     rows_of_objects,
 )
+from ._checks import match_levels
+from ._levels import levels_of_ratings, names_levels
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -31,8 +32,7 @@ class RatingTable:
     objects : ndarray of shape (n_objects,)
         The object of each row, sorted.
     levels : ndarray of shape (n_levels,)
-        The level of each column. Give them to a model as its ``levels``, unless they
-        are 1, 2, …, n_levels.
+        The level of each column.
     raters : ndarray of shape (n_raters,), default=None
         The people, sorted, if they are known.
     answers : ndarray of int of shape (n_ratings, 3), default=None
@@ -46,9 +46,10 @@ class RatingTable:
     >>> table
     RatingTable(3 ratings of 2 objects, levels 1 to 2)
     >>> table.counts_for(["tile", "foam", "foam"])
-    array([[0, 1],
-           [1, 1],
-           [1, 1]])
+       1  2
+    0  0  1
+    1  1  1
+    2  1  1
     """
 
     counts: NDArray[np.int64]
@@ -65,16 +66,15 @@ class RatingTable:
         levels = self.levels.tolist()
         return f"RatingTable({text}, levels {levels[0]} to {levels[-1]})"
 
-    @classmethod
+    @staticmethod
     def from_long(
-        cls,
         frame: Any,
         *,
         object: str = "object",
         rater: str = "rater",
         rating: str = "rating",
         levels: ArrayLike | None = None,
-    ) -> Self:
+    ) -> RatingTable:
         """Count the ratings of a table with one row per rating.
 
         Parameters
@@ -111,18 +111,17 @@ class RatingTable:
                [0, 1, 0]])
         """
         objects, raters, ratings = (
-            _column(frame, name) for name in (object, rater, rating)
+            column_named(frame, name) for name in (object, rater, rating)
         )
-        return cls(**vars(rating_counts(ratings, objects, raters, levels=levels)))
+        return rating_counts(ratings, objects, raters, levels=levels)
 
-    @classmethod
+    @staticmethod
     def from_wide(
-        cls,
         frame: Any,
         *,
         object: str = "object",
         levels: ArrayLike | None = None,
-    ) -> Self:
+    ) -> RatingTable:
         """Count the ratings of a table with one row per object, one column per rater.
 
         Parameters
@@ -157,24 +156,23 @@ class RatingTable:
         array([[1, 0, 1],
                [0, 1, 0]])
         """
-        objects = check_objects(_column(frame, object))
+        objects = check_objects(column_named(frame, object))
         raters = [name for name in frame.columns if name != object]
         if not raters:
             raise ValueError(
                 f"The table has no column but {object!r}; give one per rater."
             )
-        columns = [_column(frame, name) for name in raters]
+        columns = [column_named(frame, name) for name in raters]
         if levels is None and names_levels(columns[0]):
             levels = levels_of_ratings(np.array([]), columns[0], None, "ratings")
-        table = rating_counts(
+        return rating_counts(
             np.concatenate([missing_to_none(column, "ratings") for column in columns]),
             np.tile(objects, len(raters)),
             np.repeat(raters, len(objects)),
             levels=levels,
         )
-        return cls(**vars(table))
 
-    def counts_for(self, objects: ArrayLike) -> NDArray[np.int64]:
+    def counts_for(self, objects: ArrayLike) -> pd.DataFrame:
         """Return the counts of the object of each trial.
 
         Parameters
@@ -184,24 +182,33 @@ class RatingTable:
 
         Returns
         -------
-        counts : ndarray of shape (n_trials, n_levels)
-            Row by row the counts of ``objects``.
+        counts : DataFrame of shape (n_trials, n_levels)
+            Row by row the counts of ``objects``. The columns are the levels, by which a
+            model knows them; they are ordered categories if the levels are words, or
+            numbers that do not ascend. The index is that of ``objects``, if it has one.
 
         Raises
         ------
         ValueError
             If an object is missing or has no ratings in this table.
         """
-        return self.counts[rows_of_objects(objects, self.objects)]
+        columns = pd.Index(self.levels)
+        if not (columns.dtype.kind in "iuf" and columns.is_monotonic_increasing):
+            columns = pd.CategoricalIndex(columns, columns, ordered=True)
+        return pd.DataFrame(
+            self.counts[rows_of_objects(objects, self.objects)],
+            index=objects.index if isinstance(objects, pd.Series) else None,
+            columns=columns,
+        )
 
 
-def _column(frame, name):
-    """Return a column of a table of pandas or polars, of which there must be one."""
+def column_named(frame, name):
+    """Return a column of a table of pandas or polars."""
     columns = [*getattr(frame, "columns", ())]
-    if columns.count(name) != 1:
+    if name not in columns:
         raise ValueError(
-            f"The table has {columns.count(name)} columns {name!r} among "
-            f"{columns[:10]}; give a DataFrame that has one, or the column's own name."
+            f"The table has no column {name!r}, only {columns[:10]}; rename the one "
+            "that is meant."
         )
     return frame[name]
 
@@ -264,9 +271,10 @@ def rating_counts(
     To give a model the counts of each trial's object:
 
     >>> table.counts_for(["tile", "tile", "foam"])
-    array([[0, 0, 2, 0, 0],
-           [0, 0, 2, 0, 0],
-           [1, 2, 0, 0, 0]])
+       1  2  3  4  5
+    0  0  0  2  0  0
+    1  0  0  2  0  0
+    2  1  2  0  0  0
     """
     check_consistent_length(ratings, objects)
     values, given = drop_missing(ratings, "ratings")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._check_ratings import check_counts
-from .._distributions import cdf, level_at, shares
-from .._levels import level_values
-from .._validation import check_positions
+from ..utils._validation import check_positions
+from ._checks import check_counts
+from ._distributions import cdf, level_at, shares
+from ._levels import level_values
 
 
 def rating_distribution(counts: ArrayLike) -> NDArray[np.float64]:

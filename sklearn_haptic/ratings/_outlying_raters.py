@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 from sklearn.utils import Bunch
 from sklearn.utils.validation import check_consistent_length
 
-from .._check_ratings import known_answers
-from .._sklearn import Interval, validate_params
-from .._validation import check_objects
+from ..utils._sklearn import Interval, validate_params
+from ..utils._validation import check_objects
+from ._checks import known_answers
 from ._counts import RatingTable
 from ._single_ratings import check_single_ratings
 

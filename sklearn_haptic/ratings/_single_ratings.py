@@ -3,7 +3,7 @@
 import numpy as np
 from sklearn.utils.validation import check_array
 
-from .._validation import check_numbers, missing_to_none
+from ..utils._validation import check_numbers, missing_to_none
 
 
 def check_single_ratings(ratings, **least):

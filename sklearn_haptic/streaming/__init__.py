@@ -7,7 +7,7 @@ when a touch is long enough.
 
 from ._anytime import AnytimeRegressor
 from ._stopping import CertaintyThreshold, ExpectedGain, FixedDuration, NoChange
-from ._touch import TouchInProgress
+from ._touch_in_progress import TouchInProgress
 
 __all__ = [
     "AnytimeRegressor",

@@ -16,11 +16,12 @@ from sklearn.utils.validation import (
     has_fit_parameter,
 )
 
-from .._check_ratings import check_adjectives
-from .._distributions import shares
-from .._folds import check_folds_know, make_splitter
-from .._perhaps_ordered import PerhapsOrderedMixin
-from .._sklearn import (
+from ..models._perhaps_ordered import PerhapsOrderedMixin
+from ..ratings._checks import check_adjectives
+from ..ratings._distributions import shares
+from ..utils._folds import check_folds_know, make_splitter
+from ..utils._pipeline_steps import flat_steps
+from ..utils._sklearn import (
     CrossValidator,
     DocumentedEstimator,
     HasMethods,
@@ -29,13 +30,12 @@ from .._sklearn import (
     _fit_context,
     one_blas_thread,
 )
-from .._steps import flat_steps
-from .._validation import check_groups, check_numbers
+from ..utils._validation import check_groups, check_numbers
 from ._branches import fit_features, used_sensors
 from ._heads import best_power, fit_heads, predict_head, predict_out_of_fold, temper
 from ._prefixes import durations_complete, samples_in
-from ._touch import TouchInProgress, check_limits
-from ._touches import ONLY_SENSOR, check_touches
+from ._recorded_touches import ONLY_SENSOR, check_touches
+from ._touch_in_progress import TouchInProgress, check_limits
 
 
 class AnytimeRegressor(

@@ -17,10 +17,10 @@ from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import FeatureUnion, Pipeline
 
-from .._check_trials import is_table
-from .._steps import flat_steps
 from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
-from ._touches import ONLY_SENSOR
+from ..recordings._trials import is_table
+from ..utils._pipeline_steps import flat_steps
+from ._recorded_touches import ONLY_SENSOR
 
 
 class Branch(NamedTuple):

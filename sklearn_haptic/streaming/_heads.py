@@ -12,7 +12,7 @@ from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils import _safe_indexing
 
-from .._folds import groups_for
+from ..utils._folds import groups_for
 
 # Least probability in the logarithms of a calibration.
 _TINY = 1e-12

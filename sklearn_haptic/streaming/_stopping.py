@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from .._distributions import shares as as_shares
-from .._sklearn import Interval, StrOptions, _fit_context
-from .._validation import check_numbers
+from ..ratings._distributions import shares as as_shares
+from ..utils._sklearn import Interval, StrOptions, _fit_context
+from ..utils._validation import check_numbers
 
 # Number of touches that the prior of the slopes is worth, which is that they are 0.
 _PRIOR = 100

@@ -1,13 +1,10 @@
 """Networks chosen by their score on the validation trials."""
 
-from functools import partial
 from itertools import product
 
 import numpy as np
 from sklearn.base import clone
 from sklearn.metrics import check_scoring
-
-from .._together import run_together
 
 
 def choose_network(study, name, regressor, network, X, counts, parts):
@@ -39,9 +36,7 @@ def choose_network(study, name, regressor, network, X, counts, parts):
         )
         for n_hidden, alpha in grid
     ]
-    # L-BFGS brings the features into a basis of each network's own.
-    together = study.regressor.estimator.solver == "irprop+"
-    best, score, model = fit_best(candidates, X, counts, parts, study.scoring, together)
+    best, score, model = fit_best(candidates, X, counts, parts, study.scoring)
     n_hidden, alpha = grid[best]
     return model, {
         "network": name[-1],
@@ -58,7 +53,7 @@ def for_early_stopping(regressor, X, counts, parts):
     return {"X_val": X[parts.validation], "y_val": counts[parts.validation]}
 
 
-def fit_best(candidates, X, counts, parts, scoring, together=False):
+def fit_best(candidates, X, counts, parts, scoring):
     """Fit regressors to training trials and keep the best on validation trials.
 
     Parameters
@@ -70,9 +65,6 @@ def fit_best(candidates, X, counts, parts, scoring, together=False):
     parts : Parts
     scoring : str, callable or None
         Score by which to choose, higher being better; None for the regressor's own.
-    together : bool, default=False
-        Whether the regressors are fitted together, which saves time if they share the
-        features that their solver works on.
 
     Returns
     -------
@@ -107,13 +99,9 @@ def fit_best(candidates, X, counts, parts, scoring, together=False):
     """
     train = X[parts.train], counts[parts.train]
     validation = for_early_stopping(candidates[0], X, counts, parts)
-    fits = [partial(candidate.fit, *train, **validation) for candidate in candidates]
-    if together:
-        run_together(fits)
     best = None
     for i, candidate in enumerate(candidates):
-        if not together:
-            fits[i]()
+        candidate.fit(*train, **validation)
         scorer = check_scoring(candidate, scoring)
         score = float(scorer(candidate, X[parts.validation], counts[parts.validation]))
         if not np.isnan(score) and (best is None or score > best[1]):

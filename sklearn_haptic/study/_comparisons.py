@@ -9,7 +9,6 @@ import pandas as pd
 from scipy.stats import friedmanchisquare, wilcoxon
 from sklearn.utils import Bunch
 
-from .._holdouts import FULL_MODEL
 from ..metrics import (
     earth_movers_distance,
     log_score,
@@ -17,6 +16,7 @@ from ..metrics import (
     noise_ceiling,
     ranked_probability_score,
 )
+from ..model_selection._holdouts import FULL_MODEL
 
 _CELL = ["adjective", "procedure"]
 _SCORES = {

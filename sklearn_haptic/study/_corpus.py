@@ -6,7 +6,7 @@ from functools import partial
 import pandas as pd
 from sklearn.utils import Bunch
 
-from .._biotac import PROCEDURES, SENSORS
+from ..recordings._biotac import PROCEDURES, SENSORS
 
 # What a procedure consists of.
 _KINDS = {"trials": pd.DataFrame, "objects": object, "ratings": Mapping}

@@ -6,9 +6,9 @@ from sklearn.base import clone
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils import check_random_state
 
-from .._biotac import SENSORS
 from .._pipeline import make_haptic_pipeline
 from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
+from ..recordings._biotac import SENSORS
 from ._store import read_unit
 from ._trials import names_of_trials
 

@@ -7,10 +7,10 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 
-from .._check_ratings import check_ratings
-from .._holdouts import FULL_MODEL, fit_holdouts
-from .._trial_scores import predict_and_score, score_trials
+from ..metrics._trial_scores import predict_and_score, score_trials
+from ..model_selection._holdouts import FULL_MODEL, fit_holdouts
 from ..models import DummyDistribution, SensorFusionNNPOM
+from ..ratings._checks import check_ratings
 from ._choice import choose_network, for_early_stopping
 from ._features import rotate_features
 from ._store import read_unit, unit_path

@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 from sklearn.utils import Bunch
 
-from .._biotac import PROCEDURES
+from ..recordings._biotac import PROCEDURES
 from ._store import read_finished, read_settings
 
 

@@ -21,7 +21,9 @@ from sklearn.metrics import check_scoring
 from sklearn.utils import Bunch
 from sklearn.utils.parallel import Parallel, delayed
 
-from .._sklearn import (
+from ..features import KSVDTransformer, STHMPTransformer
+from ..models import NNPOM, DistributionalOrdinalRegressor
+from ..utils._sklearn import (
     Interval,
     Names,
     Scorer,
@@ -29,14 +31,12 @@ from .._sklearn import (
     one_blas_thread,
     validate_params,
 )
-from .._validation import check_names
-from ..features import KSVDTransformer, STHMPTransformer
-from ..models import NNPOM, DistributionalOrdinalRegressor
+from ..utils._validation import check_names
 from ._corpus import open_corpus
 from ._features import compute_features
 from ._models import check_models, compute_models
-from ._presets import PRESETS
 from ._progress import Progress
+from ._protocols import PRESETS
 from ._results import read_study
 from ._store import open_study, read_record, read_unit, write_unit
 from ._study import Study

@@ -6,7 +6,7 @@ import numpy as np
 from sklearn.model_selection import GroupKFold
 from sklearn.utils import check_random_state
 
-from .._folds import validation_split
+from ..utils._folds import validation_split
 
 _SHARE_OF_TEST = 0.1  # of the objects, in the paper's split
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from sklearn.utils import Bunch
 
-from .._sklearn import Scorer
 from ..features import KSVDTransformer, STHMPTransformer
 from ..models import DistributionalOrdinalRegressor
+from ..utils._sklearn import Scorer
 from ._split import split_objects
 
 

@@ -1,0 +1,390 @@
+"""The mean of the distributions that several models predict."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from numbers import Integral
+from typing import Any, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn import get_config
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
+from sklearn.model_selection import GroupKFold
+from sklearn.utils import indexable
+from sklearn.utils.metadata_routing import (
+    MetadataRouter,
+    MethodMapping,
+    process_routing,
+)
+from sklearn.utils.parallel import Parallel, delayed
+from sklearn.utils.validation import (
+    check_consistent_length,
+    check_is_fitted,
+    has_fit_parameter,
+    validate_data,
+)
+
+from ..models._baselines import DummyDistribution
+from ..models._ordinal import OrdinalClassifierMixin
+from ..models._shared_features import refuse_adjectives
+from ..ratings._checks import check_adjectives
+from ..ratings._distributions import cdf
+from ..utils._folds import make_splitter
+from ..utils._sklearn import (
+    CrossValidator,
+    DocumentedEstimator,
+    StrOptions,
+    Trials,
+    _BaseComposition,
+    _check_method_params,
+    _fit_context,
+    _safe_indexing,
+)
+from ..utils._validation import check_groups, check_weights
+from ._blend_weights import cautious_exponent, cautious_weights, powered
+
+MARGINAL = "marginal"
+
+
+class DistributionBlend(
+    DocumentedEstimator, MetaEstimatorMixin, OrdinalClassifierMixin, _BaseComposition
+):
+    """Classifier that predicts the mean of the distributions of several models.
+
+    Models that err differently are better together. A model may be a whole pipeline
+    with features of its own, so that families of features are joined after, not before,
+    the models. The marginal, which ignores the features, is always a member: where
+    there is nothing to learn it gets the weight. A mean is broader than its members;
+    where held-out ratings show that it is too broad or too sharp, its probabilities are
+    raised to a power.
+
+    Parameters
+    ----------
+    estimators : list of (str, estimator) tuples
+        The members, beside the marginal: classifiers that take counts per level, such
+        as those of this package and pipelines that end in one.
+    weights : {"learned", "equal"}, default="learned"
+        "learned": by predictions of trials, each from models that were fitted without
+        their object; those that minimise the ranked probability score, drawn towards
+        equal weights as far as that is within a standard error. The exponent is learned
+        in the same way, and drawn towards 1. Below four objects, the weights are equal
+        and the exponent is 1. "equal": the mean of the members given, without the
+        marginal; nothing is held out then.
+    cv : int, splitter or iterable of (train, test), default=None
+        The folds on which the weights are learned, whole objects in each; by default 5,
+        or as many as there are objects.
+    levels : array-like of shape (n_levels,), default=None
+        All ordered levels, by default as for `DistributionalOrdinalRegressor`.
+    n_jobs : int, default=None
+        Number of jobs, each of which fits one model.
+
+    Attributes
+    ----------
+    estimators_ : dict of str to estimator object
+        The members of positive weight, fitted to all trials.
+    weights_ : dict of str to float
+        The weight of each member.
+    exponent_ : float
+        The power to which the probabilities of the mean are raised; above 1 it makes
+        them sharper. It is 1 if the weights are not learned.
+    rps_ : dict of str to float
+        Ranked probability score of each member on held-out trials, averaged over
+        objects; lower is better. Empty if the weights are not learned.
+    levels_, classes_ : ndarray of shape (n_levels,)
+        The ordered levels.
+    n_features_in_ : int
+        Number of features, if ``X`` has columns.
+    feature_names_in_ : ndarray of shape (`n_features_in_`,)
+        Names of the features, if they have any.
+
+    See Also
+    --------
+    RegressedDistribution : Distributions by any regressor, such as trees.
+    DummyDistribution : The marginal.
+
+    Notes
+    -----
+    Without metadata routing, `sample_weight` goes to all members and `groups` to none.
+    With it, both go to the members that request them, for instance to a search that
+    chooses a penalty by folds of whole objects. The blend itself requests `groups`.
+
+    Examples
+    --------
+    Six objects, touched twice each and rated by four people.
+
+    >>> import numpy as np
+    >>> from sklearn.linear_model import Ridge
+    >>> from sklearn_haptic import (
+    ...     DistributionalOrdinalRegressor, DistributionBlend, RegressedDistribution
+    ... )
+    >>> objects = np.repeat(range(6), 2)
+    >>> X = (objects + np.tile([0, 0.2], 6))[:, None]
+    >>> counts = np.array([[4, 0], [4, 0], [3, 1], [2, 2], [0, 4], [1, 3]])[objects]
+    >>> blend = DistributionBlend(
+    ...     [
+    ...         ("ordinal", DistributionalOrdinalRegressor()),
+    ...         ("ridge", RegressedDistribution(Ridge())),
+    ...     ]
+    ... ).fit(X, counts, groups=objects)
+    >>> blend.predict_proba([[0.0], [5.0]]).round(1)
+    array([[1. , 0. ],
+           [0.1, 0.9]])
+    """
+
+    __metadata_request__fit = {"groups": True}  # noqa: RUF012
+
+    _parameter_constraints = {  # noqa: RUF012
+        "estimators": [list],
+        "weights": [StrOptions({"learned", "equal"})],
+        "cv": ["cv_object"],
+        "levels": ["array-like", None],
+        "n_jobs": [Integral, None],
+    }
+
+    def __init__(
+        self,
+        estimators: Sequence[tuple[str, BaseEstimator]],
+        *,
+        weights: Literal["learned", "equal"] = "learned",
+        cv: CrossValidator = None,
+        levels: ArrayLike | None = None,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.estimators = estimators
+        self.weights = weights
+        self.cv = cv
+        self.levels = levels
+        self.n_jobs = n_jobs
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Return the parameters, by default with those of the members."""
+        return self._get_params("estimators", deep=deep)
+
+    def set_params(self, **params: Any) -> Self:
+        """Set parameters; a member by its name, its own as ``name__parameter``."""
+        return self._set_params("estimators", **params)
+
+    def get_metadata_routing(self) -> MetadataRouter:
+        """Return which metadata `fit` takes, and which it passes to the members."""
+        mapping = MethodMapping().add(caller="fit", callee="fit")
+        router = MetadataRouter(owner=self).add_self_request(self)
+        return router.add(method_mapping=mapping, **dict(self.estimators))
+
+    @_fit_context(prefer_skip_nested_validation=False)
+    def fit(
+        self,
+        X: Trials,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        *,
+        groups: ArrayLike | None = None,
+    ) -> Self:
+        """Learn the weights, then fit the members to all trials.
+
+        Parameters
+        ----------
+        X : array-like of length n_trials
+            Features or trials, as all members take them.
+        y : array-like of shape (n_trials, n_levels) or (n_trials,)
+            How many people gave the trial's object each rating, or one rating per
+            trial.
+        sample_weight : array-like of shape (n_trials,), default=None
+            Weight of each trial, in the members and among the trials of its object.
+            Objects count equally where the weights of the members are learned.
+        groups : array-like of shape (n_trials,), default=None
+            The object of each trial. Without them `fit` warns, and takes each trial
+            for an object.
+
+        Returns
+        -------
+        self : DistributionBlend
+            The fitted blend.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than two objects, a fold trains on an object that it
+            tests, a member cannot take counts or weights, or names of members are
+            not distinct.
+        """
+        required = None if y is None else "no_validation"
+        validate_data(self, X, y=required, skip_check_array=True)
+        counts, levels = check_adjectives(y, self.levels)
+        if counts.ndim == 3:
+            refuse_adjectives(type(self).__name__)
+        (X,) = indexable(X)
+        check_consistent_length(X, counts)
+        groups = check_groups(groups, X)
+        if sample_weight is not None:
+            sample_weight = check_weights(sample_weight, X)
+        members = self._check_members()
+        params = self._route(sample_weight, groups)
+        share, exponent, scores = _equal(len(members)), 1.0, []
+        if self.weights == "learned":
+            if groups is None:
+                self._warn_of_trials()
+            share, exponent, scores = self._learn(
+                members, X, counts, levels, sample_weight, groups, params
+            )
+        used = [name for name, w in zip(members, share) if w > 0]
+        fitted = Parallel(n_jobs=self.n_jobs)(
+            delayed(_fit)(name, members[name], X, counts, levels, params[name])
+            for name in used
+        )
+        self.estimators_ = dict(zip(used, fitted))
+        self.weights_ = dict(zip(members, share.tolist()))
+        self.exponent_ = exponent
+        self.rps_ = dict(zip(members, scores))
+        self.levels_ = self.classes_ = levels
+        return self
+
+    def predict_proba(self, X: Trials) -> NDArray[np.float64]:
+        """Predict the distribution of ratings.
+
+        Parameters
+        ----------
+        X : array-like of length n_trials
+            Features or trials, as all members take them.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_levels)
+            Share of the population at each level; rows sum to 1.
+        """
+        check_is_fitted(self)
+        mean = sum(
+            self.weights_[name] * member.predict_proba(X)
+            for name, member in self.estimators_.items()
+        )
+        return powered(mean, self.exponent_)
+
+    def _check_members(self):
+        """Return the members by name, the marginal last."""
+        try:
+            names, _ = zip(*self.estimators)
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"estimators={self.estimators!r} must be a list of one or more "
+                "(name, estimator) tuples."
+            ) from None
+        self._validate_names([*names, MARGINAL])
+        return dict(self.estimators) | {MARGINAL: DummyDistribution()}
+
+    def _route(self, sample_weight, groups):
+        """Return the arguments of each member's ``fit``."""
+        given = {} if sample_weight is None else {"sample_weight": sample_weight}
+        if get_config()["enable_metadata_routing"]:
+            routed = process_routing(self, "fit", groups=groups, **given)
+            params = {name: routed[name].fit for name, _ in self.estimators}
+            return params | {MARGINAL: given}
+        for name, member in self.estimators:
+            if given and not has_fit_parameter(member, "sample_weight"):
+                raise ValueError(
+                    f"The member {name!r} takes no sample_weight; give none, or enable "
+                    "metadata routing and say by set_fit_request which members request "
+                    "it."
+                )
+        return {name: given for name in [*dict(self.estimators), MARGINAL]}
+
+    def _learn(self, members, X, counts, levels, sample_weight, groups, params):
+        """Return weights, the exponent, and each member's score on held-out trials."""
+        objects = np.arange(len(counts)) if groups is None else groups
+        names, objects = np.unique(objects, return_inverse=True)
+        weight = check_weights(sample_weight, X)
+        folds = self._folds(X, counts, groups, names, objects, weight)
+        proba = Parallel(n_jobs=self.n_jobs)(
+            delayed(_predict_fold)(name, member, X, counts, levels, params[name], fold)
+            for name, member in members.items()
+            for fold in folds
+        )
+        tested = np.concatenate([test for _, test in folds])
+        proba = np.reshape(np.concatenate(proba), (len(members), len(tested), -1))
+        true = cdf(counts[tested])[:, :-1]
+        departure = np.moveaxis(cdf(proba)[..., :-1], 0, 1) - true[:, None]
+        weight, objects = weight[tested], objects[tested]
+        if groups is not None:
+            total = np.bincount(objects, weight)
+            weight = weight / np.where(total, total, 1)[objects]
+        share = cautious_weights(departure, weight, objects, _equal(len(members)))
+        mean = np.einsum("m,mtk->tk", share, proba)
+        exponent = cautious_exponent(mean, true, weight, objects)
+        scores = (departure**2).sum(axis=2).T + (true * (1 - true)).sum(axis=1)
+        return share, exponent, np.average(scores, axis=1, weights=weight).tolist()
+
+    def _folds(self, X, y, groups, names, objects, weight):
+        """Return the folds as indices; refuse those that part an object."""
+        used = np.flatnonzero(weight)
+        n_objects = len(np.unique(objects[used]))
+        if n_objects < 2:
+            raise ValueError(
+                "The weights are learned on held-out objects, but there is 1 sample or "
+                "object; give more, or set weights='equal'."
+            )
+        if self.cv is None or isinstance(self.cv, Integral):
+            splitter = GroupKFold(min(5, n_objects) if self.cv is None else self.cv)
+            split = splitter.split(used, groups=objects[used])
+            folds = [(used[i], used[j]) for i, j in split]
+        else:
+            trials = np.arange(len(objects))
+            split = make_splitter(self, y, objects, self.cv).split(X, y, groups)
+            folds = [(trials[i], trials[j]) for i, j in split]
+        if not any(weight[test].any() for _, test in folds):
+            raise ValueError(
+                "cv tests no trial, or only trials of weight 0; give folds that test "
+                "others."
+            )
+        for train, test in folds:
+            both = np.intersect1d(objects[train], objects[test])
+            if len(both):
+                name = names.tolist()[both[0]]
+                raise ValueError(
+                    f"cv trains on {name!r} in the fold that tests it; keep whole "
+                    "objects on one side, as GroupKFold does."
+                )
+        return folds
+
+    def _warn_of_trials(self):
+        name = type(self).__name__
+        warnings.warn(
+            "The weights are learned on held-out single trials, since fit was given no "
+            "groups: trials of an object may be on both sides, which favours members "
+            "that know objects by heart. Call fit(..., groups=objects), in a Pipeline "
+            "fit(..., model__groups=objects) by the name of its step, with "
+            "range(n_trials) if each trial is of another object. Searches and "
+            f"cross-validation pass them on to {name} after "
+            "sklearn.set_config(enable_metadata_routing=True).",
+            UserWarning,
+            stacklevel=4,  # beyond this, fit, and its decorator
+        )
+
+
+def _equal(n_members):
+    """Equal weights of all members but the last, the marginal."""
+    return np.append(np.full(n_members - 1, 1 / (n_members - 1)), 0)
+
+
+def _fit(name, member, X, counts, levels, params):
+    """Return a clone of a member, fitted and found to have the levels of the blend."""
+    # Counts of a single level would be taken for ratings.
+    y = counts if len(levels) > 1 else np.repeat(levels, len(counts))
+    member = clone(member).fit(X, y, **params)
+    known = getattr(member, "classes_", None)
+    of_counts = np.arange(1, len(levels) + 1)
+    if not any(np.array_equal(known, each) for each in (of_counts, levels)):
+        raise ValueError(
+            f"The member {name!r} was fitted to counts of {levels.tolist()}, but "
+            f"predicts {known}; give a classifier that takes counts and these levels."
+        )
+    return member
+
+
+def _predict_fold(name, member, X, counts, levels, params, fold):
+    """Predict the test trials of a fold by a member fitted to its training trials."""
+    train, test = fold
+    params = _check_method_params(X, params, indices=train)
+    X_train, X_test = _safe_indexing(X, train), _safe_indexing(X, test)
+    return _fit(name, member, X_train, counts[train], levels, params).predict_proba(
+        X_test
+    )

@@ -1,0 +1,514 @@
+"""One prediction from whichever touches of an object there are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from numbers import Integral
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, MetaEstimatorMixin
+from sklearn.utils.parallel import Parallel, delayed
+from sklearn.utils.validation import check_consistent_length, check_is_fitted
+
+from ..models._perhaps_ordered import PerhapsOrderedMixin
+from ..models._regressed import proper_shares
+from ..ratings._distributions import shares
+from ..utils._folds import check_folds_know
+from ..utils._sklearn import (
+    CrossValidator,
+    DocumentedEstimator,
+    Trials,
+    _BaseComposition,
+    _fit_context,
+    _safe_indexing,
+)
+from ..utils._validation import check_groups, check_names, column_of, has_no_samples
+from ._held_out import (
+    at_classes,
+    compared,
+    fit_fold,
+    knows_order,
+    make_folds,
+    mean_without,
+    objects_of,
+    true_shares,
+)
+from ._pool_moments import (
+    Moments,
+    blur_share,
+    blurred,
+    error_moments,
+    mean_products,
+    pairs_of,
+    pool_weights,
+    spread_moments,
+    with_blurred,
+)
+
+MARGINAL = "marginal"
+
+
+class TouchPool(
+    DocumentedEstimator, MetaEstimatorMixin, PerhapsOrderedMixin, _BaseComposition
+):
+    """Pool the predictions of several models over the touches of an object.
+
+    Each member predicts from columns of its own: of a sensor, of a procedure, or of all
+    of them. A row that lacks a column is predicted by the members that do not need it;
+    nothing stands in for what is missing. A row that lacks everything gets the mean
+    distribution of the training rows.
+
+    The prediction is a weighted mean. The weights are learned from predictions out of
+    fold: they are those with the best ranked probability score for exactly the members
+    and the number of touches that there are. The mean distribution of the training rows
+    is always a member, whose weight is negative where a mean of many members would be
+    too flat. As touches of an object share much of their error, further ones of the
+    same kind change little. The mean is then blurred, by as much as makes it as broad
+    as it was wrong out of fold: a dispersion of 1.
+
+    Parameters
+    ----------
+    estimators : list of (str, estimator, columns) tuples
+        The members. Columns are those of ``X`` that the estimator is given: names of a
+        DataFrame or indices of an array, one or a list of them. A member of all columns
+        learns from their joined features, and serves where all are there.
+    cv : int, splitter or iterable of (train, test), default=5
+        The folds for the predictions out of fold. A number keeps objects whole.
+    n_jobs : int, default=None
+        Number of jobs, each of which fits one model.
+
+    Attributes
+    ----------
+    classes_ : ndarray of shape (n_levels,)
+        The levels, or the classes.
+    estimators_ : dict of str to estimator object
+        The members, fitted to the rows that have their columns.
+    shares_ : ndarray of shape (n_levels,)
+        Mean distribution of the training rows.
+    oof_proba_ : ndarray of shape (n_trials, n_members, n_levels)
+        Prediction of each training row by members fitted without its object. NaN where
+        a column is missing.
+
+    See Also
+    --------
+    DistributionBlend : A mean of models that all see the same columns.
+
+    Notes
+    -----
+    Of the error of a mean of predictions, only the mean products of the members'
+    errors have to be known, in one touch and in two touches of one object. `fit`
+    estimates both over objects; the weights follow by quadratic programming. So any
+    set of members and any number of touches has weights of its own, and each is
+    learned from all training rows. So has the share that is blurred: it makes the mean
+    variance of the predictions equal to the mean square of the ratings' distances from
+    the predicted means.
+
+    If the members know no order of the levels, as those of scikit-learn, the Brier
+    score takes the place of the ranked probability score.
+
+    Where a negative weight of the mean distribution makes a probability negative, the
+    nearest distribution is predicted. It may give a level no probability at all.
+
+    Examples
+    --------
+    >>> from sklearn_haptic import TouchPool, make_haptic_pipeline
+    >>> from sklearn_haptic.datasets import make_haptic_corpus
+    >>> corpus = make_haptic_corpus(
+    ...     10, 2, ["hold", "squeeze"], sensors=["pdc", "tdc"], random_state=0
+    ... )
+    >>> hold, squeeze = ["hold_pdc", "hold_tdc"], ["squeeze_pdc", "squeeze_tdc"]
+    >>> pool = TouchPool(
+    ...     [
+    ...         ("hold", make_haptic_pipeline(hold, random_state=0), hold),
+    ...         ("squeeze", make_haptic_pipeline(squeeze, random_state=0), squeeze),
+    ...     ],
+    ...     cv=2,
+    ... )
+    >>> pool.fit(corpus.trials, corpus.ratings["hard"], groups=corpus.objects)
+    TouchPool(...)
+    >>> trials = corpus.trials.copy()
+    >>> trials.loc[trials.index[0], "squeeze_pdc"] = None
+    >>> pool.predict_proba(trials).shape
+    (20, 5)
+
+    All touches of an object, pooled:
+
+    >>> together = pool.predict_proba(trials, groups=corpus.objects)
+    >>> bool((together[0] == together[1]).all())
+    True
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "estimators": [list],
+        "cv": ["cv_object"],
+        "n_jobs": [Integral, None],
+    }
+
+    def __init__(
+        self,
+        estimators: Sequence[tuple[str, BaseEstimator, Any]],
+        *,
+        cv: CrossValidator = 5,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.estimators = estimators
+        self.cv = cv
+        self.n_jobs = n_jobs
+
+    @property
+    def _members(self):
+        try:
+            return [(name, estimator) for name, estimator, _ in self.estimators]
+        except (TypeError, ValueError):  # what is no such list, as `fit` will say
+            return self.estimators
+
+    @_members.setter
+    def _members(self, members):
+        self.estimators = [
+            (name, estimator, columns)
+            for (name, estimator), (*_, columns) in zip(members, self.estimators)
+        ]
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Return the parameters, by default with those of the members."""
+        return self._get_params("_members", deep=deep)
+
+    def set_params(self, **params: Any) -> Self:
+        """Set parameters; a member by its name, its own as ``name__parameter``."""
+        return self._set_params("_members", **params)
+
+    @_fit_context(prefer_skip_nested_validation=False)
+    def fit(self, X: Trials, y: ArrayLike, *, groups: ArrayLike | None = None) -> Self:
+        """Fit the members, and learn how their errors go together.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_trials, n_columns)
+            A row per touch. NaN, None or an array of no samples stands for what was
+            not felt.
+        y : array-like of shape (n_trials, n_levels) or (n_trials,)
+            Counts of ratings or labels, whatever the members take.
+        groups : array-like of shape (n_trials,), default=None
+            The object of each row. Rows of one object are touches of it. By default
+            each row is of another object. If `y` names the objects themselves, give
+            what divides their touches, such as runs.
+
+        Returns
+        -------
+        self : TouchPool
+            The fitted pool.
+
+        Raises
+        ------
+        ValueError
+            If the estimators are no such tuples, their names are not distinct, a column
+            of a member is missing in all rows of a fold, or each class is in one group.
+        """
+        self._check_estimators()
+        true, classes = true_shares(y, type(self).__name__)
+        check_consistent_length(X, true)
+        groups = check_groups(groups, X)
+        there = self._there(X)
+        objects = objects_of(groups, len(there))
+        folds = self._folds(X, y, groups, objects)
+        fitted, oof = self._fit_members(X, y, objects, there, folds, classes)
+        marginal = mean_without(true, folds)[:, np.newaxis]
+        ordered = np.ndim(y) == 2 or all(map(knows_order, fitted.values()))
+        if not ordered:
+            check_folds_know(y, folds)
+        proba = np.concatenate((oof, marginal), axis=1)
+        departure = compared(with_blurred(proba), ordered)
+        departure = departure - compared(true, ordered)[:, np.newaxis]
+        self._moments, self._ordered = error_moments(departure, objects), ordered
+        self._spread = spread_moments(proba, true, objects) if ordered else None
+        self._true, self._marginal = true, marginal[:, 0]
+        self.classes_ = classes
+        self.shares_ = true.mean(axis=0)
+        self.oof_proba_ = oof
+        self.estimators_ = fitted
+        return self
+
+    def _check_estimators(self):
+        try:
+            names, _, _ = zip(*self.estimators)
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"estimators={self.estimators!r} must be a list of one or more "
+                "(name, estimator, columns) tuples."
+            ) from None
+        self._validate_names([*names, MARGINAL])
+
+    def _folds(self, X, y, groups, objects):
+        """Return the folds as indices; the members are fitted to the last one's too."""
+        if objects.max() == 0:
+            raise ValueError(
+                "The weights are learned on held-out objects, but there is 1 sample or "
+                "object; give more."
+            )
+        return make_folds(self, X, y, groups, objects)
+
+    def _there(self, X):
+        """Whether each row has all columns of each member."""
+        return np.column_stack(
+            [_has_values(_columns(X, columns)) for *_, columns in self.estimators]
+        )
+
+    def _fit_members(self, X, y, objects, there, folds, classes):
+        """Return the members fitted to all rows, and predictions out of fold."""
+        every = np.arange(len(there)), np.arange(0)
+        parts = [_columns(X, columns) for *_, columns in self.estimators]
+        fits = Parallel(n_jobs=self.n_jobs)(
+            delayed(fit_fold)(member, part, y, objects, here, fold, classes)
+            for member, part, here in zip(self._members, parts, there.T)
+            for fold in [*folds, every]
+        )
+        oof = np.full((*there.shape, len(classes)), np.nan)
+        fitted = {}
+        for i, (name, _) in enumerate(self._members):
+            of_member = fits[i * (len(folds) + 1) :][: len(folds) + 1]
+            fitted[name] = of_member[-1][0]
+            for _, test, proba in of_member[:-1]:
+                oof[test, i] = proba
+        return fitted, oof
+
+    def predict_proba(
+        self, X: Trials, groups: ArrayLike | None = None
+    ) -> NDArray[np.float64]:
+        """Predict from the columns that each row, or each object, has.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_trials, n_columns)
+            A row per touch, with all columns of `fit`; what was not felt is missing as
+            there.
+        groups : array-like of shape (n_trials,), default=None
+            The object of each row. All rows of one object get the same prediction, from
+            all of them. By default each row is predicted from itself alone.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_levels)
+            Share of each level, or probability of each class; rows sum to 1.
+        """
+        check_is_fitted(self)
+        groups = check_groups(groups, X)
+        there = self._there(X)
+        proba = np.zeros((*there.shape, len(self.classes_)))
+        for i, (name, _, columns) in enumerate(self.estimators):
+            rows = np.flatnonzero(there[:, i])
+            if len(rows):
+                part = _safe_indexing(_columns(X, columns), rows)
+                proba[rows, i] = at_classes(self.estimators_[name], part, self.classes_)
+        return self._pool(proba, there, groups)
+
+    def _pool(self, proba, there, groups):
+        """Return the weighted means of the members' predictions, of shape (n, k)."""
+        if not len(there):
+            return np.empty((0, len(self.classes_)))
+        objects = objects_of(groups, len(there))
+        n_touches = np.zeros((objects.max() + 1, there.shape[1]))
+        total = np.zeros((*n_touches.shape, proba.shape[2]))
+        np.add.at(n_touches, objects, there)
+        np.add.at(total, objects, proba)
+        order = np.argsort(objects, kind="stable")
+        share, known = np.empty((len(total), there.shape[1] + 1)), {}
+        blur = np.empty(len(total))
+        for i, rows in enumerate(np.split(order, np.cumsum(np.bincount(objects))[:-1])):
+            pairs = pairs_of(there[rows])
+            key = pairs.tobytes()
+            if key not in known:
+                known[key] = self._weights(pairs)
+            share[i], blur[i] = known[key]
+        mean = total / np.maximum(n_touches, 1)[..., np.newaxis]
+        return self._mean(mean, share, blur, self.shares_)[objects]
+
+    def _weights(self, pairs):
+        """Return the weights of the members and the share to blur."""
+        n = len(pairs)
+        plain = Moments(*(each[:n, :n] for each in self._moments))
+        share, _ = pool_weights(plain, pairs)
+        if self._spread is None or not share[:-1].any():
+            return share, 0.0
+        return share, blur_share(self._spread, share, pairs)
+
+    def _mean(self, proba, share, blur, marginal):
+        """Return weighted means of members, of shape (n, n_members, n_levels)."""
+        pooled = np.einsum("oi,oik->ok", share[:, :-1], proba)
+        pooled += share[:, -1:] * marginal
+        if not self._ordered:
+            return shares(np.maximum(pooled, 0))
+        blur = np.reshape(blur, (-1, 1))
+        pooled = (1 - blur) * pooled + blur * blurred(pooled)
+        return proper_shares(np.cumsum(pooled, axis=1)[:, :-1])
+
+    def weights(self, touches: Sequence[Sequence[str]]) -> dict[str, float]:
+        """Return the weight of each member in the pool of some touches.
+
+        Parameters
+        ----------
+        touches : list of lists of str
+            Of each touch of an object the members that predict from it:
+            ``[["hold"], ["hold", "squeeze"]]``.
+
+        Returns
+        -------
+        weights : dict of str to float
+            The weight of each member, all its touches together, and of
+            ``"marginal"``, which may be negative; they sum to 1.
+        """
+        share, _ = self._weights(self._pairs(touches))
+        return dict(zip([*self.estimators_, MARGINAL], share.tolist()))
+
+    def blur(self, touches: Sequence[Sequence[str]]) -> float:
+        """Return the share of a pool that is blurred.
+
+        Parameters
+        ----------
+        touches : list of lists of str
+            As for `weights`.
+
+        Returns
+        -------
+        blur : float
+            How much of each level goes to its neighbours, half to each, from 0 to 1; 0
+            where levels have no order.
+        """
+        return self._weights(self._pairs(touches))[1]
+
+    def expected_excess(self, touches: Sequence[Sequence[str]]) -> float:
+        """Return how far a prediction from some touches is expected to be off.
+
+        Parameters
+        ----------
+        touches : list of lists of str
+            As for `weights`.
+
+        Returns
+        -------
+        excess : float
+            Mean squared distance of the pool's CDF from that of the ratings: its ranked
+            probability score without the share that is due to people's differing.
+            Without an order of levels, its Brier score.
+        """
+        pairs = self._pairs(touches)
+        share, blur = self._weights(pairs)
+        every = np.concatenate(((1 - blur) * share, blur * share))
+        error = mean_products(self._moments, np.tile(pairs, (2, 2)))
+        return float(every @ error @ every)
+
+    def expected_gains(
+        self,
+        felt: Sequence[str] = (),
+        proba: ArrayLike | None = None,
+        *,
+        n_neighbors: int = 50,
+    ) -> dict[str, float]:
+        """Return how much each member is expected to improve a prediction.
+
+        Divide by the seconds that a touch takes, and touch where the quotient is
+        largest; stop when it is worth less than a second.
+
+        Parameters
+        ----------
+        felt : list of str, default=()
+            The members that have predicted so far, each from one touch.
+        proba : array-like of shape (n_levels,), default=None
+            What they predicted together. The gain is then a mean over the training
+            rows of which the predictions out of fold were the nearest to it; by
+            default over all.
+        n_neighbors : int, default=50
+            How many rows are nearest.
+
+        Returns
+        -------
+        gains : dict of str to float
+            Of each member that has not predicted, the expected reduction of the ranked
+            probability score, or of the Brier score where levels have no order. May be
+            negative. Members that never were with the others in one row are left out.
+        """
+        names = list(self.estimators_)
+        before = self._predicted_from(felt)
+        gains = {}
+        for name in names:
+            if name in felt:
+                continue
+            after = self._predicted_from([*felt, name])
+            rows = np.isfinite(after).all(axis=1)
+            if not rows.any():
+                continue
+            gain = self._excess(before[rows], rows) - self._excess(after[rows], rows)
+            if proba is not None:
+                far = compared(before[rows], self._ordered) - compared(
+                    np.asarray(proba, dtype=np.float64), self._ordered
+                )
+                gain = gain[np.argsort((far**2).sum(axis=1))[:n_neighbors]]
+            gains[name] = float(gain.mean())
+        return gains
+
+    def _predicted_from(self, names):
+        """Return the pool of members' predictions out of fold, NaN if one lacks."""
+        share, blur = self._weights(self._pairs([names]))
+        used = [list(self.estimators_).index(name) for name in names]
+        there = np.isfinite(self.oof_proba_[:, used]).all(axis=(1, 2))
+        there &= np.isfinite(self._marginal).all(axis=1)
+        pooled = np.full(self._true.shape, np.nan)
+        proba = np.nan_to_num(self.oof_proba_[there])
+        share = np.tile(share, (len(proba), 1))
+        pooled[there] = self._mean(proba, share, blur, self._marginal[there])
+        return pooled
+
+    def _excess(self, proba, rows):
+        """Return squared distances from the true distributions."""
+        true = compared(self._true[rows], self._ordered)
+        return ((compared(proba, self._ordered) - true) ** 2).sum(axis=1)
+
+    def _pairs(self, touches):
+        check_is_fitted(self)
+        names = list(self.estimators_)
+        there = np.zeros((max(len(touches), 1), len(names)), dtype=bool)
+        for row, members in zip(there, touches):
+            asked = check_names(members, names, "member", "the pool") if members else []
+            row[[names.index(name) for name in asked]] = True
+        return pairs_of(there)
+
+    def predict(self, X: Trials, groups: ArrayLike | None = None) -> np.ndarray:
+        """Predict the most probable level or class.
+
+        Parameters
+        ----------
+        X, groups
+            As for `predict_proba`.
+
+        Returns
+        -------
+        predicted : ndarray of shape (n_trials,)
+        """
+        return self.classes_[self.predict_proba(X, groups).argmax(axis=1)]
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        tags.no_validation = True
+        return tags
+
+
+def _columns(X, columns):
+    """Return some columns of a table."""
+    if not hasattr(X, "shape") and not hasattr(X, "columns"):
+        X = np.asarray(X)
+    return _safe_indexing(X, columns, axis=1)
+
+
+def _has_values(table):
+    """Whether no cell of a row is missing, be it a number or a recording."""
+    n_columns = table.shape[1] if len(table.shape) == 2 else 1
+    there = np.ones(table.shape[0], dtype=bool)
+    for i in range(n_columns):
+        column = np.asarray(column_of(table, i))
+        if column.dtype.kind == "O":
+            there &= np.array([not has_no_samples(value) for value in column], bool)
+        elif column.dtype.kind == "f":
+            there &= ~np.isnan(column)
+    return there

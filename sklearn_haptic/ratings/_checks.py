@@ -1,0 +1,359 @@
+"""Checks of ratings, counts per level and predicted distributions."""
+
+from __future__ import annotations
+
+from numbers import Real
+
+import numpy as np
+from sklearn.utils.validation import check_array, column_or_1d
+
+from ..utils._validation import (
+    check_numbers,
+    check_regular,
+    check_table,
+    is_missing,
+    lossless_array,
+)
+from ._distributions import shares
+from ._levels import (
+    in_order_of_levels,
+    levels_of_columns,
+    levels_of_ratings,
+    names_levels,
+)
+
+
+def check_ratings(y, levels=None, *, name="y"):
+    """Validate ratings in either form; return them as counts per level.
+
+    Parameters
+    ----------
+    y : array-like of shape (n_trials,) or (n_trials, n_levels)
+        One rating per trial, or how many people chose each level. Counts may be
+        any non-negative weights.
+    levels : array-like of shape (n_levels,), default=None
+        The ordered levels; by default as the module `_levels` describes.
+    name : str, default="y"
+        What error messages call ``y``.
+
+    Returns
+    -------
+    counts : ndarray of float64 of shape (n_trials, n_levels)
+    levels : ndarray of shape (n_levels,)
+
+    Raises
+    ------
+    ValueError
+        If a rating is not among the levels, a count is negative or not finite,
+        the number of columns is not that of the levels, or a trial has no
+        ratings at all; the message names the trial.
+    """
+    array = check_regular(y, name)
+    if array.ndim == 0:
+        raise ValueError(
+            f"{name} is no array but of the type {type(y).__name__}; give one rating "
+            "or one row of counts per trial."
+        )
+    if array.ndim > 1 and array.shape[1:] != (1,):
+        return check_counts(y, levels, name=name)
+    matches, levels = match_levels(_one_per_trial(y, array, name), y, levels, name)
+    return matches.astype(np.float64), levels
+
+
+def check_counts(counts, levels=None, *, name="counts", unrated=False):
+    """Validate counts as `check_ratings` does; there must be at least two levels.
+
+    With `unrated`, trials may have no ratings.
+    """
+    if levels is not None:
+        levels = check_levels(levels)
+    levels, columns = levels_of_columns(counts, levels, name)
+    check_numbers(counts, name)
+    counts = check_array(
+        counts,
+        dtype=np.float64,
+        ensure_all_finite="allow-nan",
+        ensure_min_features=2,
+        input_name=name,
+    )
+    _refuse_missing(np.isnan(counts).any(axis=1), name)
+    counts = in_order_of_levels(counts, columns)
+    if levels is None:
+        levels = np.arange(1, counts.shape[1] + 1)
+    if counts.shape[1] != len(levels):
+        raise ValueError(
+            f"{name} has {counts.shape[1]} columns of counts, but there are "
+            f"{len(levels)} levels: give one column per level."
+        )
+    if (counts < 0).any():
+        trial = int(np.argmax((counts < 0).any(axis=1)))
+        raise ValueError(
+            f"{name} has a negative count in trial {trial}; counts of ratings are 0 "
+            "or more."
+        )
+    if not unrated and not (counts > 0).any(axis=1).all():
+        trial = int(np.argmin((counts > 0).any(axis=1)))
+        raise ValueError(
+            f"{name} has no ratings in trial {trial}; remove trials whose object "
+            "nobody rated."
+        )
+    with np.errstate(over="ignore"):
+        finite = np.isfinite(counts.sum(axis=1))
+    if not finite.all():
+        raise ValueError(
+            f"{name} has counts in trial {np.argmin(finite)} whose sum overflows; "
+            f"divide {name} by a constant."
+        )
+    return counts, levels
+
+
+def refuse_shares(counts, name):
+    """Refuse rows of shares where it matters how many people rated."""
+    if np.allclose(counts.sum(axis=1), 1) and (counts % 1 != 0).any():
+        raise ValueError(
+            f"{name} has rows that sum to 1, which look like shares of people; "
+            "multiply each row by the number of people who rated."
+        )
+
+
+def check_two_ratings(counts, name):
+    """Refuse rows with fewer than two ratings, whose agreement is undefined."""
+    refuse_shares(counts, name)
+    too_few = counts.sum(axis=1) < 2
+    if too_few.any():
+        raise ValueError(
+            f"{name} has fewer than two ratings in row {np.argmax(too_few)}; agreement "
+            "needs two people or more, so remove that object."
+        )
+
+
+def known_answers(table):
+    """Return the answers and the raters of a RatingTable, which it must know."""
+    if table.answers is None or table.raters is None:
+        raise ValueError(
+            "table does not know its raters; make it by rating_counts(ratings, "
+            "objects, raters), RatingTable.from_long or RatingTable.from_wide."
+        )
+    return table.answers, table.raters
+
+
+def check_distributions(y_true, y_proba, levels):
+    """Validate ratings and the distributions predicted for them.
+
+    Return the counts, the probabilities (rows sum to 1), both of shape (n_trials,
+    n_levels) and float64, and the levels: by default those of ``y_true``, or else of
+    ``y_proba``. Errors are those of `check_ratings`, and a ValueError if a row of
+    ``y_proba`` is no distribution or the shapes differ.
+    """
+    if levels is None and not names_levels(y_true):  # the predictions may name them
+        levels, _ = levels_of_columns(y_proba, None, "y_proba")
+    counts, levels = check_ratings(y_true, levels, name="y_true")
+    _, columns = levels_of_columns(y_proba, levels, "y_proba")
+    check_numbers(y_proba, "y_proba")
+    proba = check_array(y_proba, dtype=np.float64, input_name="y_proba")
+    proba = in_order_of_levels(proba, columns)
+    bad = (proba < 0).any(axis=1) | (np.abs(proba.sum(axis=1) - 1) > 1e-6)
+    if bad.any():
+        trial = np.argmax(bad)
+        raise ValueError(
+            f"y_proba is no distribution in trial {trial} ({proba[trial].tolist()}): "
+            "give probabilities of 0 or more that sum to 1."
+        )
+    if counts.shape[1] != proba.shape[1]:
+        raise ValueError(
+            f"y_proba has {proba.shape[1]} columns, but y_true has {counts.shape[1]} "
+            "levels; give one column per level, and levels if nobody chose some of "
+            "them."
+        )
+    if len(counts) != len(proba):
+        raise ValueError(
+            f"y_true has {len(counts)} trials, but y_proba has {len(proba)}; give one "
+            "row per trial in both."
+        )
+    return counts, shares(proba), levels
+
+
+def check_predicted_ratings(y_true, y_pred, levels, n_positions):
+    """Validate ratings and those predicted at quantile positions.
+
+    ``y_pred``, numbers or words, has the shape (n_trials, n_positions). Return the
+    counts, of shape (n_trials, n_levels), the predicted ratings as indices of levels,
+    and the levels, by default those of ``y_true``. Errors are those of `check_ratings`,
+    and a ValueError if a predicted rating is not among the levels or the shapes differ.
+    """
+    counts, levels = check_ratings(y_true, levels, name="y_true")
+    ratings = check_regular(y_pred, "y_pred")
+    if ratings.shape != (len(counts), n_positions):
+        raise ValueError(
+            f"y_pred has shape {ratings.shape}, but y_true has {len(counts)} trials "
+            f"and p has {n_positions} positions; give one row per trial in both, and "
+            "one column per position."
+        )
+    rows = np.repeat(np.arange(len(counts)), n_positions)
+    matches, _ = match_levels(ratings.ravel(), None, levels, "y_pred", rows=rows)
+    return counts, matches.argmax(axis=1).reshape(ratings.shape), levels
+
+
+def weighted(counts, sample_weight):
+    """Multiply the counts of each trial by its weight; refuse totals out of range."""
+    with np.errstate(over="ignore", under="ignore"):
+        weight = (counts.T * sample_weight).T
+        total = weight.sum()
+    if not np.isfinite(total):
+        raise ValueError(
+            "The total of y, times sample_weight, overflows; divide both by a constant."
+        )
+    if total < np.finfo(np.float64).tiny:
+        raise ValueError(
+            "The total of y, times sample_weight, underflows; multiply both by a "
+            "constant."
+        )
+    return weight
+
+
+def validate_rated_trials(estimator, X, y, levels=None):
+    """Validate what is given to ``fit``: features and ratings of trials.
+
+    ``y`` is what `check_ratings` takes, or such counts of several adjectives, of shape
+    (n_trials, n_adjectives, n_levels). The estimator gets ``n_features_in_`` and, of a
+    DataFrame, ``feature_names_in_``. Return the features and counts as float64, and the
+    ordered levels. Errors are those of scikit-learn's validation and of
+    `check_ratings`.
+    """
+    # Not `y` itself: what it is turned into no longer says what its levels are.
+    required = None if y is None else "no_validation"
+    X = check_table(estimator, X, y=required, dtype=np.float64)
+    counts, levels = check_adjectives(y, levels)
+    if len(X) != len(counts):
+        raise ValueError(
+            "Found input variables with inconsistent numbers of samples: "
+            f"[{len(X)}, {len(counts)}]; give y one row per trial, which "
+            "RatingTable.counts_for(objects) makes of one row per object."
+        )
+    return X, counts, levels
+
+
+def check_adjectives(y, levels=None, *, name="y"):
+    """Validate ratings as `check_ratings` does, or those of each of several adjectives.
+
+    Counts of several adjectives are an array of shape (n_trials, n_adjectives,
+    n_levels), and so are the counts returned.
+    """
+    check_regular(y, name)
+    if getattr(y, "ndim", None) != 3:
+        return check_ratings(y, levels, name=name)
+    if y.shape[1] == 0:
+        raise ValueError(
+            f"{name} has shape {y.shape}, no adjective; give at least one."
+        )
+    each = [
+        check_ratings(y[:, i], levels, name=f"{name}[:, {i}]")
+        for i in range(y.shape[1])
+    ]
+    return np.stack([counts for counts, _ in each], axis=1), each[0][1]
+
+
+def check_levels(levels):
+    """Validate given levels, which must be distinct; return them as an array."""
+    levels = check_regular(levels, "levels")
+    if levels.ndim != 1:
+        raise ValueError(
+            f"levels has shape {levels.shape}; list each level once, lowest first."
+        )
+    if len(levels) == 0 or len(np.unique(levels)) != len(levels):
+        raise ValueError(
+            f"levels={levels.tolist()} must be distinct and at least one; list each "
+            "level once, lowest first."
+        )
+    return levels
+
+
+def match_levels(ratings, container, levels, name, *, row="trial", rows=None):
+    """Find the level of each rating.
+
+    Parameters
+    ----------
+    ratings : ndarray of shape (n_ratings,)
+        Numbers or words, none of them missing.
+    container : array-like
+        What the ratings were taken from, which may say what the levels are.
+    levels : array-like of shape (n_levels,) or None
+        The levels if they are given.
+    name, row : str
+        What messages call the ratings, and the place of each.
+    rows : ndarray of shape (n_ratings,), default=None
+        The number of each rating's place; by default 0, 1, ….
+
+    Returns
+    -------
+    matches : ndarray of bool of shape (n_ratings, n_levels)
+    levels : ndarray of shape (n_levels,)
+
+    Raises
+    ------
+    ValueError
+        If a rating is not among the levels, or the ratings are continuous and nothing
+        says what their levels are.
+    """
+    if levels is not None:
+        levels = check_levels(levels)
+    elif not names_levels(container) and ratings.dtype.kind == "f":
+        fraction = ratings % 1 != 0
+        if fraction.any():
+            first = int(np.argmax(fraction))
+            raise ValueError(
+                f"Unknown label type: {name} has continuous ratings, such as "
+                f"{ratings[first].item()} in {row} "
+                f"{first if rows is None else rows[first]}, but levels are needed: "
+                "bin the ratings, for instance by numpy.digitize, give counts of "
+                "people per level, or, if these values are the levels, list all of "
+                "them in levels=."
+            )
+    levels = levels_of_ratings(ratings, container, levels, name)
+    matches = ratings[:, None] == levels
+    known = matches.any(axis=1)
+    if not known.all():
+        first = int(np.argmin(known))
+        raise ValueError(
+            f"{name} has the rating {ratings.tolist()[first]!r} in {row} "
+            f"{first if rows is None else rows[first]}, which is not among "
+            f"levels={levels.tolist()}; add it to levels or mend the rating."
+        )
+    return matches, levels
+
+
+def _one_per_trial(y, array, name):
+    """Validate ratings, one per trial; return an array of numbers or of words."""
+    if isinstance(y, (list, tuple)):  # of numbers beside text NumPy makes text
+        array = np.array(y, dtype=object)
+    if array.ndim == 2:
+        array = column_or_1d(array, warn=True)
+    if array.dtype.kind not in "biufSU":
+        array = _plain_values(array.astype(object), name)
+    if array.dtype.kind == "f":
+        _refuse_missing(np.isnan(array), name)
+    return check_array(array, ensure_2d=False, dtype=None, input_name=name)
+
+
+def _refuse_missing(missing, name):
+    if missing.any():
+        raise ValueError(
+            f"{name} contains NaN or None: trial {np.argmax(missing)} has no rating; "
+            "remove it."
+        )
+
+
+def _plain_values(array, name):
+    """Return ratings that are objects as an array of numbers or of text."""
+    values = array.tolist()
+    _refuse_missing(np.array([is_missing(value) for value in values]), name)
+    for trial, value in enumerate(values):
+        if not isinstance(value, (str, Real)) or (
+            isinstance(value, str) != isinstance(values[0], str)
+        ):
+            raise ValueError(
+                f"{name} has {value!r} in trial {trial}: give numbers only or words "
+                "only, one rating per trial, or an array of counts with one row per "
+                "trial."
+            )
+    return lossless_array(values)

@@ -1,0 +1,225 @@
+"""Which levels ratings have, in which order, by what their container says.
+
+One rule holds wherever ratings are taken. `levels` lists the levels if it is given;
+else the container names them:
+
+- ratings have the categories of an ordered pandas categorical or a polars Enum, in
+  their order, including those that nobody gave;
+- counts have the labels of their columns. Numbers are sorted, also those in text or
+  behind a common prefix (``n1``, ``n2``); an ordered categorical index keeps its order;
+  words are in the order of the columns.
+
+Without any names, counts have the levels 1, 2, …, and ratings the sorted values that
+occur. Words have no order of their own, so a warning says which order was assumed.
+"""
+
+import re
+import warnings
+from numbers import Real
+
+import numpy as np
+
+from ..utils._validation import is_text, lossless_array
+
+_DIGITS = r"\d+(?:\.\d+)?"
+_NUMBER = re.compile(rf"[+-]?{_DIGITS}")
+_NUMBERED = re.compile(rf"(\D+)({_DIGITS})")  # n1, or level-1, which is 1 and not -1
+
+
+def names_levels(y):
+    """Whether the container of ratings or counts says what the levels are."""
+    return _ordered_categories(_only_column(y)) is not None or bool(_column_labels(y))
+
+
+def levels_of_ratings(values, container, levels, name):
+    """Find the levels of ratings, an ndarray without missing values.
+
+    Their `container` may name the levels unless these are given; `name` is what
+    messages call the ratings. A rating may still not be among the levels. If the
+    ratings are words and nothing tells their order, a UserWarning says so.
+    """
+    if levels is not None:
+        return levels
+    categories = _ordered_categories(_only_column(container))
+    if categories is not None:
+        return categories
+    if is_text(values):
+        _warn(
+            f"{name} has words, which have no order of their own",
+            np.unique(values).tolist(),
+            "an ordered categorical (pandas.Categorical(y, categories=[...], "
+            "ordered=True) or a polars.Enum)",
+        )
+    return np.unique(values)
+
+
+def levels_of_columns(table, levels, name):
+    """Find the level of each column of counts.
+
+    Parameters
+    ----------
+    table : array-like of shape (n_trials, n_levels)
+        The counts, in their container.
+    levels : ndarray of shape (n_levels,) or None
+        The levels if they are given.
+    name : str
+        What messages call the counts.
+
+    Returns
+    -------
+    levels : ndarray of shape (n_levels,) or None
+        The levels; None if they are neither given nor named.
+    columns : list of int or None
+        The column of each level, or -1 for a category without one. None if the columns
+        have no labels and are therefore in the order of the levels.
+
+    Raises
+    ------
+    ValueError
+        If labels occur twice, are neither all numbers nor all words, or are not the
+        levels given.
+    """
+    labels = _column_labels(table)
+    if not labels or (levels is not None and _are_positions(table.columns)):
+        return levels, None
+    read = _read_numbers(labels)
+    if len({*read}) < len(read):
+        twice = next(label for label in read if read.count(label) > 1)
+        raise ValueError(
+            f"{name} has two columns {twice!r}; give one column per level."
+        )
+    categories = _ordered_categories(table.columns)
+    named = labels if categories is None else categories.tolist()
+    if levels is None:
+        levels = _in_order(labels, name) if categories is None else categories
+    wanted, place = levels.tolist(), {label: i for i, label in enumerate(labels)}
+    for reading in (named, _read_numbers(named)):  # as it is, or as a number
+        label_of = dict(zip(reading, named))
+        if len(label_of) == len(wanted) and label_of.keys() == {*wanted}:
+            return levels, [place.get(label_of[level], -1) for level in wanted]
+    raise ValueError(
+        f"The columns of {name} are {labels}, but the levels are {wanted}; label one "
+        "column with each level, or give an array without labels."
+    )
+
+
+def in_order_of_levels(values, columns):
+    """Put columns in the order found by `levels_of_columns`; missing ones are 0."""
+    if columns is None:
+        return values
+    return np.take(np.pad(values, ((0, 0), (0, 1))), columns, axis=1)
+
+
+def _in_order(labels, name):
+    """Return column labels as levels: numbers sorted, words as they come."""
+    read = _read_numbers(labels)
+    if all(isinstance(label, Real) and label == label for label in read):
+        return np.sort(lossless_array(read))
+    if not all(isinstance(label, str) for label in read):
+        raise ValueError(
+            f"The columns of {name} are {labels}; label them with the levels, by "
+            "numbers only or words only, and leave out columns that are no counts."
+        )
+    if labels == sorted(labels):
+        _warn(
+            f"The columns of {name} are words in alphabetical order",
+            labels,
+            "them an ordered pandas.CategoricalIndex",
+        )
+    return lossless_array(labels)
+
+
+def in_named_order(proba, levels, ratings):
+    """Put columns of probabilities in the order that the ratings themselves name.
+
+    Classifiers of scikit-learn sort words by the alphabet. Return the columns and their
+    levels, unchanged if the container of the ratings names no order.
+    """
+    if not names_levels(ratings) or np.ndim(ratings) != 1:
+        return proba, levels
+    named = levels_of_ratings(levels, ratings, None, "ratings")
+    columns = {level: proba[:, i] for i, level in enumerate(levels.tolist())}
+    if not columns.keys() <= {*named.tolist()}:
+        return proba, levels
+    nothing = np.zeros(len(proba))
+    each = [columns.get(level, nothing) for level in named.tolist()]
+    return np.stack(each, axis=1), named
+
+
+def level_values(levels, units="scale"):
+    """Return the number of each level: its place, or on a scale what it says.
+
+    The levels of a scale must be finite numbers that ascend.
+    """
+    if units == "levels":
+        return np.arange(len(levels), dtype=np.float64)
+    if not all(isinstance(level, Real) for level in levels.tolist()):
+        raise ValueError(
+            f"The levels {levels.tolist()} are not numbers, so their scale has no "
+            "units; give numbers as levels=[...], lowest first."
+        )
+    values = levels.astype(np.float64)
+    if not (np.isfinite(values).all() and (np.diff(values) > 0).all()):
+        raise ValueError(
+            f"levels={levels.tolist()} do not ascend, but a scale with units does; "
+            "list finite numbers, lowest first, with the columns in this order."
+        )
+    return values
+
+
+def _warn(what, levels, mend):
+    order = " < ".join(map(repr, levels[:10])) + " < …" * (len(levels) > 10)
+    warnings.warn(
+        f"{what}; they are taken as {order}. Give {mend} or levels=[...], lowest "
+        "level first.",
+        UserWarning,
+        stacklevel=5,
+    )
+
+
+def _only_column(y):
+    """Return the column of a table of one column; return anything else unchanged."""
+    columns = getattr(y, "columns", None)
+    return y if columns is None or len(columns) != 1 else y[columns[0]]
+
+
+def _ordered_categories(column):
+    """Return the ordered categories of a column, or None if it has none."""
+    dtype = getattr(column, "dtype", None)
+    ordered = getattr(dtype, "ordered", type(dtype).__name__ == "Enum")
+    if not ordered:
+        return None
+    categories = np.asarray(dtype.categories)
+    if categories.dtype != object:
+        return categories
+    return lossless_array(categories.tolist())
+
+
+def _column_labels(table):
+    """Return the labels of two or more columns; none if they are mere positions."""
+    labels = np.asarray(getattr(table, "columns", ()), dtype=object).tolist()
+    default = labels == [f"column_{i}" for i in range(len(labels))]  # of polars
+    return [] if default or len(labels) == 1 else labels
+
+
+def _are_positions(columns):
+    """Whether labels are the default ones of pandas, from 0."""
+    return (
+        getattr(columns, "name", "") is None
+        and getattr(columns, "start", None) == 0
+        and columns.step == 1
+    )
+
+
+def _read_numbers(labels):
+    """Return labels, read as numbers where possible, also behind a common prefix."""
+    texts = [label for label in labels if isinstance(label, str)]
+    numbers = {x: x for x in texts if _NUMBER.fullmatch(x)}
+    numbered = {x: match for x in texts if (match := _NUMBERED.fullmatch(x))}
+    if not numbers and len({match[1] for match in numbered.values()}) == 1:
+        numbers = {x: match[2] for x, match in numbered.items()}
+    return [_number(numbers[x]) if x in numbers else x for x in labels]
+
+
+def _number(text):
+    return float(text) if "." in text else int(text)

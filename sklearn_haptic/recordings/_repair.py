@@ -1,0 +1,375 @@
+"""Repair of what is wrong with real recordings, with a record of what was done."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from numbers import Integral
+from typing import Any, Self
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
+from sklearn.utils.validation import check_is_fitted
+
+from ..utils._sklearn import (
+    DocumentedEstimator,
+    Interval,
+    Trials,
+    _fit_context,
+    _wrap_data_with_container,
+)
+from ..utils._validation import check_table, is_missing
+from ._faults import repair_trial, usual_trials
+from ._faulty_trials import ALONE, is_frame, iter_cells, trial_columns
+from ._trials import is_table
+
+_COLUMNS = ["trial", "sensor", "channel", "fault", "n_samples", "answer", "offset"]
+
+
+def _names_of(X):
+    return np.asarray(X.columns, dtype=object)
+
+
+def _with_columns(X, columns):
+    """Return a copy of a data frame with other trials in some columns."""
+    if hasattr(X, "to_series"):  # polars
+        series = type(X.to_series(0))
+        return X.with_columns(
+            *(series(name, cells, dtype=object) for name, cells in columns.items())
+        )
+    X = X.copy()
+    for name, cells in columns.items():
+        X[name] = pd.Series(cells, index=X.index, dtype=object)
+    return X
+
+
+def _all_missing(X):
+    """Whether every entry of a collection is None, NaN or NA; a table has rows."""
+    return hasattr(X, "__len__") and len(X) > 0 and all(map(is_missing, X))
+
+
+def _cells(column, name, *samples):
+    """Return all trials of `iter_cells`, and what their time samples are like."""
+    pairs = list(iter_cells(column, name, *samples))
+    return [cell for cell, _ in pairs], pairs[-1][1] if pairs else samples
+
+
+def _option(option, name, cells):
+    """Return the value of an option for a sensor."""
+    if not isinstance(option, Mapping):
+        return option
+    unknown = [key for key in option if key not in cells]
+    if unknown:
+        raise ValueError(
+            f"The sensor {unknown[0]!r} is none of {list(cells)}; name columns of X."
+        )
+    return option.get(name)
+
+
+def _limits(limits, name, cells):
+    limits = _option(limits, name, cells)
+    if limits is None:
+        return None
+    pair = np.asarray(limits)
+    if pair.shape != (2,) or pair.dtype.kind not in "iuf" or not pair[0] < pair[1]:
+        raise ValueError(
+            f"limits={limits!r} must be the lowest and the highest value of the sensor."
+        )
+    return tuple(pair.tolist())
+
+
+def _rest(rest, name, cells):
+    rest = _option(rest, name, cells)
+    if rest is not None and (not isinstance(rest, Integral) or rest < 1):
+        raise ValueError(f"rest={rest!r} must be a number of samples, at least 1.")
+    return rest
+
+
+class TrialRepair:
+    """What :class:`RepairTrials` does; it adds the parameters and `set_output`."""
+
+    limits: Any
+    rest: Any
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X: Trials, y: None = None) -> Self:
+        """Learn what the trials are like, and report their faults.
+
+        Parameters
+        ----------
+        X : DataFrame with columns of trials, collection of trials, or array-like of \
+                shape (n_trials, n_times)
+            Trials.
+        y : None
+            Ignored.
+
+        Returns
+        -------
+        self : RepairTrials
+            The fitted transformer.
+
+        Raises
+        ------
+        ValueError
+            If `limits` or `rest` cannot be, name a sensor that `X` has not, or no
+            trial has a sensor.
+        """
+        self.takes_trials_ = not is_table(X) or _all_missing(X)
+        if self.takes_trials_:
+            cells, samples = {}, {}
+            for name, column in trial_columns(X).items():
+                cells[name], samples[name] = _cells(column, name)
+            vars(self).pop("feature_names_in_", None)
+            if is_frame(X):
+                self.feature_names_in_ = _names_of(X)
+                self.n_features_in_ = len(self.feature_names_in_)
+        else:
+            cells = {ALONE: self._rows(X, reset=True)}
+            samples = {ALONE: ((1,), None)}
+        for name, each in cells.items():
+            if all(cell is None for cell in each):
+                where, mend = f"X[{name!r}]", "leave the sensor out"
+                if name == ALONE:
+                    where, mend = "X", "give one trial or more that has some"
+                raise ValueError(f"{where} holds no samples at all; {mend}.")
+        self._settings = {
+            name: (_limits(self.limits, name, cells), _rest(self.rest, name, cells))
+            for name in cells
+        }
+        self._usual = {
+            name: usual_trials(each, samples[name], *self._settings[name])
+            for name, each in cells.items()
+        }
+        if self.takes_trials_ and not is_frame(X):
+            self.n_features_in_ = len(self._usual[ALONE].mean)
+        self._faults = self._rows_of_faults(X)
+        return self
+
+    # That of TransformerMixin would make a table of trials, by `set_output`.
+    def fit_transform(self, X: Trials, y: None = None) -> Any:
+        """Learn what the trials are like, and repair them.
+
+        Parameters
+        ----------
+        X, y
+            As for `fit`.
+
+        Returns
+        -------
+        repaired : DataFrame, Series, list of ndarray, or ndarray
+            As of `transform`.
+        """
+        return self.fit(X).transform(X)
+
+    def transform(self, X: Trials) -> Any:
+        """Repair trials.
+
+        Parameters
+        ----------
+        X : DataFrame with columns of trials, collection of trials, or array-like of \
+                shape (n_trials, n_times)
+            Trials of the sensors seen in `fit`.
+
+        Returns
+        -------
+        repaired : DataFrame, Series, list of ndarray, or ndarray
+            A DataFrame (of pandas or polars) or a pandas Series if `X` is one, with the
+            same index, an array for a table, and a list for other collections of
+            trials. `set_output` changes nothing but that of a table.
+
+        Raises
+        ------
+        ValueError
+            If a sensor or a channel seen in `fit` is absent.
+        """
+        check_is_fitted(self)
+        if not self.takes_trials_:
+            rows = [trial.ravel() for trial, _ in self._repair(X)[ALONE]]
+            return _wrap_data_with_container("transform", np.array(rows), X, self)
+        repaired = {
+            name: [
+                trial.reshape(-1, *self._usual[name].samples[0]) for trial, _ in pairs
+            ]
+            for name, pairs in self._repair(X).items()
+        }
+        if is_frame(X):
+            return _with_columns(X, repaired)
+        if isinstance(X, pd.Series):
+            return pd.Series(repaired[ALONE], X.index, dtype=object, name=X.name)
+        return repaired[ALONE]
+
+    def faults(self, X: Trials) -> pd.DataFrame:
+        """Report what `transform` repairs.
+
+        Parameters
+        ----------
+        X
+            As for `transform`.
+
+        Returns
+        -------
+        faults : pandas.DataFrame
+            One row per trial, channel and fault, with the columns "trial" (its
+            position), "sensor" ("" for the trials of one sensor), "channel" (its
+            number, or "all"), "fault", "n_samples" (of this trial, as it came; 0 where
+            the sensor is missing), "answer" and "offset" (what was subtracted from the
+            channel, NaN for other faults).
+        """
+        check_is_fitted(self)
+        return pd.DataFrame(self._rows_of_faults(X), columns=_COLUMNS)
+
+    @property
+    def faults_(self) -> pd.DataFrame:
+        """The faults of the trials of `fit`."""
+        check_is_fitted(self)
+        return pd.DataFrame(self._faults, columns=_COLUMNS)
+
+    def _rows_of_faults(self, X):
+        return [
+            (i, name, *fault)
+            for name, pairs in self._repair(X).items()
+            for i, (_, faults) in enumerate(pairs)
+            for fault in faults
+        ]
+
+    def _repair(self, X):
+        """Return the repaired trials of each sensor with their faults."""
+        if self.takes_trials_:
+            columns = trial_columns(X, list(self._usual))
+            cells = {
+                name: _cells(column, name, *self._usual[name].samples)[0]
+                for name, column in columns.items()
+            }
+        else:
+            cells = {ALONE: self._rows(X)}
+        return {
+            name: [
+                repair_trial(cell, self._usual[name], *self._settings[name])
+                for cell in each
+            ]
+            for name, each in cells.items()
+        }
+
+    def _rows(self, X, *, reset=False):
+        """Validate a table, whose rows are trials with one channel."""
+        X = check_table(
+            self,
+            X,
+            dtype=[np.float64, np.float32],
+            reset=reset,
+            ensure_all_finite="allow-nan",
+        )
+        return [None if np.isnan(row).all() else row[:, np.newaxis] for row in X]
+
+    def __sklearn_is_fitted__(self):
+        return hasattr(self, "_usual")
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.transformer_tags.preserves_dtype = ["float64", "float32"]
+        tags.input_tags.allow_nan = True
+        return tags
+
+
+class RepairTrials(
+    TrialRepair,
+    DocumentedEstimator,
+    OneToOneFeatureMixin,
+    TransformerMixin,
+    BaseEstimator,
+):
+    """Repair what is wrong with real recordings, and report every repair.
+
+    The transformers of features refuse recordings with missing values. As the first
+    step of a Pipeline, this one repairs them before:
+
+    ===============  ===============================  ================================
+    fault            found                            answer
+    ===============  ===============================  ================================
+    missing samples  NaN, infinite or masked          interpolated in time, channel by
+                                                      channel
+    dropped frames   NaN in all channels at a time    interpolated in time
+    saturated        at or beyond `limits`            kept at the limit, the nearest
+                                                      value that is known
+    dead             no sample in the trial; or       estimated from the other channels
+                     constant in it, in a channel     by linear regression
+                     that varies in nine trials of
+                     ten
+    dead sensor      all such channels are dead       the most typical trial of `fit`
+    missing sensor   None, NaN or no samples in       the most typical trial of `fit`
+                     place of the trial
+    rest level       `rest` is given                  the median of the first `rest`
+                                                      samples is subtracted
+    ===============  ===============================  ================================
+
+    Parameters
+    ----------
+    limits : tuple of float (low, high) or mapping of str to tuple, default=None
+        Lowest and highest value that the sensor can give, or those of each sensor by
+        name. By default no sample counts as saturated.
+    rest : int or mapping of str to int, default=None
+        Number of samples at the begin of every trial in which nothing is touched, or
+        those of each sensor by name. By default the level is left as it is.
+
+    Attributes
+    ----------
+    faults_ : pandas.DataFrame
+        The faults of the trials of `fit`, see `faults`.
+    takes_trials_ : bool
+        Whether trials were fitted; else a table.
+    n_features_in_ : int
+        Number of columns of a DataFrame or table, of channels of other trials.
+    feature_names_in_ : ndarray of shape (`n_features_in_`,)
+        Names of the columns of a DataFrame.
+
+    See Also
+    --------
+    resample_trials : Resample by time stamps, which shows the frames that were dropped.
+
+    Notes
+    -----
+    `X` may be a DataFrame of trials with one column per sensor, of which columns
+    without trials stay as they are, the trials of one sensor, or a table, each row of
+    which is a trial with one channel. Trials keep their container. To leave faulty
+    trials out instead, take those whose position is not in ``faults_["trial"]``.
+
+    What is estimated is learned from the trials of `fit` alone, and of each channel
+    from those in which it works; no trial needs to be whole. A channel without a sample
+    in all of them is 0. No more than repairs the faults is changed: a trial without
+    faults comes out as it went in.
+
+    The most typical trial keeps its own length, so that its frequencies and phases stay
+    what they are: a dead sensor has then not as many samples as before.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic import RepairTrials
+    >>> force = np.arange(5.0)
+    >>> trials = [np.column_stack([force, 2 * force + i]) for i in range(9)]
+    >>> trials.append(np.array([[0, 9], [1, 9], [np.nan, 9], [3, 9]]))
+    >>> repair = RepairTrials().fit(trials)
+    >>> repair.faults_[["trial", "channel", "fault", "answer"]]
+       trial  channel            fault                             answer
+    0      9        0  missing samples                       interpolated
+    1      9        1             dead  estimated from the other channels
+    >>> repair.transform(trials)[9]
+    array([[ 0.,  4.],
+           [ 1.,  6.],
+           [ 2.,  8.],
+           [ 3., 10.]])
+    """
+
+    _parameter_constraints = {  # noqa: RUF012
+        "limits": ["array-like", Mapping, None],
+        "rest": [Interval(Integral, 1, None, closed="left"), Mapping, None],
+    }
+
+    def __init__(
+        self,
+        *,
+        limits: tuple[float, float] | Mapping[str, tuple[float, float]] | None = None,
+        rest: int | Mapping[str, int] | None = None,
+    ) -> None:
+        self.limits = limits
+        self.rest = rest

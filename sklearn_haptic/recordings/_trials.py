@@ -1,0 +1,263 @@
+"""Checks of trials, of tables, and of the numbers that both hold.
+
+A *trial* is one touch of one object: an array of shape ``(n_times, n_channels)``, or
+``(n_times, height, width)`` for tactile images. Trials differ in length, so a
+collection of them is a sequence of arrays. A *table* is scikit-learn's ordinary
+two-dimensional input. Every transformer takes both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Set
+
+import numpy as np
+from scipy import sparse
+
+from ..utils._validation import check_numbers, column_of, count, is_numeric
+from ._sequences import Sequences
+
+
+def is_table(X):
+    """Whether ``X`` is a table rather than a collection of trials.
+
+    Anything that is not clearly a collection of trials counts as a table, so that
+    scikit-learn's own validation words the errors.
+    """
+    if isinstance(X, Sequences):
+        return False
+    if (
+        sparse.issparse(X)
+        or isinstance(X, (str, bytes, Mapping, Set))
+        or not hasattr(X, "__len__")
+    ):
+        return True
+    if _has_columns(X):  # a Series is no table, even if it lacks every trial
+        return len(X.shape) == 2 and not _columns_of_trials(X)
+    if isinstance(X, np.ndarray) and (X.dtype != object or X.ndim != 1):
+        return X.ndim <= 2
+    if len(X) == 0:
+        return True
+    ndims = {_ndim(trial) for trial in X}
+    if ndims == {1}:  # lists of one length are rows of a table, arrays are trials
+        return {*map(type, X)} <= {list, tuple} and len({*map(len, X)}) == 1
+    return ndims == {0} and not any(trial is None for trial in X)
+
+
+def channel_names(X):
+    """Return the column names of trials that are data frames, None if none has any."""
+    if isinstance(X, Sequences) or is_table(X):
+        return None
+    return next(filter(None, map(_names, cells_of(X))), None)
+
+
+def transposed_hint(shape):
+    """Return a hint for error messages if a trial has more channels than samples."""
+    if len(shape) != 2 or shape[1] <= shape[0]:
+        return ""
+    return (
+        f" Its shape {shape} is taken for {count(shape[0], 'time samples')} of "
+        f"{_samples(shape[1:])}; transpose it if that is wrong."
+    )
+
+
+def check_trials(X, *, ndims=(2,), n_channels=None, names=None):
+    """Validate a collection of trials; return a list of floating-point arrays.
+
+    Parameters
+    ----------
+    X : collection of array-like
+        List, tuple, object array, Series or one-column DataFrame of arrays, or one
+        array with the trials along its first axis. A one-dimensional trial has one
+        channel. The columns of trials that are data frames are put in the order of
+        `names`.
+    ndims : tuple of int, default=(2,)
+        Numbers of dimensions that a trial may have.
+    n_channels : int or tuple of int, default=None
+        Required shape of one time sample; by default the shape in the first trial.
+    names : list, default=None
+        The :func:`channel_names` of the trials given to `fit`; by default those of `X`.
+
+    Returns
+    -------
+    trials : list of ndarray of shape (n_times_i, ...)
+        All are float32 if every trial is float32, else all are float64. Trials that
+        already have this data type are not copied.
+
+    Raises
+    ------
+    ValueError
+        If there are no trials, or if a trial is empty, holds values that are not finite
+        real numbers, or differs in shape from the others. The message names the trial.
+    """
+    cells = cells_of(X)
+    _check_any(cells)
+    where = "the first trial" if n_channels is None else "fit"
+    named = "the first trial" if n_channels is None or names is None else "fit"
+    names = channel_names(cells) if names is None else names
+    trials = [
+        _check_trial(in_order(cell, f"Trial {i} of X", names, named), i, ndims)
+        for i, cell in enumerate(cells)
+    ]
+    shape = trials[0].shape[1:] if n_channels is None else n_channels
+    shape = (shape,) if np.ndim(shape) == 0 else tuple(shape)
+    for i, trial in enumerate(trials):
+        hint = transposed_hint(trial.shape)
+        _check_samples(i, trial.shape[1:], shape, where, hint)
+    if len({trial.dtype for trial in trials}) > 1:
+        trials = [trial.astype(np.float64, copy=False) for trial in trials]
+    return trials
+
+
+def check_sequences(sequences, *, n_columns=None):
+    """Check the lengths and columns of `Sequences` without computing any array.
+
+    A ValueError says that there are none, or names the trial that is empty or has not
+    `n_columns` columns, if these are given.
+    """
+    _check_any(sequences)
+    for i, length in enumerate(sequences.lengths):
+        _check_length(i, length, sequences.unit)
+    if n_columns is not None:
+        _check_samples(0, (len(sequences.feature_names),), (n_columns,), "fit")
+
+
+def _has_columns(X):
+    """Whether X is a DataFrame, a Series or a two-dimensional array of objects."""
+    if hasattr(X, "to_numpy") and hasattr(X, "shape"):
+        return True
+    return isinstance(X, np.ndarray) and X.dtype == object and X.ndim == 2
+
+
+def _columns_of_trials(X):
+    """Return the indices of the columns that hold arrays."""
+    n_columns = 1 if len(X.shape) == 1 else X.shape[1]
+    dtypes = X.dtypes if hasattr(X, "columns") else [X.dtype] * n_columns
+    return [
+        i
+        for i, dtype in enumerate(dtypes)
+        if not is_numeric(dtype) and any(_ndim(cell) >= 1 for cell in column_of(X, i))
+    ]
+
+
+def cells_of(X):
+    """Return the trials of a collection as a sequence; refuse more than one column."""
+    if not _has_columns(X):
+        return X
+    if len(X.shape) == 2 and X.shape[1] != 1:
+        labels = getattr(X, "columns", range(X.shape[1]))
+        of_trials = [labels[i] for i in _columns_of_trials(X)]
+        raise ValueError(
+            f"X has {X.shape[1]} columns, of which {of_trials} hold trials; choose one "
+            "with ColumnTransformer, a transformer for each sensor."
+        )
+    return list(column_of(X, 0))
+
+
+def _names(trial):
+    """Return the column names of a data frame, None if it has none of its own."""
+    if not hasattr(trial, "columns"):
+        return None
+    names = list(trial.columns)
+    return None if {*names} == {*range(len(names))} else names
+
+
+def in_order(trial, what, names, where):
+    """Return a trial with its named columns in the order of `names`.
+
+    The error says that `what` and `where` differ.
+    """
+    own = _names(trial)
+    if own is None and hasattr(trial, "columns"):
+        numbers = list(range(len(trial.columns)))
+        return trial if list(trial.columns) == numbers else trial[numbers]
+    if own is None or names is None or own == names:
+        return trial
+    odd = [name for name in [*names, *own] if own.count(name) != names.count(name)]
+    if odd:
+        raise ValueError(
+            f"{what} and {where} differ in the column {odd[0]!r}; give all trials the "
+            "same columns."
+        )
+    return trial[names]
+
+
+def _ndim(trial):
+    if hasattr(trial, "ndim"):
+        return trial.ndim
+    if hasattr(trial, "columns"):  # a frame of polars
+        return 2
+    try:
+        return np.ndim(trial)
+    except ValueError:  # rows of unequal length
+        return 2
+
+
+def _samples(shape):
+    if len(shape) == 1:
+        return count(shape[0], "channels")
+    return "frames of " + " × ".join(map(str, shape))
+
+
+def _check_trial(trial, i, ndims):
+    if _ndim(trial) == 0 and not isinstance(trial, (Mapping, Set)):
+        raise ValueError(
+            f"Trial {i} of X is {trial!r}, not an array of shape (n_times, "
+            "n_channels); give its recording or leave the trial out."
+        )
+    check_numbers(trial, f"Trial {i} of X")
+    try:
+        trial = np.asarray(trial)
+        if trial.dtype not in (np.float32, np.float64):
+            trial = trial.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"Trial {i} of X is not an array of numbers ({error}); give each trial as "
+            "an array of shape (n_times, n_channels)."
+        ) from error
+    if trial.ndim == 1 and 2 in ndims:
+        trial = trial[:, None]
+    if trial.ndim not in ndims:
+        wanted = " or ".join(
+            {2: "(n_times, n_channels)", 3: "(n_times, height, width)"}[n]
+            for n in ndims
+        )
+        images = trial.ndim == 3  # of a sensor whose channels are expected
+        mend = (
+            "; make one channel of each pixel by reshape(len(trial), -1), or describe "
+            "the sensor of a whole model as TaxelGrid()"
+        ) * images
+        raise ValueError(
+            f"Trial {i} of X has shape {trial.shape}; it must be {wanted}{mend}."
+        )
+    _check_length(i, len(trial))
+    if trial.size == 0:
+        raise ValueError(
+            f"Trial {i} of X has shape {trial.shape}, which holds no values; give each "
+            "trial one channel or more."
+        )
+    if not np.isfinite(trial).all():
+        raise ValueError(
+            f"Trial {i} of X contains NaN or infinity; repair the trials by "
+            "RepairTrials, or remove those samples."
+        )
+    return trial
+
+
+def _check_any(trials):
+    if len(trials) == 0:
+        raise ValueError("X holds no trials; at least one is required.")
+
+
+def _check_length(i, length, unit="time samples"):
+    if length == 0:
+        raise ValueError(
+            f"Trial {i} of X has 0 {unit}, but at least 1 is required; remove it."
+        )
+
+
+def _check_samples(i, shape, expected, where, hint=""):
+    if shape != expected:
+        raise ValueError(
+            f"Trial {i} of X has {_samples(shape)}, but {_samples(expected)} "
+            f"{'is' if expected == (1,) else 'are'} expected, as in {where}.{hint}"
+        )

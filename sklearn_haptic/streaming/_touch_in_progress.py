@@ -1,0 +1,279 @@
+"""A touch in progress."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Self
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from ..recordings._trials import in_order
+from ..utils._sklearn import one_blas_thread
+from ..utils._validation import check_regular
+from ._arriving_samples import KeptSamples, MendedSamples, PooledCodes
+from ._branches import as_rows
+from ._prefixes import durations_complete, seconds_felt
+from ._recorded_touches import ONLY_SENSOR, Touches
+
+
+class TouchInProgress:
+    """A touch of which samples arrive bit by bit.
+
+    It is made by :meth:`sklearn_haptic.AnytimeRegressor.start`.
+
+    What it predicts is what the model predicts for the samples so far, as one recorded
+    touch. An update and a prediction cost the same at any time, and memory is bounded:
+    of each window only what later durations need is kept, and nothing of what follows
+    the longest duration.
+
+    Attributes
+    ----------
+    seconds : float
+        How much of the touch has been felt, by all sensors that are not left behind.
+    ignored : dict of str to int
+        Of each sensor, how many samples had values that are not finite or are at the
+        limits. The last good value of the channel stands for each.
+    done : bool
+        Whether to stop: the model's rule says so, or the longest duration is complete.
+
+    Examples
+    --------
+    >>> from sklearn_haptic import AnytimeRegressor, make_haptic_pipeline
+    >>> from sklearn_haptic.datasets import make_haptic_corpus
+    >>> corpus = make_haptic_corpus(8, 2, sensors=["pdc", "tdc"], random_state=0)
+    >>> model = AnytimeRegressor(
+    ...     make_haptic_pipeline(["pdc", "tdc"], random_state=0),
+    ...     durations=[0.5, 1, 2, 4],
+    ...     sampling_rates=corpus.sampling_rates,
+    ...     cv=2,
+    ... ).fit(corpus.trials, corpus.ratings["hard"], groups=corpus.objects)
+    >>> touch = model.start()
+    >>> recorded = corpus.trials.iloc[0]
+    >>> while not touch.done:
+    ...     n = round(100 * touch.seconds)
+    ...     new = {name: recorded[name][n : n + 10] for name in ["pdc", "tdc"]}
+    ...     proba = touch.update(new).predict_proba()
+    >>> touch.seconds
+    4.0
+    """
+
+    def __init__(self, model: Any, limits: Mapping[str, tuple[float, float]]) -> None:
+        self._model = model
+        self._limits = limits
+        self.reset()
+
+    def reset(self) -> Self:
+        """Forget all samples; the next ones begin a new touch.
+
+        Returns
+        -------
+        touch : TouchInProgress
+            This touch.
+        """
+        model = self._model
+        needed = dict(zip(model.sensors_, model._needed.T))
+        self._n_samples = np.zeros(len(model.sensors_), dtype=np.intp)
+        self._menders = {}
+        for sensor, shape in model.sample_shapes_.items():
+            low, high = self._limits.get(sensor, (-np.inf, np.inf))
+            mender = MendedSamples(shape, low, high, needed[sensor][-1])
+            self._menders[sensor] = mender
+        self._pools: dict[int, PooledCodes] = {}
+        self._kept: dict[str, KeptSamples] = {}
+        for i, branch in enumerate(model._branches):
+            steps = branch.incremental()
+            for sensor in branch.sensors:
+                shape, n_needed = model.sample_shapes_[sensor], needed[sensor]
+                if steps is None:
+                    self._kept[sensor] = KeptSamples(shape, n_needed[-1])
+                else:
+                    self._pools[i] = PooledCodes(steps[0], steps[1], shape, n_needed)
+        self._known: dict[tuple[bool, ...], NDArray[np.float64]] = {}
+        self._path: list[NDArray[np.float64]] = []
+        self._stopped = False
+        return self
+
+    @one_blas_thread
+    def update(self, samples: Mapping[str, ArrayLike] | ArrayLike) -> Self:
+        """Add new samples.
+
+        Parameters
+        ----------
+        samples : dict of str to array-like of shape (n_new, n_channels)
+            New samples of any of the sensors, in the order of time; how many they are
+            may differ between sensors and calls. For a model of one sensor without
+            name, an array. One sample may have the shape (n_channels,), and those of
+            one channel the shape (n_new,). Give NaN for samples that were lost, since
+            time is counted in samples.
+
+        Returns
+        -------
+        touch : TouchInProgress
+            This touch.
+
+        Raises
+        ------
+        ValueError
+            If a sensor is unknown or its samples have another shape than in `fit`. No
+            sample of any sensor is added then.
+        """
+        sensors = self._model.sensors_
+        if sensors == [ONLY_SENSOR]:
+            samples = {ONLY_SENSOR: samples}
+        elif not isinstance(samples, Mapping):
+            raise ValueError(
+                f"samples is a {type(samples).__name__}; give a dict from the names of "
+                f"sensors, {sensors}, to arrays."
+            )
+        checked = {
+            sensor: self._check_samples(new, sensor) for sensor, new in samples.items()
+        }
+        for sensor, new in checked.items():
+            new = self._menders[sensor].mend(new)
+            self._n_samples[sensors.index(sensor)] += len(new)
+            for i, pool in self._pools.items():
+                if self._model._branches[i].sensors == [sensor]:
+                    pool.add(new)
+            if sensor in self._kept:
+                self._kept[sensor].add(new)
+        return self
+
+    def _check_samples(self, samples, sensor):
+        """Return samples as an array of floats of shape (n_new, ...)."""
+        shapes = self._model.sample_shapes_
+        if sensor not in shapes:
+            raise ValueError(
+                f"samples names the sensor {sensor!r}; the model has {list(shapes)}."
+            )
+        name = f"samples[{sensor!r}]" if sensor else "samples"
+        if isinstance(samples, pd.Series) and samples.shape == shapes[sensor] != (1,):
+            samples = samples.to_frame().T  # one sample, a row of a data frame
+        names = self._model._channel_names[sensor]
+        samples = in_order(samples, name, names, "the trials of fit")
+        return _check_samples(samples, name, shapes[sensor])
+
+    @property
+    def seconds(self) -> float:
+        """How much of the touch has been felt."""
+        seconds = self._n_samples / self._model._rates
+        return float(seconds_felt(seconds, self._model._max_delay))
+
+    @property
+    def ignored(self) -> dict[str, int]:
+        """How many samples of each sensor had values that were ignored."""
+        return {sensor: each.n_ignored for sensor, each in self._menders.items()}
+
+    @property
+    def done(self) -> bool:
+        """Whether to stop touching."""
+        n_complete = self._n_complete()
+        while len(self._path) < n_complete and not self._stopped:
+            self._path.append(self._predict_at(len(self._path)))
+            path = np.stack(self._path)[np.newaxis]
+            self._stopped = bool(self._model._stops(path)[0])
+        return self._stopped
+
+    @one_blas_thread
+    def predict_proba(self) -> NDArray[np.float64]:
+        """Predict from the longest duration that is complete.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_levels,) or (n_adjectives, n_levels)
+            The model's `shares_` before the first duration.
+        """
+        n_complete = self._n_complete()
+        if n_complete == 0:
+            return self._model.shares_.copy()
+        return self._predict_at(n_complete - 1).copy()
+
+    def _n_complete(self):
+        model = self._model
+        return int(
+            durations_complete(
+                self._n_samples, model._rates, model._needed, model._max_delay
+            )
+        )
+
+    def _predict_at(self, k):
+        """Predict from the k-th duration, once for each set of sensors that have it."""
+        model = self._model
+        there = self._n_samples >= model._needed[k]
+        if (k, *there) not in self._known:
+            blocks = self._blocks(k, there)
+            proba = model._predict_rows(model._rows(blocks, k), k)[0]
+            self._known[k, *there] = proba
+        return self._known[k, *there]
+
+    def _blocks(self, k, there):
+        """Return each branch's features, in the form of the model's own blocks."""
+        model = self._model
+        complete = dict(zip(model.sensors_, there))
+        needed = dict(zip(model.sensors_, model._needed[k]))
+        touches = Touches(
+            {s: [kept.first(needed[s])] for s, kept in self._kept.items()}
+        )
+        blocks = []
+        for i, branch in enumerate(model._branches):
+            felt = all(complete[s] for s in branch.sensors)
+            felt &= needed[branch.sensors[0]] >= branch.least_samples()
+            features = None
+            if felt and i in self._pools:
+                features = self._pools[i].pooled(k)
+                for step in branch.incremental()[2]:
+                    features = as_rows(step.transform(features))
+            elif felt:
+                features = branch.transform(touches, np.array([0]), needed)
+            blocks.append((np.array([felt]), features))
+        return blocks
+
+
+def check_limits(limits, sensors):
+    """Return the limits of each sensor that has any."""
+    limits = {} if limits is None else limits
+    if isinstance(limits, Mapping):
+        unknown = [sensor for sensor in limits if sensor not in sensors]
+        if unknown:
+            raise ValueError(
+                f"limits names the sensor {unknown[0]!r}; the model has {sensors}."
+            )
+    elif sensors == [ONLY_SENSOR]:
+        limits = {ONLY_SENSOR: limits}
+    else:
+        raise ValueError(
+            f"limits is a {type(limits).__name__}; give a dict from sensors to pairs "
+            "(low, high)."
+        )
+    for pair in limits.values():
+        ends = np.asarray(pair)
+        if ends.shape != (2,) or ends.dtype.kind not in "iuf" or not ends[0] < ends[1]:
+            raise ValueError(
+                f"limits holds {pair!r}; give a pair (low, high), the values at which "
+                "the sensor is saturated."
+            )
+    return dict(limits)
+
+
+def _check_samples(samples, name, shape):
+    array = check_regular(samples, name)
+    if array.dtype.kind not in "fiub":
+        raise ValueError(
+            f"{name} is not an array of numbers; convert it, or leave out a sensor "
+            "that has no new samples."
+        )
+    if array.dtype != np.float32:
+        array = array.astype(np.float64, copy=False)
+    if array.size == 0:
+        return np.empty((0, *shape))
+    if array.shape == shape and shape != (1,):
+        return array[np.newaxis]
+    if array.ndim == 1 and shape == (1,):
+        return array[:, np.newaxis]
+    if array.shape[1:] != shape:
+        raise ValueError(
+            f"{name} has shape {array.shape}, but one sample had the shape {shape} in "
+            "fit; give an array of shape (n_new, ...) of such samples."
+        )
+    return array
