@@ -22,7 +22,7 @@ from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import ranked_probability_score
 from sklearn_haptic.metrics._trial_scores import score_trials
 from sklearn_haptic.model_selection import contribution_summary, sensor_contributions
-from sklearn_haptic.model_selection._holdouts import fit_holdouts
+from sklearn_haptic.model_selection._contributions import fit_holdouts
 
 SENSORS = {"pac": [0, 1], "pdc": [2, 3], "tdc": [4]}
 SCORES = ["macro_mae", "emd", "rps", "log_score", "rps_1", "rps_2", "rps_3", "rps_4"]

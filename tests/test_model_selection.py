@@ -39,7 +39,7 @@ from sklearn_haptic.model_selection import (
     sensor_subsets,
     speed_accuracy_frontier,
 )
-from sklearn_haptic.model_selection._candidates import is_non_dominated
+from sklearn_haptic.model_selection._frontier import is_non_dominated
 
 pytestmark = pytest.mark.slow
 

@@ -7,12 +7,10 @@ levels: neighbours are 1 apart whatever their labels. Where the levels are numbe
 mean something, as -3 … 3 or 0 … 100 do, ``units="scale"`` counts in these numbers.
 """
 
+from ._absolute_errors import earth_movers_distance, macro_mae, macro_mae_at_positions
 from ._calibration import dispersion, pit_histogram
-from ._earth_movers_distance import earth_movers_distance
-from ._log_score import log_score
-from ._macro_mae import macro_mae, macro_mae_at_positions
 from ._noise_ceiling import noise_ceiling
-from ._ranked_probability import crps, ranked_probability_score
+from ._proper_scores import crps, log_score, ranked_probability_score
 from ._scorers import neg_macro_mae_scorer, neg_rps_scorer
 
 __all__ = [

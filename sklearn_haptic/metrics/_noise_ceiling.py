@@ -13,11 +13,11 @@ from sklearn.utils import Bunch, check_random_state
 
 from ..ratings._checks import check_ratings, refuse_shares
 from ..ratings._continuous import check_answers, half_mean_difference
+from ..ratings._counts import leave_one_out_strength, mean_of_others
 from ..ratings._distributions import shares
-from ..ratings._shrinkage import leave_one_out_strength, mean_of_others
 from ..utils._sklearn import Interval, RandomState, validate_params
 from ._calibration import dispersion, pit_histogram
-from ._ranked_probability import crps, ranked_probability_score
+from ._proper_scores import crps, ranked_probability_score
 from ._score import summarise
 
 

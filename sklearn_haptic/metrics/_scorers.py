@@ -11,9 +11,9 @@ from sklearn.pipeline import Pipeline
 
 from ..ratings._levels import in_named_order
 from ..utils._sklearn import Trials
-from ._decided_ratings import ratings_decided_on
-from ._macro_mae import macro_mae, macro_mae_at_positions
-from ._ranked_probability import ranked_probability_score
+from ._absolute_errors import macro_mae, macro_mae_at_positions
+from ._proper_scores import ranked_probability_score
+from ._trial_scores import ratings_decided_on
 
 
 def neg_rps_scorer(

@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from . import (
+from ..ratings._distributions import quantile_grid
+from ._absolute_errors import (
     earth_movers_distance,
-    log_score,
     macro_mae,
     macro_mae_at_positions,
-    ranked_probability_score,
 )
-from ._decided_ratings import ratings_decided_on
+from ._proper_scores import log_score, ranked_probability_score
 
 
 def predict_and_score(model, X, counts):
@@ -90,3 +89,14 @@ def score_trials(counts, proba):
 def _at_most(k, weights):
     """Weights of two levels: the first k levels, and those above."""
     return np.column_stack((weights[:, :k].sum(axis=1), weights[:, k:].sum(axis=1)))
+
+
+def ratings_decided_on(model, X):
+    """Return the ratings that a model predicts one by one, and their positions.
+
+    None for all but a `DistributionalOrdinalRegressor` that decodes as the paper does.
+    """
+    if getattr(model, "decode", None) != "quantile" or model.rule != "argmax":
+        return None
+    p = quantile_grid(model.n_quantiles)
+    return model.predict_rating(X, p), p

@@ -9,7 +9,7 @@ import pandas as pd
 from scipy.stats import kruskal, wilcoxon
 
 from ..utils._validation import check_numbers
-from ._holdouts import FULL_MODEL
+from ._contributions import FULL_MODEL
 
 # Columns that tell the predictions of one model apart; a table has some of them.
 _UNIT = ("adjective", "procedure", "start", "fold", "object", "trial")

@@ -27,8 +27,8 @@ from ..utils._sklearn import (
     _safe_indexing,
 )
 from ..utils._validation import check_groups
-from ._candidates import COST
 from ._cost import predictor, seconds_per_trial, timed, without_caches
+from ._frontier import COST
 
 
 def sensor_subsets(

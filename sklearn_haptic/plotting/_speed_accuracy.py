@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..model_selection._candidates import (
+from ..model_selection._frontier import (
     best_and_cheapest,
     is_non_dominated,
     read_candidates,

@@ -5,12 +5,16 @@ People rate an object on an ordered scale, so the ratings of objects are a table
 columns of a labelled table are put in the order of the levels.
 """
 
-from ._agreement import interrater_agreement
 from ._correlation import adjective_correlation
-from ._counts import RatingTable, rating_counts
-from ._distribution import inverse_cdf, rating_cdf, rating_distribution, rating_mean
+from ._counts import RatingTable, rating_counts, shrink_counts
 from ._outlying_raters import outlying_raters
-from ._shrinkage import shrink_counts
+from ._summaries import (
+    interrater_agreement,
+    inverse_cdf,
+    rating_cdf,
+    rating_distribution,
+    rating_mean,
+)
 
 __all__ = [
     "RatingTable",

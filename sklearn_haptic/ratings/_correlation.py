@@ -10,7 +10,7 @@ from scipy.stats import spearmanr
 from sklearn.utils import Bunch
 
 from ..utils._sklearn import Interval, validate_params
-from ._single_ratings import check_single_ratings
+from ._checks import check_single_ratings
 
 # A row of `adjective_correlation(ratings).pairs`.
 _PAIR = [

@@ -11,9 +11,8 @@ from sklearn.utils.validation import check_consistent_length
 
 from ..utils._sklearn import Interval, validate_params
 from ..utils._validation import check_objects
-from ._checks import known_answers
+from ._checks import check_single_ratings, known_answers
 from ._counts import RatingTable
-from ._single_ratings import check_single_ratings
 
 # Differences smaller than this share of the largest one are of rounding.
 _ROUNDING = 1e-9

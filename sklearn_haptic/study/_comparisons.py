@@ -16,7 +16,7 @@ from ..metrics import (
     noise_ceiling,
     ranked_probability_score,
 )
-from ..model_selection._holdouts import FULL_MODEL
+from ..model_selection._contributions import FULL_MODEL
 
 _CELL = ["adjective", "procedure"]
 _SCORES = {

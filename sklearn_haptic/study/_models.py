@@ -8,7 +8,7 @@ from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 
 from ..metrics._trial_scores import predict_and_score, score_trials
-from ..model_selection._holdouts import FULL_MODEL, fit_holdouts
+from ..model_selection._contributions import FULL_MODEL, fit_holdouts
 from ..models import DummyDistribution, SensorFusionNNPOM
 from ..ratings._checks import check_ratings
 from ._choice import choose_network, for_early_stopping
