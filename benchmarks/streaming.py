@@ -33,7 +33,7 @@ from sklearn_haptic.metrics import (
     pit_histogram,
     ranked_probability_score,
 )
-from sklearn_haptic.streaming import CertaintyThreshold, ExpectedGain, NoChange
+from sklearn_haptic.streaming import CertaintyThreshold, ExpectedGain
 
 RATES = {"pac": 2200, "pdc": 100, "tac": 100, "tdc": 100, "electrodes": 100}
 DURATIONS = [0.1, 0.25, 0.5, 1, 2, 4, 8]
@@ -41,7 +41,6 @@ LONGEST = {"hold": 8, "squeeze": 4, "slow_slide": 4}
 RULES = {
     "expected gain": [ExpectedGain(p) for p in (0.001, 0.003, 0.01, 0.03, 0.1)],
     "probability": [CertaintyThreshold(t) for t in (0.3, 0.5, 0.7, 0.9, 0.97)],
-    "no change": [NoChange(tol) for tol in (0.02, 0.05, 0.1)],
 }
 
 

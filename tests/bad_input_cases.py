@@ -1802,10 +1802,8 @@ ask(of_a_touch("update"),
     check("text", {"pac": ["a"] * 19}, r"^samples\['pac'\] is not an array of numbers"))
 RULES = {
     "ExpectedGain": (streaming.ExpectedGain, settings("price", -1, "high")),
-    "FixedDuration": (streaming.FixedDuration, settings("seconds", 0, "long")),
     "CertaintyThreshold": (streaming.CertaintyThreshold, [
         *settings("threshold", 2), *settings("measure", "sum")]),
-    "NoChange": (streaming.NoChange, settings("tol", -1, 2)),
 }
 for name, (rule, checks) in RULES.items():
     ask({f"{name}.fit": lambda *bad, rule=rule, **params: call(

@@ -5,16 +5,11 @@ import pytest
 from sklearn.base import clone
 
 from sklearn_haptic.metrics import ranked_probability_score
-from sklearn_haptic.streaming import (
-    CertaintyThreshold,
-    ExpectedGain,
-    FixedDuration,
-    NoChange,
-)
+from sklearn_haptic.streaming import CertaintyThreshold, ExpectedGain
 from sklearn_haptic.streaming._stopping import expected_losses, losses
 
 DURATIONS = np.array([0.5, 1.0, 2.0, 4.0])
-RULES = [FixedDuration(1), CertaintyThreshold(0.9), NoChange(0.1), ExpectedGain(0.02)]
+RULES = [CertaintyThreshold(0.9), ExpectedGain(0.02)]
 
 
 def random_touches(n=200, seed=0):
@@ -136,7 +131,7 @@ def test_rules_refuse_what_teaches_wrong(y, durations, message):
     with pytest.raises(ValueError, match=message):
         ExpectedGain().fit(np.full((2, 3, 2), 0.5), y, durations=durations)
     with pytest.raises(ValueError, match="give one distribution per trial and"):
-        NoChange().stops(np.full((3, 2), 0.5))
+        CertaintyThreshold().stops(np.full((3, 2), 0.5))
 
 
 def test_durations_that_no_touch_reaches_teach_nothing():

@@ -442,39 +442,6 @@ def test_many_rows():
     )
 
 
-# The next touch ----------------------------------------------------------------
-
-
-def test_expected_gains_equal_a_plain_loop():
-    X, counts, objects = made()
-    pool = TouchPool(MEMBERS, cv=3).fit(lacking(X), counts, groups=objects)
-    truth = counts / counts.sum(axis=1, keepdims=True)
-    alone, both = pool.weights([["a"]]), pool.weights([["a", "b"]])
-    marginal = np.empty_like(truth)
-    for train, test in GroupKFold(3).split(X, groups=objects):
-        marginal[test] = truth[train].mean(axis=0)
-    proba, gain, distance = np.array([0.1, 0.2, 0.3, 0.4]), [], []
-    for row, true, mean in zip(pool.oof_proba_, truth, marginal):
-        if np.isnan(row).any():
-            continue
-        before = alone["a"] * row[0] + alone["marginal"] * mean
-        after = both["a"] * row[0] + both["b"] * row[1] + both["marginal"] * mean
-        before = blurred_by_hand(before, pool.blur([["a"]]))
-        after = blurred_by_hand(after, pool.blur([["a", "b"]]))
-        before, after = (
-            np.sort(np.clip(np.cumsum(each)[:3], 0, 1)) for each in (before, after)
-        )
-        true = np.cumsum(true)[:3]
-        gain.append(((before - true) ** 2).sum() - ((after - true) ** 2).sum())
-        distance.append(((before - np.cumsum(proba)[:3]) ** 2).sum())
-    found = pool.expected_gains(["a"])
-    assert found == {"b": pytest.approx(np.mean(gain))}
-    nearest = np.argsort(distance)[:7]
-    found = pool.expected_gains(["a"], proba, n_neighbors=7)
-    assert found == {"b": pytest.approx(np.mean(np.array(gain)[nearest]))}
-    assert pool.expected_gains(["a", "b"]) == {}
-
-
 # Recordings --------------------------------------------------------------------
 
 

@@ -615,7 +615,6 @@ def methods_of(model, X, y):
         "weights": lambda: model.weights([["a"]]),
         "blur": lambda: model.blur([["a"]]),
         "expected_excess": lambda: model.expected_excess([["a"]]),
-        "expected_gains": lambda: model.expected_gains(["a"]),
         "score": lambda: model.score(X, y),
         "get_params": lambda: model.get_params(),
         "set_params": lambda: model.set_params(),

@@ -223,7 +223,6 @@ class TouchPool(
         departure = departure - compared(true, ordered)[:, np.newaxis]
         self._moments, self._ordered = error_moments(departure, objects), ordered
         self._spread = spread_moments(proba, true, objects) if ordered else None
-        self._true, self._marginal = true, marginal[:, 0]
         self.classes_ = classes
         self.shares_ = true.mean(axis=0)
         self.oof_proba_ = oof
@@ -397,72 +396,6 @@ class TouchPool(
         every = np.concatenate(((1 - blur) * share, blur * share))
         error = mean_products(self._moments, np.tile(pairs, (2, 2)))
         return float(every @ error @ every)
-
-    def expected_gains(
-        self,
-        felt: Sequence[str] = (),
-        proba: ArrayLike | None = None,
-        *,
-        n_neighbors: int = 50,
-    ) -> dict[str, float]:
-        """Return how much each member is expected to improve a prediction.
-
-        Divide by the seconds that a touch takes, and touch where the quotient is
-        largest; stop when it is worth less than a second.
-
-        Parameters
-        ----------
-        felt : list of str, default=()
-            The members that have predicted so far, each from one touch.
-        proba : array-like of shape (n_levels,), default=None
-            What they predicted together. The gain is then a mean over the training
-            rows of which the predictions out of fold were the nearest to it; by
-            default over all.
-        n_neighbors : int, default=50
-            How many rows are nearest.
-
-        Returns
-        -------
-        gains : dict of str to float
-            Of each member that has not predicted, the expected reduction of the ranked
-            probability score, or of the Brier score where levels have no order. May be
-            negative. Members that never were with the others in one row are left out.
-        """
-        names = list(self.estimators_)
-        before = self._predicted_from(felt)
-        gains = {}
-        for name in names:
-            if name in felt:
-                continue
-            after = self._predicted_from([*felt, name])
-            rows = np.isfinite(after).all(axis=1)
-            if not rows.any():
-                continue
-            gain = self._excess(before[rows], rows) - self._excess(after[rows], rows)
-            if proba is not None:
-                far = compared(before[rows], self._ordered) - compared(
-                    np.asarray(proba, dtype=np.float64), self._ordered
-                )
-                gain = gain[np.argsort((far**2).sum(axis=1))[:n_neighbors]]
-            gains[name] = float(gain.mean())
-        return gains
-
-    def _predicted_from(self, names):
-        """Return the pool of members' predictions out of fold, NaN if one lacks."""
-        share, blur = self._weights(self._pairs([names]))
-        used = [list(self.estimators_).index(name) for name in names]
-        there = np.isfinite(self.oof_proba_[:, used]).all(axis=(1, 2))
-        there &= np.isfinite(self._marginal).all(axis=1)
-        pooled = np.full(self._true.shape, np.nan)
-        proba = np.nan_to_num(self.oof_proba_[there])
-        share = np.tile(share, (len(proba), 1))
-        pooled[there] = self._mean(proba, share, blur, self._marginal[there])
-        return pooled
-
-    def _excess(self, proba, rows):
-        """Return squared distances from the true distributions."""
-        true = compared(self._true[rows], self._ordered)
-        return ((compared(proba, self._ordered) - true) ** 2).sum(axis=1)
 
     def _pairs(self, touches):
         check_is_fitted(self)

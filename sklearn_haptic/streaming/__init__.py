@@ -6,14 +6,12 @@ when a touch is long enough.
 """
 
 from ._anytime import AnytimeRegressor
-from ._stopping import CertaintyThreshold, ExpectedGain, FixedDuration, NoChange
+from ._stopping import CertaintyThreshold, ExpectedGain
 from ._touch_in_progress import TouchInProgress
 
 __all__ = [
     "AnytimeRegressor",
     "CertaintyThreshold",
     "ExpectedGain",
-    "FixedDuration",
-    "NoChange",
     "TouchInProgress",
 ]

@@ -77,10 +77,9 @@ class AnytimeRegressor(
     cv : int, splitter or iterable, default=5
         Folds of the training touches for the predictions out of fold. A number keeps
         objects whole if `fit` is given `groups`.
-    stopping : FixedDuration, CertaintyThreshold, NoChange, ExpectedGain or None, \
-            default=None
+    stopping : CertaintyThreshold, ExpectedGain or None, default=None
         When a touch is done, which the rule learns from predictions out of fold. By
-        default when the longest duration is complete.
+        default when the longest duration is complete; one duration is a fixed rule.
 
     Attributes
     ----------

@@ -217,35 +217,6 @@ class _Rule(BaseEstimator):
         return index
 
 
-class FixedDuration(_Rule):
-    """Stop at a fixed duration.
-
-    Parameters
-    ----------
-    seconds : float, default=1.0
-        The first duration of at least so many seconds is the last.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from sklearn_haptic.streaming import FixedDuration
-    >>> proba, y = np.full((3, 4, 2), 0.5), np.ones((3, 2))
-    >>> FixedDuration(1.5).fit(proba, y, durations=[0.5, 1, 2, 4]).stop_at(proba)
-    array([2, 2, 2])
-    """
-
-    _parameter_constraints = {  # noqa: RUF012
-        "seconds": [Interval(Real, 0, None, closed="neither")]
-    }
-
-    def __init__(self, seconds: float = 1.0) -> None:
-        self.seconds = seconds
-
-    def _stops(self, path):
-        check_is_fitted(self)
-        return np.full(len(path), self.durations_[path.shape[1] - 1] >= self.seconds)
-
-
 class CertaintyThreshold(_Rule):
     """Stop when the prediction is certain enough.
 
@@ -296,35 +267,6 @@ class CertaintyThreshold(_Rule):
             certainty = 1 + (proba * logs).sum(axis=-1) / np.log(proba.shape[-1])
         certainty = certainty.mean(axis=tuple(range(1, certainty.ndim)))
         return certainty >= self.threshold
-
-
-class NoChange(_Rule):
-    """Stop when the prediction has stopped changing.
-
-    Parameters
-    ----------
-    tol : float, default=0.05
-        Stop when the share of probability that moved since the last duration is at
-        most this. Of several adjectives their mean counts.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from sklearn_haptic.streaming import NoChange
-    >>> path = np.array([[[0.5, 0.5], [0.8, 0.2], [0.82, 0.18], [0.6, 0.4]]])
-    >>> NoChange(0.05).stop_at(path)
-    array([2])
-    """
-
-    _parameter_constraints = {  # noqa: RUF012
-        "tol": [Interval(Real, 0, 1, closed="both")]
-    }
-
-    def __init__(self, tol: float = 0.05) -> None:
-        self.tol = tol
-
-    def _stops(self, path):
-        return (changes(path) <= self.tol) & (path.shape[1] > 1)
 
 
 class ExpectedGain(_Rule):
