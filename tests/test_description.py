@@ -99,7 +99,7 @@ def test_all_forms_of_trials_are_described_alike():
     alone = describe_corpus({"trials": trials[:1], "ratings": {}})
     assert (alone.objects, alone.ratings, alone.rated) == (None, None, None)
     gone = describe_corpus(frame.assign(skin=[[]] * 6))
-    assert re.search(r"^skin +0 +6 +0 +– +– +– +– +0 +0 +0 +– +0$", repr(gone), re.M)
+    assert re.search(r"^skin +– +0 +6 +0 +– +– +– +0 +0 +– +0 +0$", repr(gone), re.M)
 
 
 @pytest.mark.parametrize("levels", [None, ["low", "mid", "high"], [-1, 0, 5]])
@@ -180,10 +180,10 @@ def test_what_is_shown(faulty):
     html = found._repr_html_()
     assert evil in repr(found) and evil not in html
     missing = f"{found.sensors['n_missing_samples'].iloc[0]:,}"
-    for text in ("Recordings", missing, "2 objects", "57%", "Agreement"):
+    for text in ("Recordings", missing, "2 objects", "0.571", "Agreement"):
         assert text in html and text in repr(found)
     shown = repr(describe_corpus(faulty, objects=[*range(39), 5]))
-    assert "39 objects, the 12 with the fewest trials" in shown
+    assert "39 objects, of which at most 12 with the fewest trials" in shown
 
 
 def test_a_description_can_be_saved(faulty):

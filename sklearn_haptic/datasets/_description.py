@@ -16,7 +16,7 @@ from ..ratings import interrater_agreement
 from ..ratings._checks import check_counts, match_levels
 from ..ratings._distributions import shares
 from ..recordings._faulty_trials import USUAL, iter_cells, trial_columns
-from ..utils._report import Report, Table, as_texts
+from ..utils._report import Report
 from ..utils._sklearn import Trials, validate_params
 from ..utils._validation import check_objects, check_regular, count, drop_missing
 
@@ -27,11 +27,21 @@ class _Corpus(Report):
     """What `describe_corpus` returns."""
 
     def _parts(self):
-        yield _sensor_table(self.sensors)
+        yield "Recordings: lengths are in samples, and faults those of single trials."
+        yield self.sensors
         if self.objects is not None:
-            yield _object_table(self.objects)
+            yield (
+                f"{count(len(self.objects), 'objects')}, of which at most {_MOST_ROWS} "
+                "with the fewest trials are shown."
+            )
+            yield self.objects.sort_values("trials", kind="stable").head(_MOST_ROWS)
         if self.ratings is not None:
-            yield _rating_table(self.ratings, self.shares, self.rated)
+            yield (
+                f"Ratings of {self.rated}s, and the share of people who chose each. "
+                "Agreement (r_wg) is 1 where all chose the same, 0 where they might as "
+                "well have drawn lots."
+            )
+            yield pd.concat([self.ratings, self.shares], axis=1)
 
 
 @validate_params(
@@ -313,54 +323,3 @@ def _rating_row(counts):
 
 def _mean_shares(counts):
     return shares(counts[counts.any(axis=1)]).mean(axis=0)
-
-
-def _sensor_table(sensors):
-    """Return the table of sensors as it is shown."""
-    number = "{:,.10g}".format
-    texts = {
-        "n_trials": ("trials", number),
-        "n_missing_trials": ("without it", number),
-        "n_channels": ("channels", number),
-        "rate": ("samples per s", number),
-        "shortest": ("shortest", number),
-        "median": ("median", number),
-        "longest": ("longest", number),
-        "n_samples": ("samples", number),
-        "n_missing_samples": ("missing", number),
-        "dead": ("dead", number),
-        "saturated": ("saturated", number),
-        "constant": ("constant", number),
-    }
-    note = (
-        "Lengths are in samples. A channel is dead or saturated in single trials, and "
-        "constant in all."
-    )
-    return Table("Recordings", as_texts(sensors, texts), note=note)
-
-
-def _object_table(objects):
-    """Return the objects with the fewest trials as they are shown."""
-    fewest = objects.sort_values("trials", kind="stable").head(_MOST_ROWS)
-    shown = count(len(objects), "objects")
-    if len(fewest) < len(objects):
-        shown += f", the {_MOST_ROWS} with the fewest trials"
-    return Table(shown, fewest.astype(str))
-
-
-def _rating_table(ratings, shares, rated):
-    """Return the ratings as they are shown, with the shares of people tinted."""
-    texts = {
-        "n_rated": (f"{rated}s rated", "{:,}".format),
-        "fewest": ("by at least", "{:,.6g}".format),
-        "most": ("by at most", "{:,.6g}".format),
-        "agreement": ("agreement, median", "{:.2f}".format),
-        "least_agreement": ("least", "{:.2f}".format),
-    }
-    shares = shares.rename(columns="chose {}".format)
-    texts |= {column: (column, "{:.0%}".format) for column in shares}
-    note = (
-        "Agreement (r_wg) is 1 where all people chose the same rating, and 0 where "
-        "they might as well have drawn lots."
-    )
-    return Table("Ratings", as_texts(ratings.join(shares), texts), shares, note)

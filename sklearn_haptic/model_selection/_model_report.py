@@ -9,18 +9,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
+from scipy.stats import t as student
 from sklearn.base import BaseEstimator, clone
-from sklearn.compose import ColumnTransformer
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils import Bunch, indexable
 from sklearn.utils.parallel import Parallel, delayed
 
-from ..metrics import noise_ceiling
-from ..ratings._checks import check_adjectives, check_ratings
-from ..recordings._faulty_trials import trial_columns
-from ..recordings._trials import is_table
+from ..metrics import dispersion, noise_ceiling
+from ..metrics._trial_scores import score_trials
+from ..models import DummyDistribution
+from ..ratings._checks import check_adjectives
+from ..ratings._levels import names_levels
 from ..utils._folds import make_splitter, route
-from ..utils._report import Report, Table, as_texts
+from ..utils._report import Report
 from ..utils._sklearn import (
     CrossValidator,
     HasMethods,
@@ -31,37 +32,16 @@ from ..utils._sklearn import (
 )
 from ..utils._validation import check_groups, count, is_text
 from ._cost import predictor, seconds_per_trial, timed
-from ._gains import (
-    GUESSES,
-    MODEL,
-    compare_with_guesses,
-    conclude,
-    guess_out_of_fold,
-    summarise_gains,
-)
-from ._out_of_fold import check_folds, fit_fold, join_folds, predict_fold
+from ._out_of_fold import check_folds, fit_fold, in_order, join_folds, predict_fold
 
-_SCORES = {
-    "rps": "RPS",
-    "emd": "EMD",
-    "macro_mae": "MAE^M",
-    "log_score": "log score",
-    "dispersion": "dispersion",
+_GUESSES = ("marginal", "barycentre")
+_ERRORS = ("rps", "emd", "macro_mae", "log_score")
+_MOST_CLASSES = 10  # that whole numbers may have without a word of what they are
+_VERDICTS = {
+    "better": "is better than guessing",
+    "not shown": "is not shown to be better than guessing",
+    "worse": "is worse than guessing",
 }
-_ANSWERS = {"better": "yes", "not shown": "not shown", "worse": "worse"}
-_NOTE = (
-    "RPS, EMD, MAE^M and the log score are errors of a predicted distribution, the "
-    "first three in levels: lower is better. The dispersion is 1 if predictions are "
-    "as broad as ratings scatter about them, less if they are too narrow. Guessing "
-    "ignores the touch: it predicts the mean of the training objects' distributions, "
-    "or the median of their cumulative ones; by RPS the better one counts."
-)
-_CEILING = (
-    "The gain is how much lower the RPS of the model is than that of guessing. The "
-    "best possible RPS is above 0 because people disagree: it is what to expect of a "
-    "model that knows how the whole population would rate (the noise ceiling)."
-)
-_INFINITE = " ∞: a rating that people gave had been ruled out."
 
 
 class _Model(Report):
@@ -69,22 +49,16 @@ class _Model(Report):
 
     def _parts(self):
         yield self.summary
-        names, title = self.gains.index, "Scores on the test trials"
-        if len(names) > 1:
-            table = _gain_texts(self.gains)
-            yield Table("RPS on the test trials", table, note=_CEILING)
-            title += f", averaged over {len(names)} adjectives"
-        elif names[0] != "ratings":
-            title += f", {names[0]}"
-        table = self.scores.groupby(level=1, sort=False).mean()
-        note = _NOTE + _INFINITE * bool(np.isinf(table.to_numpy()).any())
-        yield Table(title, _score_texts(table), note=note)
+        yield self.gains
+        yield self.scores.groupby(level=1, sort=False).mean()
+        if self.confusions is not None:
+            yield from self.confusions.values()
         yield self.conclusion
 
 
 @validate_params(
     {
-        "model": [HasMethods(["fit", "predict_proba"])],
+        "model": [HasMethods(["fit"])],
         "y": [Mapping, "array-like"],
         "groups": ["array-like", None],
         "cv": ["cv_object"],
@@ -107,9 +81,10 @@ def model_report(
 
     For each adjective and fold, a clone of the model is fitted to the training trials
     and predicts the test trials, and so do both strategies of
-    :class:`~sklearn_haptic.DummyDistribution`, which ignore the touch. A notebook shows
-    the result as a table, and `print` as text; its last sentence says how much better
-    than guessing the model is, or that it is not.
+    :class:`~sklearn_haptic.DummyDistribution`, which ignore the touch; classes without
+    an order are guessed to be the most frequent one of the training trials. A notebook
+    shows the result as tables, and `print` as text; its last sentence says how much
+    better than guessing the model is, or that it is not.
 
     Parameters
     ----------
@@ -121,7 +96,9 @@ def model_report(
             (n_trials, n_adjectives, n_levels), or dict of str to array-like
         Labels, how many people gave each level, or such counts of several adjectives,
         which are learned together. Of a dict, such as the ratings of a corpus, each
-        entry is learned by a model of its own.
+        entry is learned by a model of its own. Labels that are words, or categories,
+        without an order are classes. More than ten different whole numbers are refused,
+        unless an ordered categorical, or ``levels`` of the model, makes them a scale.
     groups : array-like of shape (n_trials,), default=None
         The object of each trial. By default each trial is of another object, which
         makes scores look better than they are if that is not so.
@@ -142,16 +119,23 @@ def model_report(
         scores : DataFrame
             One row per adjective and predictor ("model", "marginal", "barycentre"), one
             column per score, averaged over test trials: ``rps``, ``emd`` and
-            ``macro_mae`` in levels, ``log_score`` in nats, and ``dispersion``.
+            ``macro_mae`` in levels, ``log_score`` in nats, lower being better, and
+            ``dispersion``, which is below 1 where predictions are narrower than ratings
+            scatter. Of classes ``accuracy`` and ``balanced_accuracy``, the mean over
+            classes, of "model" and "most frequent".
         gains : DataFrame
-            One row per adjective: the ``rps`` of the model; ``rps_guess``, the lower
-            one of the two baselines; their difference ``gain``, positive if the model
-            is better, and its ``standard_error``, paired over objects; ``rps_ceiling``,
-            what the whole population is expected to score, by
+            One row per adjective: its ``levels``; the ``dispersion`` of the model;
+            ``rps_ceiling``, what the whole population is expected to score, by
             :func:`~sklearn_haptic.metrics.noise_ceiling`, NaN where a trial has fewer
-            than two ratings; ``verdict``:
-            "better" or "worse" if the 95% interval of the gain, by Student's t, has
-            only positive or only negative values, else "not shown".
+            than two ratings; the ``rps`` of the model; ``rps_guess``, the lower one of
+            the two baselines; their difference ``gain``, positive if the model is
+            better, with its ``standard_error``, paired over objects, and the ends
+            ``lower`` and ``upper`` of its 95% interval by Student's t; ``verdict``,
+            "better" or "worse" if the interval has only positive or only negative
+            values, else "not shown". Of classes the gain is that of ``accuracy`` over
+            ``accuracy_guess``.
+        confusions : dict of str to DataFrame, or None
+            How many trials of each class (row) were taken for each (column).
         seconds_to_learn : float
             Mean duration of a fit.
         seconds_per_touch : float
@@ -159,14 +143,16 @@ def model_report(
         tested : ndarray of shape (n_tested,)
             The test trials, as rows of ``X``, in ascending order.
         predicted : dict of str to ndarray of shape (n_tested, n_levels)
-            For each adjective, what the model predicted for them.
+            For each adjective, what the model predicted for them; of classes labels, of
+            shape (n_tested,).
         summary, conclusion : str
             What was done, and what came out.
 
     Raises
     ------
     ValueError
-        As :func:`cross_val_predict_proba`; a trial may be tested once or not at all.
+        As :func:`cross_val_predict_proba`; a trial may be tested once or not at all. If
+        nothing tells whether whole numbers are classes or levels.
 
     See Also
     --------
@@ -175,11 +161,19 @@ def model_report(
 
     Notes
     -----
-    The standard error takes each object for one observation, however often it was
-    touched. It ignores that the folds of a cross-validation share training trials. No
-    verdict is corrected for the number of adjectives: of twenty that cannot be felt,
-    one is expected to look better or worse. If settings were chosen on these trials,
-    report on others, or give the search that chooses as the model.
+    The interval takes each object for one observation, however often it was touched
+    [1]_. It ignores that the folds of a cross-validation share training trials, and
+    holds less often than it says if few objects gain or lose much. No verdict is
+    corrected for the number of adjectives: of forty that cannot be felt, one is
+    expected to look better. More look worse, and rightly so: a model that learned
+    chance predicts too narrow distributions, with a dispersion below 1, and a larger
+    penalty mends it. If settings were chosen on these trials, report on others, or give
+    the search that chooses as the model.
+
+    References
+    ----------
+    .. [1] R. M. Bell and D. F. McCaffrey, "Bias reduction in standard errors for linear
+       regression with multi-stage samples", Survey Methodology 28, 169–181, 2002.
 
     Examples
     --------
@@ -205,206 +199,239 @@ def model_report(
     params = {} if params is None else params
     groups = params.get("groups") if groups is None else groups
     X, *ratings = indexable(X, *targets.values())
+    targets = dict(zip(targets, ratings))
     groups = check_groups(groups, X)
+    kinds = {_has_classes(model, each, name) for name, each in targets.items()}
+    if len(kinds) > 1:
+        raise ValueError(
+            "y has classes without an order beside ratings; report on them in two "
+            "calls."
+        )
+    classes = kinds.pop()
     splitter = make_splitter(model, ratings[0], groups, cv)
     for_split, for_fit = route(model, splitter, groups, params)
     folds = check_folds(
         splitter.split(X, ratings[0], **for_split), _num_samples(X), least=0
     )
+    method = "predict" if classes else "predict_proba"
     outcomes = Parallel(n_jobs=n_jobs)(
-        delayed(_fit_and_time)(clone(model), X, each, *fold, for_fit)
+        delayed(_fit_and_time)(clone(model), X, each, *fold, for_fit, method)
         for each in ratings
         for fold in folds
     )
-    counts: dict[str, np.ndarray] = {}
-    predicted: dict[str, np.ndarray] = {}
-    scales = []
-    for i, (name, each) in enumerate(zip(targets, ratings)):
-        of_target = outcomes[i * len(folds) : (i + 1) * len(folds)]
-        proba, levels = join_folds(each, [fold[:2] for fold in of_target], folds)
-        if is_text(levels) and np.ndim(each) == 1 and not _is_given(model, "levels"):
-            check_ratings(each, name=name)  # warns of words without an order
-        truth, _ = check_adjectives(each, levels, name=name)
-        scales.append(f"{levels[0]} to {levels[-1]}")
-        counts |= _by_adjective(name, truth)
-        predicted |= _by_adjective(name, proba)
-    tested = np.sort(np.concatenate([test for _, test in folds]))
-    scores, gains, conclusion = _compare(counts, predicted, folds, tested, groups)
-    result = _Model(
-        scores=scores,
-        gains=gains,
-        seconds_to_learn=float(np.mean([fold[2] for fold in outcomes])),
-        seconds_per_touch=float(np.mean([fold[3] for fold in outcomes])),
-        tested=tested,
-        predicted=predicted,
-        conclusion=conclusion,
+    results = _compare(targets, outcomes, folds, groups, classes)
+    seconds = np.mean([fold[2:] for fold in outcomes], axis=0)
+    report = _Model(
+        **results,
+        seconds_to_learn=float(seconds[0]),
+        seconds_per_touch=float(seconds[1]),
     )
+    unit = "group" if classes else "object"
     parts = [model, *model.get_params().values()]
-    by = _by_what(model, X)
-    result["summary"] = _summary(result, folds, groups, by, scales, parts)
-    return result
+    frozen = any(isinstance(part, FrozenEstimator) for part in parts)
+    report["summary"] = _summary(report, folds, groups, unit, frozen)
+    return report
 
 
-def _fit_and_time(model, X, y, train, test, params):
+def _compare(targets, outcomes, folds, groups, classes):
+    """Compare the model with guessing on each adjective, and on their average."""
+    tested = np.sort(np.concatenate([test for _, test in folds]))
+    objects = tested if groups is None else groups[tested]
+    scores: dict[Any, Any] = {}
+    gains, of_trials, predicted, confusions = {}, [], {}, {}
+    for i, (name, y) in enumerate(targets.items()):
+        of_target = outcomes[i * len(folds) : (i + 1) * len(folds)]
+        of_target = [fold[:2] for fold in of_target]
+        if classes:
+            confusions[name], compared = _compare_classes(
+                name, np.asarray(y), of_target, folds, tested
+            )
+        else:
+            compared = _compare_ratings(name, y, of_target, folds, tested)
+        for label, proba, by_predictor, gain, row in compared:
+            predicted[label] = proba
+            scores |= {(label, who): each for who, each in by_predictor.items()}
+            gains[label] = {**row, **gain_over_objects(gain, objects)}
+            of_trials.append(gain)
+    table = pd.DataFrame.from_dict(scores, orient="index")
+    table.index = pd.MultiIndex.from_tuples(scores, names=["adjective", "predictor"])
+    overall = gain_over_objects(np.mean(of_trials, axis=0), objects)
+    unit = "trials" if groups is None else "groups" if classes else "objects"
+    n = count(len(np.unique(objects)), unit)
+    return {
+        "scores": table,
+        "gains": pd.DataFrame.from_dict(gains, orient="index").rename_axis("adjective"),
+        "confusions": confusions if classes else None,
+        "tested": tested,
+        "predicted": predicted,
+        "conclusion": _conclusion(overall, n, len(gains), classes),
+    }
+
+
+def _has_classes(model, y, name):
+    """Whether ratings are labels without an order: words, or unordered categories."""
+    levels_given = any(
+        key.split("__")[-1] == "levels" and value is not None
+        for key, value in model.get_params().items()
+    )
+    if np.ndim(y) != 1 or levels_given or names_levels(y):
+        return False
+    values = np.asarray(y)
+    if is_text(values) or hasattr(getattr(y, "dtype", None), "categories"):
+        return True
+    if values.dtype.kind in "iu" and len(np.unique(values)) > _MOST_CLASSES:
+        raise ValueError(
+            f"{name} has {len(np.unique(values))} different whole numbers, of classes "
+            "or of levels; give text for classes (astype(str)), or an ordered "
+            "pandas.Categorical for levels."
+        )
+    return False
+
+
+def _fit_and_time(model, X, y, train, test, params, method):
     """Return the predictions of a fold, their levels, and both times in seconds."""
     _, to_learn = timed(fit_fold, model, X, y, train, params)
     X_test = _safe_indexing(X, test)
-    outcome = predict_fold(model, X_test)
+    outcome = predict_fold(model, X_test, method)
     return *outcome, to_learn, seconds_per_trial(predictor(model), X_test)
 
 
-def _is_given(model, name):
-    """Whether the model, or a part of it, is given a parameter of this name."""
-    return any(
-        key.split("__")[-1] == name and value is not None
-        for key, value in model.get_params().items()
-    )
+def _compare_ratings(name, y, outcomes, folds, tested):
+    """Score the distributions predicted of each adjective beside both baselines.
 
-
-def _by_adjective(name, values):
-    """Return arrays by adjective; those learned together are told by their number."""
-    if values.ndim == 2:
-        return {name: values}
-    return {f"{name}[:, {i}]": values[:, i] for i in range(values.shape[1])}
-
-
-def _compare(counts, predicted, folds, tested, groups):
-    """Return the tables of scores and gains, and the conclusion."""
-    objects = tested if groups is None else groups[tested]
-    rows, of_trials, table = {}, [], {}
-    for name, each in counts.items():
-        guesses = {guess: guess_out_of_fold(guess, each, folds) for guess in GUESSES}
-        scores, gains, rps_guess = compare_with_guesses(
-            each[tested], predicted[name], guesses
-        )
-        rows |= {(name, predictor): row for predictor, row in scores.items()}
-        of_trials.append(gains)
-        rps = {
-            "rps": scores[MODEL]["rps"],
-            "rps_guess": rps_guess,
-            "rps_ceiling": _ceiling(each[tested]),
+    Yield the adjective, what the model predicts, the scores of all predictors, by how
+    much the RPS of each trial is lower than that of the better baseline, and means.
+    """
+    proba, levels = join_folds(y, outcomes, folds)
+    counts, _ = check_adjectives(y, levels, name=name)
+    for i in range(counts.shape[1]) if counts.ndim == 3 else [...]:
+        each = counts[:, i]
+        true, by_predictor = each[tested], {"model": proba[:, i]}
+        for guess in _GUESSES:
+            fits = [DummyDistribution(guess).fit(t[:, None], each[t]) for t, _ in folds]
+            guesses = [fit.predict_proba(test) for fit, (_, test) in zip(fits, folds)]
+            by_predictor[guess] = in_order(guesses, folds)
+        of_trials = {who: score_trials(true, p) for who, p in by_predictor.items()}
+        scores = {
+            who: {error: float(values[error].mean()) for error in _ERRORS}
+            | {"dispersion": dispersion(true, by_predictor[who])}
+            for who, values in of_trials.items()
         }
-        table[name] = {**rps, **summarise_gains(gains, objects)}
-    scores = pd.DataFrame.from_dict(rows, orient="index")
-    scores.index = pd.MultiIndex.from_tuples(rows, names=["adjective", "predictor"])
-    gains = pd.DataFrame.from_dict(table, orient="index")
-    gains.index.name = "adjective"
-    overall = {
-        **gains[["rps", "rps_guess"]].mean(),
-        **summarise_gains(np.mean(of_trials, axis=0), objects),
+        best = min(_GUESSES, key=lambda guess: scores[guess]["rps"])
+        row = {
+            "levels": f"{levels[0]} to {levels[-1]}",
+            "dispersion": scores["model"]["dispersion"],
+            "rps_ceiling": np.nan,
+            "rps": scores["model"]["rps"],
+            "rps_guess": scores[best]["rps"],
+        }
+        if (true.sum(axis=1) >= 2).all():
+            row["rps_ceiling"] = noise_ceiling(true).truth
+        label = name if i is ... else f"{name}[:, {i}]"
+        gain = of_trials[best]["rps"] - of_trials["model"]["rps"]
+        yield label, proba[:, i], scores, gain, row
+
+
+def _compare_classes(name, y, outcomes, folds, tested):
+    """Score the classes predicted beside the most frequent one of training.
+
+    Return how often each class was taken for each, and what `_compare_ratings` yields,
+    of accuracies.
+    """
+    true, predicted = y[tested], in_order([each for each, _ in outcomes], folds)
+    frequent = [pd.Series(y[train]).value_counts().index[0] for train, _ in folds]
+    guesses = [np.full(len(test), each) for each, (_, test) in zip(frequent, folds)]
+    by_predictor = {"model": predicted, "most frequent": in_order(guesses, folds)}
+    scores, right = {}, {}
+    for who, each in by_predictor.items():
+        right[who] = pd.Series((each == true).astype(float))
+        scores[who] = {
+            "accuracy": right[who].mean(),
+            "balanced_accuracy": right[who].groupby(true).mean().mean(),
+        }
+    row = {
+        "accuracy": scores["model"]["accuracy"],
+        "accuracy_guess": scores["most frequent"]["accuracy"],
     }
-    n = len(np.unique(objects))
-    return scores, gains, conclude(gains, overall, n, groups is not None)
+    gain = (right["model"] - right["most frequent"]).to_numpy()
+    confusions = pd.crosstab(true, predicted, rownames=["true"], colnames=["predicted"])
+    return confusions, [(name, predicted, scores, gain, row)]
 
 
-def _ceiling(counts):
-    """Return the expected RPS of the population, NaN if a trial has one rating."""
-    if (counts.sum(axis=1) < 2).any():
-        return np.nan
-    return noise_ceiling(counts).truth
+def gain_over_objects(gains, objects):
+    """Return the mean gain of trials, its error and interval over objects, and verdict.
 
-
-def sensors_of(model, X):
-    """Return the names of the columns of trials that a model takes, None if unknown.
+    Trials count equally, so that objects count by their trials. The error and the
+    degrees of freedom of Student's t are those of a mean of independent objects with
+    these weights, as of Bell and McCaffrey (2002).
 
     Examples
     --------
-    >>> import pandas as pd
-    >>> from sklearn_haptic import make_haptic_pipeline
-    >>> from sklearn_haptic.model_selection._model_report import sensors_of
-    >>> trials = pd.DataFrame({"pac": [[[0.0]]], "pdc": [[[1.0]]]})
-    >>> sensors_of(make_haptic_pipeline(["pdc"]), trials)
-    ['pdc']
-    >>> sensors_of(make_haptic_pipeline(), trials[["pac"]].to_numpy())
+    >>> import numpy as np
+    >>> from sklearn_haptic.model_selection._model_report import gain_over_objects
+    >>> gain_over_objects(np.array([1.0, 3.0, 2.0, 2.5]), ["a", "a", "b", "b"])
+    {'gain': 2.125, 'standard_error': 0.125, 'lower': ..., 'verdict': 'better'}
     """
-    if not isinstance(X, pd.DataFrame):
-        return None
-    taken: set[Any] = set()
-    for part in [model, *model.get_params().values()]:
-        if isinstance(part, ColumnTransformer):
-            for _, _, columns in part.transformers:
-                taken.update([columns] if isinstance(columns, str) else columns)
-    names = [str(name) for name in trial_columns(X)]
-    return [name for name in names if name in taken] or names or None
-
-
-def _summary(result, folds, groups, by, scales, parts):
-    """Say what was learned from, what was predicted, and how long that took."""
-    it = f"In each of {len(folds)} folds it" if len(folds) > 1 else "It"
-    n_train = [len(train) for train, _ in folds]
-    tested, learned = _range(len(result.tested)), _range(*n_train)
-    if groups is not None:
-        tested += f" of {count(len(np.unique(groups[result.tested])), 'objects')}"
-        n_objects = [len(np.unique(groups[train])) for train, _ in folds]
-        learned += f" of {_range(*n_objects, unit='objects')}"
-    each = " per adjective" * (len(scales) > 1)
-    scale = " or ".join(dict.fromkeys(scales))
-    text = (
-        f"The model predicted ratings from {scale} in {tested}. {it} had learned "
-        f"from {learned}{by}. Learning took "
-        f"{result.seconds_to_learn:.3g} s{each}, and predicting "
-        f"{1e3 * result.seconds_per_touch:.3g} ms per touch."
-    )
-    if any(isinstance(part, FrozenEstimator) for part in parts):
-        text += (
-            " What is frozen had learned before: if from test objects too, the model "
-            "is worse on new objects than it looks."
-        )
-    return text + _overlap(folds, groups)
-
-
-def _by_what(model, X):
-    """Say which sensors recorded what a model takes, or that it takes features."""
-    if is_table(X):
-        return ", given as features"
-    sensors = sensors_of(model, X)
-    return f", recorded by {', '.join(sensors)}" if sensors else ""
-
-
-def _range(*values, unit="trials"):
-    low, high = min(values), max(values)
-    return count(low, unit) if low == high else f"{low} to {high} {unit}"
-
-
-def _overlap(folds, groups):
-    """Warn of objects that are touched in training and in the test."""
-    if groups is None:  # which the conclusion tells
-        return ""
-    known = [np.isin(groups[test], groups[train]).sum() for train, test in folds]
-    if not sum(known):
-        return " No test object was touched in training."
-    return (
-        f" But {count(sum(known), 'test trials')} are of objects that were touched in "
-        "training, so that the model is worse on new objects than it looks."
-    )
-
-
-def _score_texts(scores):
-    """Return scores as text: errors with three decimals."""
-    texts = {name: (title, _number) for name, title in _SCORES.items()}
-    names = {
-        MODEL: "the model",
-        "marginal": "guess: mean",
-        "barycentre": "guess: median",
+    ids, which = np.unique(objects, return_inverse=True)
+    gain, error, margin = gains.mean(), np.nan, np.nan
+    if len(ids) > 1:
+        weight = np.bincount(which) / len(gains)
+        deviation = np.bincount(which, gains - gain) / len(gains)
+        error = np.sqrt((deviation**2 / (1 - weight)).sum())
+        margin = error * student.ppf(0.975, 1 / (weight**2).sum() - 1)
+    verdict = "not shown"
+    if abs(gain) > margin:
+        verdict = "better" if gain > 0 else "worse"
+    return {
+        "gain": float(gain),
+        "standard_error": float(error),
+        "lower": float(gain - margin),
+        "upper": float(gain + margin),
+        "verdict": verdict,
     }
-    return as_texts(scores, texts).rename(index=names).rename_axis(None)
 
 
-def _number(value):
-    return "∞" if np.isinf(value) else f"{value:.3f}"
-
-
-def _gain_texts(gains):
-    """Return what is gained on each adjective as text."""
-    number = "{:.3f}".format
-    return as_texts(
-        gains,
-        {
-            "rps": ("the model", number),
-            "rps_guess": ("guessing", number),
-            "gain": ("gain", number),
-            "standard_error": ("standard error", number),
-            "rps_ceiling": ("best possible", number),
-            "verdict": ("better than guessing?", _ANSWERS.get),
-        },
+def _summary(report, folds, groups, unit, frozen):
+    """Say what was predicted from what, how long it took, and what makes it unfair."""
+    learned = min(len(train) for train, _ in folds)
+    text = (
+        f"{count(len(report.tested), 'trials')} were predicted in "
+        f"{count(len(folds), 'folds')}, learned from at least {learned} others. "
+        f"Learning took {report.seconds_to_learn:.3g} s, and predicting "
+        f"{1e3 * report.seconds_per_touch:.3g} ms per touch. "
     )
+    if groups is None:
+        text += (
+            f"Which trials are of one {unit} is not known (groups=); if any are, the "
+            f"model is worse on new {unit}s than it looks."
+        )
+    elif n := sum(np.isin(groups[test], groups[train]).sum() for train, test in folds):
+        text += (
+            f"But {count(n, 'test trials')} are of {unit}s that were touched in "
+            f"training, so that the model is worse on new {unit}s than it looks."
+        )
+    else:
+        text += f"No test {unit} was touched in training."
+    if frozen:
+        text += (
+            f" What is frozen had learned before: if from test {unit}s too, the model "
+            f"is worse on new {unit}s than it looks."
+        )
+    return text
+
+
+def _conclusion(overall, n, n_adjectives, classes):
+    """Say in words how much better than guessing a model is, or that it is not."""
+    score, up, down = ("RPS", "lower", "higher")
+    if classes:
+        score, up, down = ("accuracy", "higher", "lower")
+    text = f"The model {_VERDICTS[overall['verdict']]}: its {score} is "
+    text += f"{up if overall['gain'] >= 0 else down} by {abs(overall['gain']):.3f}"
+    text += f" on average over {n_adjectives} adjectives" * (n_adjectives > 1)
+    if not np.isnan(overall["lower"]):
+        text += f" (95% interval {overall['lower']:.3f} to {overall['upper']:.3f}"
+        text += f" of the gain, over {n})"
+    text += "."
+    if overall["verdict"] == "worse" and not classes:
+        text += " It takes chance for a pattern: raise its penalty, such as alpha."
+    return text
