@@ -1,8 +1,6 @@
 """The HTML of estimators links to the pages of the reference."""
 
 import re
-import tomllib
-from pathlib import Path
 
 import pytest
 from sklearn.compose import ColumnTransformer
@@ -39,13 +37,6 @@ def links(estimator):
 
 def page(estimator):
     return f"{DOCUMENTATION_URL}generated/sklearn_haptic.{estimator.__name__}.html"
-
-
-def test_one_address():
-    project = Path(__file__).parents[1] / "pyproject.toml"
-    urls = tomllib.loads(project.read_text("utf-8"))["project"]["urls"]
-    assert urls["Documentation"] == DOCUMENTATION_URL
-    assert DOCUMENTATION_URL.endswith("/")
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda each: each.__name__)

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 import sklearn_haptic
-from sklearn_haptic.utils._sklearn import DOCUMENTATION_URL
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -31,35 +30,6 @@ def test_one_version():
     assert wheels and set(wheels) == {version}
 
 
-def test_addresses_are_those_of_pages_and_figures():
-    """On the documentation's site: pages in its root, the figures of pages below."""
-    addresses = list(PROJECT["urls"].values())
-    addresses += re.findall(r"https?://[^\s)>\"]+", read("README.md"))
-    paths = [
-        address.removeprefix(DOCUMENTATION_URL)
-        for address in addresses
-        if address.startswith(DOCUMENTATION_URL)
-    ]
-    assert any(path.startswith("_images/") for path in paths)
-    for path in filter(None, paths):
-        folder, _, name = path.rpartition("/")
-        if folder == "_images":
-            assert (ROOT / "docs" / "images" / name).exists()
-            assert any(f"](images/{name})" in page.read_text() for page in PAGES)
-        elif folder == "auto_examples":
-            assert (name, (ROOT / "examples").exists()) == ("index.html", True)
-        else:
-            page = ROOT / "docs" / name
-            found = [page.with_suffix(suffix).exists() for suffix in (".md", ".rst")]
-            assert folder == "" and any(found), path
-
-
-def test_figures_of_the_readme_have_addresses():
-    """PyPI shows the README without the files beside it."""
-    images = re.findall(r"!\[[^\]]*\]\(([^)]*)\)", read("README.md"))
-    assert images and all(image.startswith("https://") for image in images)
-
-
 def test_extras_are_quoted_and_nothing_unpublished_is_asked_of_pypi():
     """Brackets are a pattern to zsh, and the package is not on PyPI."""
     for path in [*PAGES, *(ROOT / "sklearn_haptic").rglob("*.py")]:
@@ -68,16 +38,6 @@ def test_extras_are_quoted_and_nothing_unpublished_is_asked_of_pypi():
             assert "[" not in unquoted, f"{path}: {command}"
             asks = re.search(r"(?<![/\w])sklearn_haptic(?!-)", command)
             assert not asks or path.name == "install.md", f"{path}: {command}"
-
-
-def test_what_a_broad_prediction_says_is_said_in_the_same_words():
-    words = (
-        "A narrow prediction says that people will agree about the object; a broad "
-        "one says only that a rating is hard to foresee, because people disagree or "
-        "because one touch does not tell what they agree on"
-    )
-    for name in ("README.md", "docs/index.md", "docs/method.md"):
-        assert " ".join(read(name).split()).count(words) == 1, name
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs bash")
