@@ -1,9 +1,13 @@
-"""What was fitted stays fitted: frozen estimators, parameters changed after fit."""
+"""What was fitted stays fitted: frozen estimators, interrupted fits, new parameters."""
+
+import sys
+from pathlib import Path
 
 import mord
 import numpy as np
 import pandas as pd
 import pytest
+from fitted_models import MODELS, fitted
 from sklearn.base import clone
 from sklearn.ensemble import RandomForestRegressor
 from sklearn.exceptions import NotFittedError
@@ -12,6 +16,7 @@ from sklearn.linear_model import LogisticRegression, Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+import sklearn_haptic
 from sklearn_haptic import (
     NNPOM,
     DistributionalOrdinalRegressor,
@@ -206,3 +211,89 @@ def test_a_frozen_estimator_takes_features_of_the_names_it_was_fitted_to():
     np.testing.assert_array_equal(again.predict_proba(X), fitted.predict_proba(X))
     with pytest.raises(ValueError, match=r"\['a', 'b', 'position'\], but .*order"):
         DistributionalOrdinalRegressor(frozen).fit(X[["b", "a"]], counts)
+
+
+# Fits that do not end ----------------------------------------------------------
+
+PACKAGE = str(Path(sklearn_haptic.__file__).parent)
+# Neither a Pipeline nor a search is of this package.
+OWN = [name for name in MODELS if name not in ("pipeline", "search")]
+
+
+def run_lines(function, error=None, stop=None):
+    """Call a function; count lines of the package, and raise an error at one."""
+    n_lines = 0
+
+    def trace(frame, event, _):
+        nonlocal n_lines
+        if not frame.f_code.co_filename.startswith(PACKAGE):
+            return None
+        if event == "line" and inside(frame):
+            n_lines += 1
+            if n_lines == stop:
+                raise error
+        return trace
+
+    def inside(frame):
+        """Whether a frame is called by ``fit``, or is of it, not of its decorators."""
+        while frame is not None:
+            if frame.f_code.co_name in ("fit", "fit_transform"):
+                return True
+            frame = frame.f_back
+        return False
+
+    sys.settrace(trace)
+    try:
+        function()
+    finally:
+        sys.settrace(None)
+    return n_lines
+
+
+def outcome(model, X):
+    """What a model makes of trials, as lists of arrays."""
+    method = "predict_proba" if hasattr(model, "predict_proba") else "predict_cdf"
+    method = "transform" if hasattr(model, "transform") else method
+    return list(getattr(model, method)(X))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
+@pytest.mark.parametrize("name", OWN)
+def test_a_fit_that_does_not_end_leaves_the_old_model_or_none(name):
+    model, X, y = MODELS[name]
+    held_out = {"groups": np.arange(len(y))} if "stopped" in name else {}
+    if name in ("blend", "touches of any length", "pool of touches", "guard"):
+        held_out = {"groups": np.arange(len(y)) // 2}
+    model = clone(fitted(name)).fit(X, y, **held_out)
+    before = outcome(model, X)
+    other = X.iloc[::-1] if hasattr(X, "iloc") else X[::-1]
+
+    def refit(model):
+        model.fit(other, y, **held_out)
+
+    n_lines = min(run_lines(lambda: refit(clone(model))) for _ in range(2))
+    assert n_lines > 3
+    for share in (0.0, 0.2, 0.6, 0.95):
+        stop = 1 + int(share * (n_lines - 1))
+        for error in (RuntimeError("in fit"), KeyboardInterrupt()):
+            with pytest.raises(type(error)):
+                run_lines(lambda: refit(model), error, stop)
+            for old, new in zip(before, outcome(model, X), strict=True):
+                np.testing.assert_array_equal(old, new)
+            new = clone(model)
+            with pytest.raises(type(error)):
+                run_lines(lambda new=new: refit(new), error, stop)
+            with pytest.raises(NotFittedError):
+                outcome(new, X)
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_a_refused_refit_leaves_the_old_model(name):
+    """Settings that are refused early or late, after others have been accepted."""
+    _, X, y = MODELS[name]
+    model = clone(fitted(name))
+    before = set(vars(model))
+    with pytest.raises((ValueError, TypeError)):
+        model.fit(X[:0] if not hasattr(X, "iloc") else X.iloc[:0], y)
+    assert set(vars(model)) == before

@@ -356,7 +356,7 @@ class DistributionBlend(
             f"cross-validation pass them on to {name} after "
             "sklearn.set_config(enable_metadata_routing=True).",
             UserWarning,
-            stacklevel=4,  # beyond this, fit, and its decorator
+            stacklevel=5,  # beyond this, fit, and its decorators
         )
 
 

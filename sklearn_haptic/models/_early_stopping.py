@@ -30,7 +30,7 @@ def hold_out_trials(estimator, n_trials, groups, fraction, random_state):
             "    sklearn.set_config(enable_metadata_routing=True)\n"
             f"    {name}(...).set_fit_request(groups=True)",
             UserWarning,
-            stacklevel=4,  # beyond this, fit, and its decorator
+            stacklevel=5,  # beyond this, fit, and its decorators
         )
     return split
 

@@ -194,7 +194,7 @@ class RepeatedRows:
                 "of the trials that it learns from, and so stops too late; set its "
                 "early_stopping=False (or n_iter_no_change=None).",
                 UserWarning,
-                stacklevel=4,  # beyond this, fit, and its decorator
+                stacklevel=5,  # beyond this, fit, and its decorators
             )
         fit_with_weights(
             self.estimator,
