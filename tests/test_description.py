@@ -157,17 +157,6 @@ def test_names_of_objects_belong_to_trials():
         describe_corpus({**some, "ratings": {}})
 
 
-def test_polars_tables_are_those_of_pandas():
-    polars = pytest.importorskip("polars")
-    trials = np.random.default_rng(0).normal(size=(6, 5, 2))
-    cells = polars.Series(trials, dtype=polars.Array(polars.Float64, (5, 2)))
-    found = describe_corpus(polars.DataFrame({"acc": cells, "run": range(6)})).sensors
-    same = describe_corpus(pd.DataFrame({"acc": [*trials], "run": range(6)})).sensors
-    pd.testing.assert_frame_equal(found, same)
-    with pytest.raises(ValueError, match="corpus has no trials; give"):
-        describe_corpus(polars.DataFrame(trials[:, :, 0]))
-
-
 def test_what_is_shown(faulty):
     """Every table in both forms, as text of a user's own names."""
     evil = "<b>'&'"

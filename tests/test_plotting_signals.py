@@ -145,9 +145,13 @@ def test_given_axes_hold_the_panels():
         (
             {"a": {"pac": recording()}, "b": {"pac": recording(n_channels=2)}},
             {},
-            "Sensor 'pac': Trial 1 of X has 2 channels, but 3 channels",
+            re.escape("Trial 1 of X['pac'] has 2 channels, but 3 channels"),
         ),
-        ({"pac": recording() * np.nan}, {}, "Sensor 'pac': Trial 0 of X contains NaN"),
+        (
+            {"pac": recording() * np.nan},
+            {},
+            re.escape("Trial 0 of X['pac'] contains NaN"),
+        ),
     ],
 )
 def test_errors(X, options, message):

@@ -3,7 +3,6 @@ import pickle
 
 import numpy as np
 import pandas as pd
-import polars as pl
 import pytest
 from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
@@ -204,12 +203,6 @@ def test_containers_of_trials(container):
     np.testing.assert_array_equal(
         TemporalMaxPool().fit_transform(container(X)), expected
     )
-
-
-def test_polars_column_of_arrays():
-    X = pl.Series("sensor", [[1.0, 3.0, 2.0], [0.0, 5.0]])
-    pooled = TemporalMaxPool((2, 1)).fit_transform(X)
-    np.testing.assert_array_equal(pooled, [[1, 3, 3], [0, 5, 5]])
 
 
 def test_trials_of_one_channel_may_be_of_equal_length_later():

@@ -349,43 +349,9 @@ def test_several_sensors_in_a_data_frame():
     ] * 2
 
 
-@pytest.mark.parametrize("cells", ["lists", "objects"])
-def test_several_sensors_in_a_frame_of_polars(cells):
-    skin, force = recordings(seed=1), [t[:, 0] for t in recordings(seed=2)]
-    skin[3][4] = np.nan
-    force[2] = None
-    expected = pd.DataFrame({"skin": skin, "force": force, "speed": np.arange(20.0)})
-    if cells == "lists":
-        skin = [trial.tolist() for trial in skin]
-        force = [None if trial is None else trial.tolist() for trial in force]
-    kind = {} if cells == "lists" else {"dtype": pl.Object}
-    trials = pl.DataFrame(
-        {
-            "skin": pl.Series(skin, **kind),
-            "force": pl.Series(force, **kind),
-            "speed": np.arange(20.0),
-        }
-    )
-    repair = RepairTrials(rest={"force": 3}, limits={"skin": (-99, 99)}).fit(trials)
-    same = clone(repair).fit(expected)
-    pd.testing.assert_frame_equal(repair.faults_, same.faults_)
-    assert set(repair.faults_["fault"]) > {"dropped frames", "missing sensor"}
-    assert repair.feature_names_in_.tolist() == trials.columns
-    repaired, wanted = repair.transform(trials), same.transform(expected)
-    assert isinstance(repaired, pl.DataFrame) and repaired.columns == trials.columns
-    assert repaired["speed"].equals(trials["speed"])
-    for sensor in ("skin", "force"):
-        for one, other in zip(repaired[sensor], wanted[sensor], strict=True):
-            np.testing.assert_array_equal(one, other)
-    # What comes out goes into a model, and a column alone is a sensor.
-    sensors = {"skin": None, "force": None}
-    counts = np.random.default_rng(0).multinomial(9, [0.3, 0.3, 0.4], size=20)
-    model = make_pipeline(clone(repair), make_haptic_pipeline(sensors, random_state=0))
-    proba = [model.fit(X, counts).predict_proba(X) for X in (trials, expected)]
-    np.testing.assert_array_equal(*proba)
-    alone = RepairTrials(limits=(-99, 99)).fit(trials["skin"])
-    assert alone.faults_["fault"].tolist() == ["dropped frames"]
-    assert alone.transform(trials["skin"])[3].shape == wanted["skin"][3].shape
+def test_frames_of_polars_hold_no_trials():
+    with pytest.raises(ValueError, match=r"^X is a frame of polars, whose cells hold"):
+        RepairTrials().fit(pl.DataFrame({"skin": [[1.0, 2.0], [3.0]]}))
 
 
 def test_images_and_single_precision():
@@ -406,7 +372,7 @@ def test_named_channels_are_put_in_order():
     for one, other in zip(repair.transform(shuffled), trials):
         np.testing.assert_array_equal(one, other.to_numpy())
     with pytest.raises(
-        ValueError, match=r"^Trial 0 of X has the columns .*, as in fit"
+        ValueError, match=r"^Trial 0 of X and fit differ in the column 'a'"
     ):
         repair.transform([trials[0].rename(columns={"a": "x"})])
 
@@ -421,7 +387,6 @@ def test_set_output_leaves_trials_as_they_are(output):
         list: trials,
         pd.Series: pd.Series(trials, index),
         pd.DataFrame: pd.DataFrame({"skin": trials}, index),
-        pl.DataFrame: pl.DataFrame({"skin": pl.Series(trials, dtype=pl.Object)}),
     }
     for kind, X in one_sensor.items():
         repair = RepairTrials().set_output(transform=output)
@@ -771,7 +736,7 @@ def test_columns_are_put_in_the_order_of_the_first_trial():
             for each in resampled:
                 np.testing.assert_array_equal(each, expected)
         odd = library.DataFrame({"a": times, "c": times})
-        with pytest.raises(ValueError, match=r"^Trial 1 and the first trial differ in"):
+        with pytest.raises(ValueError, match=r"^Trial 1 of trials and the first"):
             resample_trials([trial, odd], [times] * 2, 20)
 
 

@@ -54,7 +54,6 @@ TRIALS = {
     "frames": [pd.DataFrame(TRIAL, columns=["a", "b"]), TRIAL],
     "frames of polars": [pl.DataFrame(TRIAL, schema=["a", "b"])] * 2,
     "object array of vectors": object_array([np.ones(3), np.ones(3)]),
-    "polars lists": pl.DataFrame({"pac": [[1.0, 2.0], [3.0]]}),
 }
 
 

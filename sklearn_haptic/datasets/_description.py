@@ -15,7 +15,9 @@ from sklearn.utils.validation import check_consistent_length
 from ..ratings import interrater_agreement
 from ..ratings._checks import check_counts, match_levels
 from ..ratings._distributions import shares
-from ..recordings._faulty_trials import USUAL, iter_cells, trial_columns
+from ..recordings._faults import USUAL
+from ..recordings._repair import read_faulty
+from ..recordings._trials import trial_columns
 from ..utils._report import Report
 from ..utils._sklearn import Trials, validate_params
 from ..utils._validation import check_objects, check_regular, count, drop_missing
@@ -213,7 +215,7 @@ def _sensor_row(column, name, limits):
             f"limits={limits!r} must be the lowest and the highest value of the sensor."
         )
     n_times, varies, unknown, n_missing, saturated = [], [], [], 0, 0
-    for trial, _ in iter_cells(column, name):
+    for trial in read_faulty(column, name)[0]:
         n_times.append(0 if trial is None else len(trial))
         if trial is not None:
             lowest, highest = np.fmin.reduce(trial), np.fmax.reduce(trial)

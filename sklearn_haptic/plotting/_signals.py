@@ -230,10 +230,7 @@ def _named_trials(X):
 
 
 def _check_signals(sensor, signals):
-    try:
-        return check_trials(signals)
-    except ValueError as error:
-        raise ValueError(f"Sensor {sensor!r}: {error}" if sensor else error) from error
+    return check_trials(signals, name=f"X[{sensor!r}]" if sensor else "X")
 
 
 def _rate_of(sensor, sampling_rate):

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..utils._sklearn import FloatArray
-from ._faulty_trials import USUAL
 
+USUAL = 0.9  # share of trials in which a channel that works varies
 _ALL = "all"  # the channel of a fault of them all
 
 # Estimates of dead channels and of moments, in turn.

@@ -20,26 +20,16 @@ from ..utils._sklearn import (
 )
 from ..utils._validation import check_table, is_missing
 from ._faults import repair_trial, usual_trials
-from ._faulty_trials import ALONE, is_frame, iter_cells, trial_columns
-from ._trials import is_table
+from ._trials import ALONE, channel_names, check_trials, is_table, trial_columns
 
 _COLUMNS = ["trial", "sensor", "channel", "fault", "n_samples", "answer", "offset"]
 
 
-def _names_of(X):
-    return np.asarray(X.columns, dtype=object)
-
-
 def _with_columns(X, columns):
     """Return a copy of a data frame with other trials in some columns."""
-    if hasattr(X, "to_series"):  # polars
-        series = type(X.to_series(0))
-        return X.with_columns(
-            *(series(name, cells, dtype=object) for name, cells in columns.items())
-        )
     X = X.copy()
     for name, cells in columns.items():
-        X[name] = pd.Series(cells, index=X.index, dtype=object)
+        X[name] = pd.Series(cells, X.index, dtype=object)
     return X
 
 
@@ -48,10 +38,30 @@ def _all_missing(X):
     return hasattr(X, "__len__") and len(X) > 0 and all(map(is_missing, X))
 
 
-def _cells(column, name, *samples):
-    """Return all trials of `iter_cells`, and what their time samples are like."""
-    pairs = list(iter_cells(column, name, *samples))
-    return [cell for cell, _ in pairs], pairs[-1][1] if pairs else samples
+def read_faulty(column, name, shape=None, names=None):
+    """Return trials as arrays of shape (n_times, n_channels), None if nothing is known.
+
+    With them, return the shape of a time sample and the names of the channels.
+    """
+    names = channel_names(column) if names is None else names
+    trials = check_trials(
+        column,
+        name="X" if name == ALONE else f"X[{name!r}]",
+        ndims=(2, 3),
+        n_channels=shape,
+        names=names,
+        missing=True,
+        finite=False,
+    )
+    there = [trial for trial in trials if trial is not None]
+    shape = there[0].shape[1:] if there and shape is None else shape
+    cells = [
+        None
+        if trial is None or np.isnan(trial).all()
+        else trial.reshape(len(trial), -1)
+        for trial in trials
+    ]
+    return cells, (shape, names)
 
 
 def _option(option, name, cells):
@@ -118,10 +128,10 @@ class TrialRepair:
         if self.takes_trials_:
             cells, samples = {}, {}
             for name, column in trial_columns(X).items():
-                cells[name], samples[name] = _cells(column, name)
+                cells[name], samples[name] = read_faulty(column, name)
             vars(self).pop("feature_names_in_", None)
-            if is_frame(X):
-                self.feature_names_in_ = _names_of(X)
+            if hasattr(X, "columns"):
+                self.feature_names_in_ = np.asarray(X.columns, dtype=object)
                 self.n_features_in_ = len(self.feature_names_in_)
         else:
             cells = {ALONE: self._rows(X, reset=True)}
@@ -140,7 +150,7 @@ class TrialRepair:
             name: usual_trials(each, samples[name], *self._settings[name])
             for name, each in cells.items()
         }
-        if self.takes_trials_ and not is_frame(X):
+        if self.takes_trials_ and not hasattr(X, "columns"):
             self.n_features_in_ = len(self._usual[ALONE].mean)
         self._faults = self._rows_of_faults(X)
         return self
@@ -173,9 +183,9 @@ class TrialRepair:
         Returns
         -------
         repaired : DataFrame, Series, list of ndarray, or ndarray
-            A DataFrame (of pandas or polars) or a pandas Series if `X` is one, with the
-            same index, an array for a table, and a list for other collections of
-            trials. `set_output` changes nothing but that of a table.
+            A DataFrame or Series if `X` is one, with the same index, an array for a
+            table, and a list for other collections of trials. `set_output` changes
+            nothing but that of a table.
 
         Raises
         ------
@@ -192,7 +202,7 @@ class TrialRepair:
             ]
             for name, pairs in self._repair(X).items()
         }
-        if is_frame(X):
+        if hasattr(X, "columns"):
             return _with_columns(X, repaired)
         if isinstance(X, pd.Series):
             return pd.Series(repaired[ALONE], X.index, dtype=object, name=X.name)
@@ -237,7 +247,7 @@ class TrialRepair:
         if self.takes_trials_:
             columns = trial_columns(X, list(self._usual))
             cells = {
-                name: _cells(column, name, *self._usual[name].samples)[0]
+                name: read_faulty(column, name, *self._usual[name].samples)[0]
                 for name, column in columns.items()
             }
         else:

@@ -12,8 +12,7 @@ from scipy.signal import resample_poly
 
 from ..utils._sklearn import FloatArray
 from ..utils._validation import check_numbers, check_regular, has_no_samples
-from ._faulty_trials import as_floats
-from ._trials import channel_names, in_order
+from ._trials import check_trials
 
 _ALIKE = 1.1  # rates that differ by a smaller factor are taken for the same
 
@@ -255,15 +254,17 @@ def resample_trials(
     pairs = _with_stamps(trials, times, rate)
     if rate is None:
         rate = _rate([stamps for _, stamps in pairs])
-    names = channel_names([trial for trial, _ in pairs if trial is not None])
-    resampled: list[FloatArray | None] = []
-    for i, (trial, stamps) in enumerate(pairs):
-        if stamps is not None:
-            trial = in_order(trial, f"Trial {i}", names, "the first trial")
-            trial = as_floats(trial, f"Trial {i}")
-            trial = _resample(trial, stamps, rate, longest_gap)
-        resampled.append(trial)
-    return resampled
+    trials = check_trials(
+        [trial for trial, _ in pairs],
+        name="trials",
+        ndims=(2, 3),
+        missing=True,
+        finite=False,
+    )
+    return [
+        None if trial is None else _resample(trial, stamps, rate, longest_gap)
+        for trial, (_, stamps) in zip(trials, pairs)
+    ]
 
 
 def _with_stamps(trials, times, rate=None):

@@ -13,8 +13,16 @@ from collections.abc import Mapping, Set
 import numpy as np
 from scipy import sparse
 
-from ..utils._validation import check_numbers, column_of, count, is_numeric
+from ..utils._validation import (
+    check_numbers,
+    column_of,
+    count,
+    has_no_samples,
+    is_numeric,
+)
 from ._sequences import Sequences
+
+ALONE = ""  # the name of a sensor whose trials stand in no DataFrame
 
 
 def is_table(X):
@@ -60,7 +68,16 @@ def transposed_hint(shape):
     )
 
 
-def check_trials(X, *, ndims=(2,), n_channels=None, names=None):
+def check_trials(
+    X,
+    *,
+    name="X",
+    ndims=(2,),
+    n_channels=None,
+    names=None,
+    missing=False,
+    finite=True,
+):
     """Validate a collection of trials; return a list of floating-point arrays.
 
     Parameters
@@ -70,18 +87,25 @@ def check_trials(X, *, ndims=(2,), n_channels=None, names=None):
         array with the trials along its first axis. A one-dimensional trial has one
         channel. The columns of trials that are data frames are put in the order of
         `names`.
+    name : str, default="X"
+        What messages call the collection.
     ndims : tuple of int, default=(2,)
         Numbers of dimensions that a trial may have.
     n_channels : int or tuple of int, default=None
         Required shape of one time sample; by default the shape in the first trial.
     names : list, default=None
         The :func:`channel_names` of the trials given to `fit`; by default those of `X`.
+    missing : bool, default=False
+        Whether trials may be None, NaN or NA, or have no samples.
+    finite : bool, default=True
+        Whether all samples have to be finite and none may be masked.
 
     Returns
     -------
     trials : list of ndarray of shape (n_times_i, ...)
         All are float32 if every trial is float32, else all are float64. Trials that
-        already have this data type are not copied.
+        already have this data type are not copied. None stands for a missing trial;
+        NaN, unless samples are `finite`, for one that is infinite or masked.
 
     Raises
     ------
@@ -94,17 +118,26 @@ def check_trials(X, *, ndims=(2,), n_channels=None, names=None):
     where = "the first trial" if n_channels is None else "fit"
     named = "the first trial" if n_channels is None or names is None else "fit"
     names = channel_names(cells) if names is None else names
-    trials = [
-        _check_trial(in_order(cell, f"Trial {i} of X", names, named), i, ndims)
-        for i, cell in enumerate(cells)
-    ]
-    shape = trials[0].shape[1:] if n_channels is None else n_channels
-    shape = (shape,) if np.ndim(shape) == 0 else tuple(shape)
+    trials = []
+    for i, cell in enumerate(cells):
+        label = f"Trial {i} of {name}"
+        if missing and has_no_samples(cell):
+            trials.append(None)
+        else:
+            cell = in_order(cell, label, names, named)
+            trials.append(_check_trial(cell, label, ndims, finite))
+    shape = n_channels
     for i, trial in enumerate(trials):
-        hint = transposed_hint(trial.shape)
-        _check_samples(i, trial.shape[1:], shape, where, hint)
-    if len({trial.dtype for trial in trials}) > 1:
-        trials = [trial.astype(np.float64, copy=False) for trial in trials]
+        if trial is not None:
+            shape = trial.shape[1:] if shape is None else shape
+            shape = (shape,) if np.ndim(shape) == 0 else tuple(shape)
+            label, hint = f"Trial {i} of {name}", transposed_hint(trial.shape)
+            _check_samples(label, trial.shape[1:], shape, where, hint)
+    if len({trial.dtype for trial in trials if trial is not None}) > 1:
+        trials = [
+            None if trial is None else trial.astype(np.float64, copy=False)
+            for trial in trials
+        ]
     return trials
 
 
@@ -116,9 +149,10 @@ def check_sequences(sequences, *, n_columns=None):
     """
     _check_any(sequences)
     for i, length in enumerate(sequences.lengths):
-        _check_length(i, length, sequences.unit)
+        _check_length(f"Trial {i} of X", length, sequences.unit)
     if n_columns is not None:
-        _check_samples(0, (len(sequences.feature_names),), (n_columns,), "fit")
+        shape = (len(sequences.feature_names),)
+        _check_samples("Trial 0 of X", shape, (n_columns,), "fit")
 
 
 def _has_columns(X):
@@ -151,6 +185,36 @@ def cells_of(X):
             "with ColumnTransformer, a transformer for each sensor."
         )
     return list(column_of(X, 0))
+
+
+def trial_columns(X, names=None):
+    """Return the columns of trials by name; one collection of trials is named "".
+
+    `names` are those to return; by default all columns that hold trials.
+    """
+    if hasattr(X, "to_series"):
+        raise ValueError(
+            "X is a frame of polars, whose cells hold no arrays; give trials in a "
+            "DataFrame of pandas."
+        )
+    if not hasattr(X, "columns"):
+        if names not in (None, [ALONE]):
+            raise ValueError(
+                f"X is a {type(X).__name__}, but fit was given a DataFrame; give the "
+                f"columns {names} again."
+            )
+        in_column = hasattr(X, "shape") and X.shape[1:] in ((), (1,))
+        return {ALONE: column_of(X, 0) if in_column else X}
+    columns = list(X.columns)
+    if names is None:
+        names = [columns[i] for i in _columns_of_trials(X)]
+    absent = [name for name in names if name not in columns]
+    if absent:
+        raise ValueError(
+            f"X has no column {absent[0]!r}, which fit was given; give the same "
+            "sensors, with None where a trial has none."
+        )
+    return {name: X.iloc[:, columns.index(name)] for name in names}
 
 
 def _names(trial):
@@ -198,21 +262,24 @@ def _samples(shape):
     return "frames of " + " × ".join(map(str, shape))
 
 
-def _check_trial(trial, i, ndims):
+def _check_trial(trial, name, ndims, finite):
     if _ndim(trial) == 0 and not isinstance(trial, (Mapping, Set)):
         raise ValueError(
-            f"Trial {i} of X is {trial!r}, not an array of shape (n_times, "
-            "n_channels); give its recording or leave the trial out."
+            f"{name} is {trial!r}, not an array of shape (n_times, n_channels); give "
+            "its recording or leave the trial out."
         )
-    check_numbers(trial, f"Trial {i} of X")
+    if not finite and np.ma.isMaskedArray(trial):
+        kind = trial.dtype if trial.dtype == np.float32 else np.float64
+        trial = trial.astype(kind).filled(np.nan)
+    check_numbers(trial, name)
     try:
         trial = np.asarray(trial)
         if trial.dtype not in (np.float32, np.float64):
             trial = trial.astype(np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(
-            f"Trial {i} of X is not an array of numbers ({error}); give each trial as "
-            "an array of shape (n_times, n_channels)."
+            f"{name} is not an array of numbers ({error}); give each trial as an array "
+            "of shape (n_times, n_channels)."
         ) from error
     if trial.ndim == 1 and 2 in ndims:
         trial = trial[:, None]
@@ -226,21 +293,22 @@ def _check_trial(trial, i, ndims):
             "; make one channel of each pixel by reshape(len(trial), -1), or describe "
             "the sensor of a whole model as TaxelGrid()"
         ) * images
-        raise ValueError(
-            f"Trial {i} of X has shape {trial.shape}; it must be {wanted}{mend}."
-        )
-    _check_length(i, len(trial))
+        raise ValueError(f"{name} has shape {trial.shape}; it must be {wanted}{mend}.")
+    _check_length(name, len(trial))
     if trial.size == 0:
         raise ValueError(
-            f"Trial {i} of X has shape {trial.shape}, which holds no values; give each "
-            "trial one channel or more."
+            f"{name} has shape {trial.shape}, which holds no values; give each trial "
+            "one channel or more."
         )
-    if not np.isfinite(trial).all():
+    known = np.isfinite(trial)
+    if known.all():
+        return trial
+    if finite:
         raise ValueError(
-            f"Trial {i} of X contains NaN or infinity; repair the trials by "
-            "RepairTrials, or remove those samples."
+            f"{name} contains NaN or infinity; repair the trials by RepairTrials, or "
+            "remove those samples."
         )
-    return trial
+    return np.where(known, trial, np.nan)
 
 
 def _check_any(trials):
@@ -248,16 +316,14 @@ def _check_any(trials):
         raise ValueError("X holds no trials; at least one is required.")
 
 
-def _check_length(i, length, unit="time samples"):
+def _check_length(name, length, unit="time samples"):
     if length == 0:
-        raise ValueError(
-            f"Trial {i} of X has 0 {unit}, but at least 1 is required; remove it."
-        )
+        raise ValueError(f"{name} has 0 {unit}, but at least 1 is required; remove it.")
 
 
-def _check_samples(i, shape, expected, where, hint=""):
+def _check_samples(name, shape, expected, where, hint=""):
     if shape != expected:
         raise ValueError(
-            f"Trial {i} of X has {_samples(shape)}, but {_samples(expected)} "
+            f"{name} has {_samples(shape)}, but {_samples(expected)} "
             f"{'is' if expected == (1,) else 'are'} expected, as in {where}.{hint}"
         )

@@ -10,7 +10,7 @@ import pandas as pd
 from ..recordings._sequences import row_index
 from ..recordings._trials import channel_names, check_trials, is_table
 from ..utils._sklearn import FloatArray
-from ..utils._validation import column_of, has_no_samples
+from ..utils._validation import column_of
 
 # Stands for the sensor of trials that are not in columns.
 ONLY_SENSOR = ""
@@ -125,25 +125,17 @@ def check_touches(X, sensors, shapes=None, channels=None):
 
 def _check_sensor(trials, sensor, shape, names):
     """Return the recordings of one sensor; those that are missing have no samples."""
-    there = [not has_no_samples(trial) for trial in trials]
-    where = f" of sensor {sensor!r}" if sensor else ""
-    if shape is None and not all(there):
-        raise ValueError(
-            f"Trial {there.index(False)} of X has no recording{where}; leave it out "
-            "of the training touches."
-        )
+    name = f"X[{sensor!r}]" if sensor else "X"
+    checked = check_trials(
+        trials,
+        name=name,
+        ndims=(2, 3),
+        n_channels=shape,
+        names=names,
+        missing=shape is not None,
+    )
     nothing = np.empty((0, *(shape or ())))
-    if not any(there):
-        return [nothing] * len(trials)
-    first = trials[there.index(True)]  # in place of what is missing
-    filled = [trial if here else first for trial, here in zip(trials, there)]
-    try:
-        checked = check_trials(filled, ndims=(2, 3), n_channels=shape, names=names)
-    except ValueError as error:
-        if not sensor:
-            raise
-        raise ValueError(f"Sensor {sensor!r}: {error}") from error
-    return [trial if here else nothing for trial, here in zip(checked, there)]
+    return [nothing if trial is None else trial for trial in checked]
 
 
 def _series(arrays, index, name):

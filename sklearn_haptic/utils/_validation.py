@@ -1,6 +1,6 @@
 """Checks of input of any kind: numbers, tables, weights, objects, missing values.
 
-`_check_trials` has the checks of recordings, `_check_ratings` those of ratings.
+`recordings._trials` has the checks of recordings, `ratings._checks` those of ratings.
 """
 
 from __future__ import annotations
@@ -246,32 +246,10 @@ def check_names(asked, known, what, where):
 def column_of(X, i):
     """Return column i of a DataFrame or an array; a Series is its only column."""
     if len(X.shape) == 1:
-        return _unnested(X)
+        return X
     if hasattr(X, "to_series"):  # polars
-        return _unnested(X.to_series(i))
+        return X.to_series(i)
     return X.iloc[:, i] if hasattr(X, "iloc") else X[:, i]
-
-
-def _unnested(column):
-    """Return a column of lists, as polars has them, as an array of arrays.
-
-    Cells that are no arrays of numbers stay lists. Other columns stay as they are.
-    """
-    inner = column.dtype
-    if not hasattr(inner, "is_nested") or not hasattr(inner, "inner"):
-        return column
-    while hasattr(inner, "inner"):
-        inner = inner.inner
-    if not inner.is_numeric():
-        return column
-    cells = np.empty(len(column), dtype=object)
-    for i, cell in enumerate(column.to_list()):
-        try:
-            kind = np.float32 if str(inner) == "Float32" else np.float64
-            cells[i] = cell if cell is None else np.array(cell, dtype=kind)
-        except ValueError:  # rows of unequal length, as the check of trials will say
-            cells[i] = cell
-    return cells
 
 
 def is_numeric(dtype):
