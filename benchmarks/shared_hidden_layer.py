@@ -29,8 +29,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from data import votes as votes_of
 from paper_questions_data import coders
-from real_ratings import phac2
 from sklearn.base import clone
 from sklearn.decomposition import PCA
 from sklearn.exceptions import ConvergenceWarning
@@ -170,7 +170,8 @@ def synthetic(seed):
 
 def real(folder):
     """Adjectives that enough objects have, yes or no, and votes from 0 to 5."""
-    X, hardness, objects, standardise, _ = phac2(folder)
+    X, target, objects, _, standardise = votes_of(folder)
+    hardness = target["hardness"].argmax(axis=1)
     stored = np.load(folder / "phac2_static" / "phac2_static.npz")
     has = dict(zip(stored["adjectives"].tolist(), stored["Y_binary"].T.astype(int)))
     binary = {

@@ -1,0 +1,401 @@
+"""The figures of quality and settings that the pages show.
+
+    python benchmarks/figures.py rivals benchmarks/rivals.csv FILE.png
+    python benchmarks/figures.py settings benchmarks/speed_accuracy.csv FILE.png
+    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \
+        python benchmarks/figures.py real FOLDER [--sets films …] [--to FOLDER]
+
+The first two draw what `quality.py` and `settings.py` wrote, in seconds. The third
+predicts the recordings and ratings of FOLDER (`data.py`) out of fold, in a minute on
+one core: films, objects, materials, forces or runs are left out whole. Its upper panels
+show predictions, its lower panels how much worse (to the right) or better (to the left)
+each rival is than the default, with intervals of 95 % over films, objects, materials,
+forces and speeds, or runs. Settings that rivals have are chosen inside the training
+folds. The random kernels of MiniRocket, which needs the extra `aeon`, are drawn from
+all trials. ``--sets hardness`` takes seconds.
+"""
+
+import warnings
+from pathlib import Path
+
+import data
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from heads import PRESETS, linear, models, with_ridge
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator
+from measure import command, of_groups, standard_error
+from quality import Tables, classes, fold_proba
+from scipy.stats import t
+from sklearn import config_context
+from sklearn.dummy import DummyClassifier
+from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
+
+from sklearn_haptic import TaxelGrid
+from sklearn_haptic.metrics import ranked_probability_score
+
+BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "0.45"
+
+
+# Rivals -------------------------------------------------------------------------------
+
+BASES = "fast", "accurate"
+PANELS = {
+    "bolt": "Recorded grips,\nhold: force, RPS",
+    "bolt, all": "Recorded grips, four\nprocedures: force, RPS",
+    "slow": "Generated slow slides:\nadjectives, RPS",
+    "hold": "Generated holds:\nadjectives, RPS",
+    "phac2": "Votes of hardness,\nfeatures given, RPS",
+    "films": "Stars of films,\nfeatures given, RPS",
+    "slides": "Recorded slides: which of\n20 materials, share of errors",
+}
+STYLES = {
+    "fast": ("#D55E00", "D"),
+    "accurate": ("#0072B2", "D"),
+    "maxima": ("0.45", "D"),
+    "statistics": ("0.45", "o"),
+    "bands": ("0.45", "s"),
+    "MiniRocket": ("0.45", "^"),
+    "MiniRocket, own rates": ("0.45", ">"),
+    "Catch22": ("0.45", "v"),
+    "trees": ("#009E73", "o"),
+    "quantile forest": ("#009E73", "s"),
+    "kernel ridge": ("#009E73", "^"),
+    "linear, alpha chosen": ("#009E73", "v"),
+    "multinomial on counts": ("#009E73", "P"),
+    "location and scale": ("#009E73", "X"),
+    "mord LogisticAT": ("#009E73", "<"),
+    "statsmodels OrderedModel": ("#009E73", ">"),
+}
+TITLES = {
+    "presets:": [*BASES],
+    "other features, linear model:": list(STYLES)[2:8],
+    "other models, features of the presets:": list(STYLES)[8:],
+}
+
+
+def of_panels(results):
+    """One row per panel and name; two seeds are averaged."""
+    results = results[results["row"].isin(STYLES)]
+    panel = results["set"].str.rstrip("01")
+    squares = results.assign(error=results["error"] ** 2)
+    grouped = squares.groupby([panel, "row"], sort=False)
+    means = grouped[["difference", "ms"]].mean()
+    means["error"] = np.sqrt(grouped["error"].sum()) / grouped.size()
+    return means
+
+
+def draw_rivals(results, path):
+    """Draw a panel per kind of set: low is better, left is cheaper."""
+    points = of_panels(results)
+    panels = [name for name in PANELS if name in points.index]
+    figure, axes = plt.subplots(2, 4, figsize=(12, 6.2), layout="constrained")
+    for ax in axes.flat[len(panels) :]:
+        ax.axis("off")
+    for ax, name in zip(axes.flat, panels):
+        for row, point in points.loc[name].iterrows():
+            colour, marker = STYLES[row]
+            size, width, order = (10, 2, 2) if row in BASES else (5, 0.6, 3)
+            style = {"markersize": size, "elinewidth": width, "zorder": order}
+            each = point[["ms", "difference", "error"]]
+            ax.errorbar(*each, color=colour, marker=marker, **style)
+        ax.axhline(0, color=STYLES["fast"][0], lw=0.8, ls=":", zorder=1)
+        ax.set(xscale="log", title=PANELS[name])
+        ax.title.set_fontsize(10)
+        ax.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
+        ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_formatter("")
+        ax.set_xlabel("processor ms per touch")
+    figure.supylabel('score minus that of "fast": low is better', fontsize=11)
+    handles = []
+    for title, names in TITLES.items():
+        handles.append(Line2D([], [], ls="", label=title))
+        drawn = [n for n in names if n in points.index.get_level_values("row")]
+        for name in drawn:
+            colour, marker = STYLES[name]
+            handles.append(
+                Line2D([], [], ls="", color=colour, marker=marker, label=name)
+            )
+    axes.flat[-1].legend(handles=handles, loc="center", fontsize=8, frameon=False)
+    figure.savefig(path, dpi=85)
+
+
+# Settings -----------------------------------------------------------------------------
+
+COLOURS = {"base": "0.2", "quick": "#E69F00", "medium": "#009E73", "slow": BLUE}
+DRAWN = {"rps": "RPS", "mae_m": "MAE^M"}
+
+
+def draw_settings(summary, path):
+    """Draw one column of panels per set, one row per score."""
+    sets = ["synthetic", "bolt"]  # other sets have no features to make
+    seconds = [f"{stage}_s" for stage in ("features", "transform", "fit", "predict")]
+    summary = summary[summary[seconds[:2]].notna().all(axis=1)]
+    summary = summary.assign(seconds=summary[seconds].sum(axis=1))
+    figure, axes = plt.subplots(
+        len(DRAWN),
+        len(sets),
+        figsize=(4.5 * len(sets) + 0.5, 3 * len(DRAWN)),
+        sharex="col",
+        squeeze=False,
+        layout="constrained",
+    )
+    for column, name in zip(axes.T, sets):
+        for ax, score in zip(column, DRAWN):
+            draw_panel(ax, summary[summary["set"] == name], score)
+        column[0].set_title(name)
+        column[-1].set_xlabel("processor time per fold, s")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=5, frameon=False)
+    figure.savefig(path, dpi=150)
+
+
+def draw_panel(ax, lines, score):
+    """Draw time against the difference in a score to the base, dictionaries in colour.
+
+    The first value of each other knob is the base as well.
+    """
+    for _, line in lines.iterrows():
+        coloured = line["knob"] == "dictionaries"
+        difference, error = line[[f"{score}_difference", f"{score}_error"]]
+        if pd.isna(difference):
+            if not coloured:
+                continue
+            difference, error = 0.0, 0.0
+        style = {"color": "0.75", "marker": ".", "markersize": 5, "linewidth": 0.7}
+        label = "others" * (line["value"] == "half")
+        if coloured:
+            label = line["value"]
+            style = {"color": COLOURS[label], "marker": "D", "markersize": 8}
+            style |= {"linewidth": 2, "zorder": 3}
+        style = {"zorder": 2, "linestyle": "", "label": label} | style
+        ax.errorbar(line["seconds"], difference, error, **style)
+    ax.axhline(0, color="0.4", linewidth=0.7, zorder=1)
+    ax.set(xscale="log", ylabel=f"{DRAWN[score]} minus that of the base")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter("")
+
+
+# Real recordings and ratings ----------------------------------------------------------
+
+
+def distributions(name, folder):
+    """Counts, groups, the default's predictions, and the RPS of each model."""
+    found = data.RATED[name](folder)
+    tables = Tables(found.trials, found.folds, found.given)
+    (y,), groups = found.targets.values(), np.asarray(found.groups)
+    rivals = models(tables.of(PRESETS)[0][0][2].shape[1])
+    compared = {
+        "ours": (linear(), True),
+        "guess: mean": rivals["marginal"],
+        "guess: centre": rivals["barycentre"],
+        "ours, penalty searched": rivals["linear, alpha chosen"],
+        "kernel ridge": rivals["kernel ridge"],
+        "quantile forest": rivals["quantile forest"],
+        "extremely randomised trees": rivals["trees"],
+    }
+    scores, predicted = {}, None
+    for label, (model, components) in compared.items():
+        proba, *_ = fold_proba(model, tables.of(PRESETS, components)[0], y, groups)
+        predicted = proba if predicted is None else predicted
+        each = ranked_probability_score(y, proba, average=False)
+        scores[label] = of_groups(each, groups)
+    return y, groups, predicted, scores
+
+
+def named(described, trials, frames, y, groups, clusters):
+    """Predict classes; return predictions and the errors in each cluster by model."""
+    made = classes(described, None, trials, frames)
+    compared = {
+        "ours": made["described"],
+        "guess: most frequent": (None, np.zeros((len(y), 1))),
+        "statistics of signals": made["statistics"],
+        "MiniRocket, cut": made["MiniRocket, cut"],
+        "MiniRocket, stretched": made["MiniRocket, stretched"],
+    }
+    scores, predicted = {}, None
+    splits = list(LeaveOneGroupOut().split(y, groups=groups))
+    for label, (features, X) in compared.items():
+        model = with_ridge(features) if features else DummyClassifier()
+        found = cross_val_predict(model, X, y, cv=splits)
+        predicted = found if predicted is None else predicted
+        scores[label] = 100 * of_groups(found != y, clusters)
+    return predicted, scores
+
+
+# Panels -------------------------------------------------------------------------------
+
+
+def beside_rivals(ax, scores, unit):
+    """Differences from the first model, with intervals of 95 %."""
+    ours, *rivals = scores
+    differences = {name: scores[name] - scores[ours] for name in rivals}
+    half = {
+        name: standard_error(d) * t.ppf(0.975, len(d) - 1)
+        for name, d in differences.items()
+    }
+    ends = [  # of all but the guesses, which would hide how the others differ
+        1.2 * (abs(d.mean()) + half[name])
+        for name, d in differences.items()
+        if not name.startswith("guess")
+    ]
+    ax.set_xlim(-max(ends), max(ends))
+    for row, (name, each) in enumerate(differences.items()):
+        worse, error = each.mean(), half[name]
+        clear = abs(worse) > error
+        colour = GREY if not clear else (BLUE if worse > 0 else ORANGE)
+        print(f"  {name}: {worse:+.3f} ± {error:.3f}")
+        if worse > max(ends):
+            ax.text(
+                max(ends), row, f"+{worse:.2g} →", color=BLUE, ha="right", va="center"
+            )
+            continue
+        marker = "s" if clear and worse < 0 else "o"
+        ax.errorbar(worse, row, xerr=error, fmt=marker, color=colour, capsize=3)
+    ax.axvline(0, color="black", linewidth=1)
+    ax.set_yticks(range(len(rivals)), labels=rivals)
+    ax.set(
+        ylim=(len(rivals) - 0.5, -0.5), xlabel=f"{unit}\n← better · worse than ours →"
+    )
+    ax.set_title(f"Beside rivals (ours: {scores[ours].mean():.2g})", size=11)
+    ax.locator_params(axis="x", nbins=4)
+    ax.spines[["top", "right", "left"]].set_visible(False)
+    ax.tick_params(axis="y", length=0)
+
+
+def objects_in_a_row(ax, y, groups, proba, rated, unit):
+    """The probability of each level, one column per object; a dot where it is."""
+    names = np.unique(groups)
+    mean = np.array([proba[groups == name].mean(axis=0) for name in names])
+    truth = np.array([y[groups == name][0].argmax() for name in names])
+    order = np.lexsort((mean @ np.arange(y.shape[1]), truth))
+    ax.imshow(mean[order].T, cmap="Blues", aspect="auto", origin="lower", vmin=0)
+    ax.plot(np.arange(len(names)), truth[order], "_", color=ORANGE, ms=5, mew=2)
+    ax.set(xlabel=unit, ylabel=rated, xticks=[], yticks=range(y.shape[1]))
+
+
+def confusion(ax, y, predicted):
+    """How often each class is taken for each."""
+    kinds = np.unique(y)
+    share = np.array([[np.mean(predicted[y == a] == b) for b in kinds] for a in kinds])
+    ax.imshow(share, cmap="Blues", vmin=0, vmax=1)
+    for (row, column), value in np.ndenumerate(share):
+        if value and row != column:
+            ax.text(
+                column, row, f"{100 * value:.0f}", ha="center", va="center", size=7,
+                color=ORANGE,
+            )  # fmt: skip
+    ax.set_yticks(range(len(kinds)), labels=kinds, size=8)
+    ax.set_xticks([])
+    ax.set(xlabel="taken for, in the same order (errors in %)")
+
+
+# Figures ------------------------------------------------------------------------------
+
+
+def films(folder):
+    y, _, proba, scores = distributions("films", folder)
+    figure = plt.figure(figsize=(5.2, 5.4), layout="constrained")
+    above, below = figure.subfigures(2, 1)
+    error = ranked_probability_score(y, proba, average=False)
+    error -= ranked_probability_score(
+        y, y / y.sum(axis=1, keepdims=True), average=False
+    )
+    order = np.argsort(error)
+    axes = above.subplots(1, 3, sharex=True, sharey=True)
+    for ax, q, name in zip(
+        axes, (0.1, 0.5, 0.9), ("a good one", "the median", "a bad one")
+    ):
+        film = order[round(q * (len(y) - 1))]
+        stars = np.arange(1, 6)
+        ax.bar(stars, proba[film], color=BLUE)
+        ax.plot(stars, y[film] / y[film].sum(), "o", color=ORANGE, mec="white", ms=7)
+        ax.set(yticks=[], xlabel="stars", xticks=stars)
+        ax.set_title(name, size=9)
+        ax.spines[["top", "right", "left"]].set_visible(False)
+    axes[0].text(0.3, 0.24, "■ predicted", color=BLUE, weight="bold", size=7.5)
+    axes[0].text(0.3, 0.29, "● people", color=ORANGE, weight="bold", size=7.5)
+    above.suptitle("Stars of three films: predictions and people", size=11)
+    beside_rivals(below.subplots(), scores, "RPS")
+    return figure
+
+
+def two_panels(first, *arguments, scores, unit, title, heights=(1, 1)):
+    """Predictions above, rivals below: legible on a phone."""
+    figure, (above, below) = plt.subplots(
+        2, 1, figsize=(5.2, 5.4), height_ratios=heights, layout="constrained"
+    )
+    first(above, *arguments)
+    above.set_title(title, size=11)
+    beside_rivals(below, scores, unit)
+    return figure
+
+
+def hardness(folder):
+    y, groups, proba, scores = distributions("phac2", folder)
+    return two_panels(
+        objects_in_a_row, y, groups, proba, "votes for hard",
+        "60 objects, softest first",
+        scores=scores, unit="RPS", title="Predicted (shade) and true (line) votes",
+    )  # fmt: skip
+
+
+def grips(folder):
+    y, _, proba, scores = distributions("bolt", folder)
+    figure = two_panels(
+        objects_in_a_row, y, np.arange(len(y)), proba, "force, counts",
+        "74 grips, weakest first",
+        scores=scores, unit="RPS", title="Predicted (shade) and true (line) force",
+    )  # fmt: skip
+    figure.axes[0].set_yticks(range(3), labels=[100, 150, 200])
+    return figure
+
+
+def fabrics(folder):
+    frames, y, force, condition = data.fabric_slides(folder)
+    grid = TaxelGrid((4, 4))
+    predicted, scores = named(grid, frames, frames, y, force, condition)
+    return two_panels(
+        confusion, y, predicted, scores=scores, unit="errors, %", heights=(1.6, 1),
+        title="Fabric, at a force never trained on",
+    )  # fmt: skip
+
+
+def slides(folder):
+    frames, y, run = data.slide_frames(folder)
+    trials, blocks = data.by_sensor(frames), (run - 1) // 5
+    predicted, scores = named(data.BIOTAC, trials, frames, y, blocks, run)
+    return two_panels(
+        confusion, y, predicted, scores=scores, unit="errors, %", heights=(2, 1),
+        title="Which of twenty materials, in runs left out",
+    )  # fmt: skip
+
+
+FIGURES = {f.__name__: f for f in (films, hardness, grips, fabrics, slides)}
+
+
+def main():
+    parser = command(__doc__)
+    parser.add_argument("figure", choices=["rivals", "settings", "real"])
+    parser.add_argument("source", type=Path, help="CSV file, or folder of data sets")
+    parser.add_argument("file", type=Path, nargs="?", help="the figure of a CSV file")
+    parser.add_argument("--sets", nargs="+", default=list(FIGURES), choices=FIGURES)
+    parser.add_argument("--to", type=Path, default=Path("docs/images"))
+    arguments = parser.parse_args()
+    if arguments.figure != "real":
+        draw = {"rivals": draw_rivals, "settings": draw_settings}[arguments.figure]
+        draw(pd.read_csv(arguments.source), arguments.file)
+        return
+    warnings.simplefilter("ignore")  # of mord and few iterations
+    with config_context(enable_metadata_routing=True):
+        for name in arguments.sets:
+            print(name, flush=True)
+            figure = FIGURES[name](arguments.source)
+            figure.savefig(arguments.to / f"real_{name}.png", dpi=110)
+            plt.close(figure)
+
+
+if __name__ == "__main__":
+    main()
