@@ -20,7 +20,6 @@ objects from 1 to 5.
 # if an object has no ratings, an error names it.
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.plotting import (
@@ -117,7 +116,7 @@ plt.show()
 # `threshold=0.3`. Statistics do not know meanings: hard and cold are “synonyms”,
 # because many hard objects in this set are cold.
 result = adjective_correlation(wide)
-pairs = pd.DataFrame(result.pairs)
+pairs = result.pairs
 print(pairs[pairs["relation"] != "neither"].to_string(index=False, float_format="%.3g"))
 
 # %%
@@ -128,8 +127,8 @@ print(pairs[pairs["relation"] != "neither"].to_string(index=False, float_format=
 # because differences between people average out. Within objects, after the mean of each
 # object is subtracted, they are weaker: people who find an object harder than others do
 # find it only slightly less soft.
-significant = result.pairs["pvalue_holm"] <= 0.05
-weakest = np.abs(result.pairs["rho"][significant]).min()
+significant = pairs["pvalue_holm"] <= 0.05
+weakest = pairs["rho"][significant].abs().min()
 print(
     f"{significant.sum()} of {len(pairs)} are significant, from |ρ| = {weakest:.2f} up"
 )
@@ -144,6 +143,6 @@ shown = [
     ("moldable", "springy"),
 ]
 for part, values in parts.items():
-    rho = pd.DataFrame(adjective_correlation(values).rho, [*wide], [*wide])
+    rho = adjective_correlation(values).rho
     listing = ", ".join(f"{a}–{b} {rho.loc[a, b]:.2f}" for a, b in shown)
     print(f"{part + ':':17s} {listing}")

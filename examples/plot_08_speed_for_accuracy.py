@@ -52,7 +52,7 @@ results = sensor_subsets(
     cv=cv,
     scoring=neg_rps_scorer,
 )
-subsets = [params["sensors"] for params in results["params"]]
+subsets = results["param_sensors"].tolist()
 computed = cv.get_n_splits() * (results["mean_fit_time"] + results["mean_score_time"])
 milliseconds = -1000 * results["mean_test_neg_seconds"]
 rps = -results["mean_test_score"]
@@ -75,7 +75,7 @@ for sensor in every:
     print(
         f"{sensor:<12}{milliseconds[alone]:8.1f}{rps[alone]:12.3f}{rps[without]:13.3f}"
     )
-print(f"{'all five':<12}{milliseconds[-1]:8.1f}{rps[-1]:12.3f}\n")
+print(f"{'all five':<12}{milliseconds.iloc[-1]:8.1f}{rps.iloc[-1]:12.3f}\n")
 
 # %%
 # 4. The frontier

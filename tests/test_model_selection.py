@@ -410,7 +410,7 @@ def test_sensor_subsets_keep_groups_together(table, n_folds, cv):
         scores.append(
             clone(model).fit(X.iloc[train], y[train]).score(X.iloc[test], y[test])
         )
-    np.testing.assert_allclose(results["mean_test_score"][-1], np.mean(scores))
+    np.testing.assert_allclose(results["mean_test_score"].iloc[-1], np.mean(scores))
 
 
 def test_sensor_subsets_hand_groups_to_fits_that_request_them(table):
@@ -426,7 +426,7 @@ def test_sensor_subsets_hand_groups_to_fits_that_request_them(table):
         Z = features.fit_transform(X.iloc[train])
         fitted = clone(head).fit(Z, counts[train], groups=groups[train])
         score = fitted.score(features.transform(X.iloc[test]), counts[test])
-        assert results[f"split{k}_test_score"][-1] == score
+        assert results[f"split{k}_test_score"].iloc[-1] == score
 
 
 def test_sensor_subsets_of_a_classifier_in_stratified_folds(table):
@@ -484,7 +484,7 @@ def test_choosing_among_sensor_subsets(table):
     results = sensor_subsets(
         columns_model([Ridge()]), X, y, groups=groups, cv=GroupKFold(4), scoring="r2"
     )
-    assert results["params"] == [{"sensors": subset} for subset in SUBSETS]
+    assert results["params"].tolist() == [{"sensors": subset} for subset in SUBSETS]
     assert results["param_sensors"].tolist() == SUBSETS
     best = results["rank_test_score"].argmin()
     assert {"pac", "pdc"} <= set(SUBSETS[best])  # the two that y depends on

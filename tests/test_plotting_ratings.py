@@ -185,8 +185,12 @@ def test_antonyms_are_framed_and_what_is_not_significant_is_grey(answers):
     assert frame.get_center() == pytest.approx((0, 0))
     assert [text.get_weight() for text in display.texts_] == ["bold", *["normal"] * 2]
     assert [text.get_color() for text in display.texts_] == ["white", "0.5", "0.5"]
-    loose = AdjectiveCorrelationDisplay.from_ratings(answers, alpha=0.99, threshold=0)
-    assert len(loose.frames_) == (loose.correlation.relation != 0).sum() / 2 > 1
+    loose = AdjectiveCorrelationDisplay.from_ratings(
+        answers, significance=0.99, threshold=0
+    )
+    assert (
+        len(loose.frames_) == (loose.correlation.relation != 0).to_numpy().sum() / 2 > 1
+    )
     legend = texts(loose.ax_.get_legend().get_texts())
     assert "|ρ| ≥ 0, p ≤ 0.99 (Holm)" in legend[0]
 

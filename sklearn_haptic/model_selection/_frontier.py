@@ -21,7 +21,9 @@ _SAME_TIME = 1.1
 
 
 def speed_accuracy_frontier(
-    search: BaseSearchCV | Mapping[str, Any], *, metric: str | None = None
+    search: BaseSearchCV | Mapping[str, Any] | pd.DataFrame,
+    *,
+    metric: str | None = None,
 ) -> pd.DataFrame:
     """Return the candidates of a search that no other beats in time and score.
 
@@ -31,11 +33,12 @@ def speed_accuracy_frontier(
 
     Parameters
     ----------
-    search : fitted search or dict
+    search : fitted search, dict or DataFrame
         A fitted ``GridSearchCV``, ``RandomizedSearchCV``,
         ``HalvingGridSearchCV`` or ``HalvingRandomSearchCV``, or its
-        ``cv_results_``. Of successive halving only the last iteration counts:
-        times and scores at fewer resources do not compare.
+        ``cv_results_``; or the table of :func:`sensor_subsets`. Of successive halving
+        only the last iteration counts: times and scores at fewer resources do not
+        compare.
     metric : str, default=None
         Name of the score in a search with several; by default that of its
         ``refit`` if this is a name.
@@ -107,7 +110,9 @@ def speed_accuracy_frontier(
 
 
 def cheapest_within_one_se(
-    cv_results: BaseSearchCV | Mapping[str, Any], *, metric: str | None = None
+    cv_results: BaseSearchCV | Mapping[str, Any] | pd.DataFrame,
+    *,
+    metric: str | None = None,
 ) -> int:
     """Return the fastest candidate within one standard error of the best score.
 
@@ -118,8 +123,9 @@ def cheapest_within_one_se(
 
     Parameters
     ----------
-    cv_results : dict or fitted search
-        The ``cv_results_`` of a search, or the search.
+    cv_results : dict, DataFrame or fitted search
+        The ``cv_results_`` of a search, the table of :func:`sensor_subsets`, or the
+        search.
     metric : str, default=None
         Name of the score in a search with several beside "neg_seconds"; pass
         ``refit=functools.partial(cheapest_within_one_se, metric="rps")``.
@@ -214,8 +220,8 @@ def read_candidates(search, metric=None):
     score them on one fold. In a search by successive halving only the last iteration
     counts. The arrays are in the order of the search.
     """
-    if isinstance(search, Mapping):
-        results = search
+    if isinstance(search, (Mapping, pd.DataFrame)):
+        results = {name: np.asarray(column) for name, column in search.items()}
     else:
         check_is_fitted(search, "cv_results_")
         results = search.cv_results_

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import combinations
-from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.stats import rankdata
 from sklearn.base import clone
@@ -40,7 +40,7 @@ def sensor_subsets(
     cv: CrossValidator = None,
     scoring: str | Scorer | Sequence[str] | Mapping[str, str | Scorer] | None = None,
     n_jobs: int | None = None,
-) -> dict[str, Any]:
+) -> pd.DataFrame:
     """Cross-validate a model with every subset of its sensors.
 
     The result shows which sensors are worth their time. The features of a sensor do not
@@ -76,8 +76,8 @@ def sensor_subsets(
 
     Returns
     -------
-    cv_results : dict
-        In the form of ``GridSearchCV.cv_results_``, with one candidate per subset,
+    results : DataFrame
+        In the form of ``GridSearchCV.cv_results_``, with one row per subset,
         small subsets first: ``params``, each ``{"sensors": (name, ...)}``;
         ``param_sensors``; ``split0_test_score`` and so on; mean and standard
         deviation over folds of the test score, and ``rank_test_score``; the same for
@@ -128,7 +128,7 @@ def sensor_subsets(
     ...     cv=GroupKFold(3),
     ...     scoring=neg_rps_scorer,
     ... )
-    >>> [params["sensors"] for params in results["params"]][2:5]
+    >>> results["param_sensors"].tolist()[2:5]
     [('tdc',), ('pdc', 'tac'), ('pdc', 'tdc')]
     """
     sensors = _split_sensors(model)
@@ -227,7 +227,7 @@ def _as_cv_results(subsets, folds):
     """Put what the folds returned into the form of ``cv_results_``."""
     results = {
         "params": [{"sensors": subset} for subset in subsets],
-        "param_sensors": np.fromiter(subsets, dtype=object, count=len(subsets)),
+        "param_sensors": subsets,
     }
     seconds = np.array([[seconds for seconds, _ in fold] for fold in folds])
     for key, times in zip(["fit_time", "score_time"], seconds.T):
@@ -244,4 +244,4 @@ def _as_cv_results(subsets, folds):
             f"std_test_{metric}": std,
             f"rank_test_{metric}": ranks.astype(np.int32),
         }
-    return results
+    return pd.DataFrame(results)

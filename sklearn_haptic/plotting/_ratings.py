@@ -287,7 +287,7 @@ class AdjectiveCorrelationDisplay(Display):
     ----------
     correlation : Bunch
         What :func:`~sklearn_haptic.ratings.adjective_correlation` returned.
-    alpha : float, default=0.05
+    significance : float, default=0.05
         The level of significance used for it.
     threshold : float, default=0.5
         The least strength of synonyms and antonyms used for it.
@@ -325,10 +325,10 @@ class AdjectiveCorrelationDisplay(Display):
     """
 
     def __init__(
-        self, correlation: Bunch, *, alpha: float = 0.05, threshold: float = 0.5
+        self, correlation: Bunch, *, significance: float = 0.05, threshold: float = 0.5
     ) -> None:
         self.correlation = correlation
-        self.alpha = alpha
+        self.significance = significance
         self.threshold = threshold
 
     @classmethod
@@ -336,7 +336,7 @@ class AdjectiveCorrelationDisplay(Display):
         cls,
         ratings: ArrayLike,
         *,
-        alpha: float = 0.05,
+        significance: float = 0.05,
         threshold: float = 0.5,
         ax: Axes | None = None,
     ) -> Self:
@@ -347,7 +347,7 @@ class AdjectiveCorrelationDisplay(Display):
         ratings : array-like of shape (n_ratings, n_adjectives)
             One row per person and object, one column per adjective, like
             ``corpus.rater_ratings``; missing ratings are None, NaN or NA.
-        alpha : float, default=0.05
+        significance : float, default=0.05
             Level of significance.
         threshold : float, default=0.5
             Least strength of synonyms and antonyms.
@@ -364,8 +364,10 @@ class AdjectiveCorrelationDisplay(Display):
             If the ratings have no correlations; see
             :func:`~sklearn_haptic.ratings.adjective_correlation`.
         """
-        correlation = adjective_correlation(ratings, alpha=alpha, threshold=threshold)
-        return cls(correlation, alpha=alpha, threshold=threshold).plot(ax)
+        correlation = adjective_correlation(
+            ratings, significance=significance, threshold=threshold
+        )
+        return cls(correlation, significance=significance, threshold=threshold).plot(ax)
 
     def _figsize(self):
         return 6.4, 5.2
@@ -373,13 +375,13 @@ class AdjectiveCorrelationDisplay(Display):
     def _draw(self, ax):
         from matplotlib.patches import Rectangle
 
-        names = [*map(str, self.correlation.names)]
+        names = [*map(str, self.correlation.rho)]
         n = (
             len(names) - 1
         )  # rows from the second adjective, columns to the last but one
         below = np.tri(n, dtype=bool)
         self.image_ = ax.imshow(
-            np.ma.array(self.correlation.rho[1:, :-1], mask=~below),
+            np.ma.array(self.correlation.rho.iloc[1:, :-1], mask=~below),
             cmap="RdBu_r",
             vmin=-1,
             vmax=1,
@@ -402,8 +404,8 @@ class AdjectiveCorrelationDisplay(Display):
             ],
             [
                 "synonyms, antonyms:\n"
-                f"|ρ| ≥ {self.threshold:g}, p ≤ {self.alpha:g} (Holm)",
-                f"not significant: p > {self.alpha:g}",
+                f"|ρ| ≥ {self.threshold:g}, p ≤ {self.significance:g} (Holm)",
+                f"not significant: p > {self.significance:g}",
             ],
             loc="lower right" if n == 1 else "upper right",  # in empty cells, or above
             bbox_to_anchor=(1, 1),
@@ -416,14 +418,14 @@ class AdjectiveCorrelationDisplay(Display):
         from matplotlib.patches import Rectangle
 
         pair = row + 1, column
-        rho = self.correlation.rho[pair]
-        related = self.correlation.relation[pair] != 0
+        rho = self.correlation.rho.iat[pair]
+        related = self.correlation.relation.iat[pair] != 0
         if related:
             frame = Rectangle(
                 (column - 0.47, row - 0.47), 0.94, 0.94, fill=False, linewidth=1.6
             )
             self.frames_.append(ax.add_patch(frame))
-        significant = self.correlation.pvalue_holm[pair] <= self.alpha
+        significant = self.correlation.pvalue_holm.iat[pair] <= self.significance
         text = ax.text(
             column,
             row,

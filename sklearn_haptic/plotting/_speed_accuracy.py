@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ..model_selection._frontier import (
@@ -116,7 +117,7 @@ class SpeedAccuracyDisplay(Display):
     @classmethod
     def from_search(
         cls,
-        search: BaseSearchCV | Mapping[str, Any],
+        search: BaseSearchCV | Mapping[str, Any] | pd.DataFrame,
         *,
         metric: str | None = None,
         ax: Axes | None = None,
@@ -128,8 +129,9 @@ class SpeedAccuracyDisplay(Display):
 
         Parameters
         ----------
-        search : fitted search or dict
-            A fitted search of scikit-learn, or its ``cv_results_``. Of successive
+        search : fitted search, dict or DataFrame
+            A fitted search of scikit-learn, or its ``cv_results_``; or the table of
+            ``sensor_subsets``. Of successive
             halving only the last iteration counts.
         metric : str, default=None
             Name of the score in a search with several; by default that of its
@@ -155,9 +157,11 @@ class SpeedAccuracyDisplay(Display):
         """
         candidates = read_candidates(search, metric)
         best, cheapest = best_and_cheapest(candidates)
-        params = getattr(search, "cv_results_", search).get("params")
+        params = getattr(search, "cv_results_", search).get("params", ())
         names = None
-        if params and all(isinstance(each.get("sensors"), tuple) for each in params):
+        if len(params) and all(
+            isinstance(each.get("sensors"), tuple) for each in params
+        ):
             names = ["\n".join(params[i]["sensors"]) for i in candidates.index]
         return cls(
             candidates.seconds,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from numbers import Real
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.stats import spearmanr
 from sklearn.utils import Bunch
@@ -12,23 +13,18 @@ from sklearn.utils import Bunch
 from ..utils._sklearn import Interval, validate_params
 from ._checks import check_single_ratings
 
-# A row of `adjective_correlation(ratings).pairs`.
-_PAIR = [
-    *((field, object) for field in ("first", "second")),
-    *((field, np.float64) for field in ("rho", "pvalue", "pvalue_holm")),
-    *(("relation", "U8"), ("n_ratings", np.int64)),
-]
+_RELATIONS = np.array(["neither", "synonyms", "antonyms"])  # the last has index -1
 
 
 @validate_params(
     {
-        "alpha": [Interval(Real, 0, 1, closed="neither")],
+        "significance": [Interval(Real, 0, 1, closed="neither")],
         "threshold": [Interval(Real, 0, 1, closed="both")],
     },
     prefer_skip_nested_validation=True,
 )
 def adjective_correlation(
-    ratings: ArrayLike, *, alpha: float = 0.05, threshold: float = 0.5
+    ratings: ArrayLike, *, significance: float = 0.05, threshold: float = 0.5
 ) -> Bunch:
     r"""Rank correlation of the ratings of every pair of adjectives.
 
@@ -41,7 +37,7 @@ def adjective_correlation(
         One row per person and object, one column per adjective; the columns of a
         pandas or polars table name the adjectives. Missing ratings are None, NaN or
         NA; a pair is correlated over the rows that have both.
-    alpha : float, default=0.05
+    significance : float, default=0.05
         Probability of calling any pair of uncorrelated adjectives significant.
     threshold : float, default=0.5
         Least :math:`|\rho|` of synonyms and antonyms. From .5 a correlation is
@@ -52,24 +48,22 @@ def adjective_correlation(
     result : :class:`~sklearn.utils.Bunch`
         With the attributes
 
-        rho : ndarray of shape (n_adjectives, n_adjectives)
-            Spearman's rank correlation.
-        pvalue : ndarray of shape (n_adjectives, n_adjectives)
+        rho : DataFrame of shape (n_adjectives, n_adjectives)
+            Spearman's rank correlation, labelled by the adjectives: ``x0``, ``x1``, …
+            for an array.
+        pvalue : DataFrame of shape (n_adjectives, n_adjectives)
             Two-sided p-values of the hypothesis of no correlation, as
             :func:`scipy.stats.spearmanr` gives them.
-        pvalue_holm : ndarray of shape (n_adjectives, n_adjectives)
+        pvalue_holm : DataFrame of shape (n_adjectives, n_adjectives)
             The same, corrected for the number of pairs by Holm's method [3]_.
-        relation : ndarray of shape (n_adjectives, n_adjectives)
+        relation : DataFrame of shape (n_adjectives, n_adjectives)
             1 for synonyms, -1 for antonyms, else 0: the sign of ``rho`` where
-            ``pvalue_holm <= alpha`` and ``abs(rho) >= threshold``.
-        n_ratings : ndarray of shape (n_adjectives, n_adjectives)
+            ``pvalue_holm <= significance`` and ``abs(rho) >= threshold``.
+        n_ratings : DataFrame of shape (n_adjectives, n_adjectives)
             How many rows have both ratings.
-        names : ndarray of shape (n_adjectives,)
-            The adjectives, ``x0``, ``x1``, … for an array.
-        pairs : structured ndarray of shape (n_pairs,)
-            The pairs, strongest first, with the fields ``first``, ``second``,
-            ``rho``, ``pvalue``, ``pvalue_holm``, ``relation`` and ``n_ratings``;
-            ``pandas.DataFrame(result.pairs)`` is a table of them.
+        pairs : DataFrame of shape (n_pairs, 7)
+            The pairs, strongest first, with the columns ``first``, ``second``,
+            ``rho``, ``pvalue``, ``pvalue_holm``, ``relation`` and ``n_ratings``.
 
     Raises
     ------
@@ -106,20 +100,19 @@ def adjective_correlation(
     >>> from sklearn_haptic.ratings import adjective_correlation
     >>> result = adjective_correlation([[1, 5], [2, 4], [4, 3], [5, 1], [3, None]])
     >>> result.rho
-    array([[ 1., -1.],
-           [-1.,  1.]])
-    >>> result.n_ratings
-    array([[5, 4],
-           [4, 4]])
-    >>> result.pairs[["first", "second", "relation"]].tolist()
-    [('x0', 'x1', 'antonyms')]
+         x0   x1
+    x0  1.0 -1.0
+    x1 -1.0  1.0
+    >>> result.pairs[["first", "second", "relation", "n_ratings"]]
+      first second  relation  n_ratings
+    0    x0     x1  antonyms          4
     """
     names = getattr(ratings, "columns", None)
     ratings = check_single_ratings(ratings, ensure_min_samples=3, ensure_min_features=2)
     n_adjectives = ratings.shape[1]
     if names is None:
         names = [f"x{i}" for i in range(n_adjectives)]
-    names = np.asarray(names, dtype=object)
+    names = pd.Index(names, dtype=object)
 
     first, second = np.triu_indices(n_adjectives, k=1)
     rho, pvalue = np.transpose(
@@ -127,7 +120,7 @@ def adjective_correlation(
     )
     pvalue_holm = _holm(pvalue)
     relation = np.where(
-        (pvalue_holm <= alpha) & (np.abs(rho) >= threshold), np.sign(rho), 0
+        (pvalue_holm <= significance) & (np.abs(rho) >= threshold), np.sign(rho), 0
     ).astype(np.int64)
     given = ~np.isnan(ratings)
     n_ratings = given.T.astype(np.int64) @ given
@@ -135,22 +128,27 @@ def adjective_correlation(
     def matrix(values, diagonal):
         square = np.diag(np.full(n_adjectives, diagonal, dtype=values.dtype))
         square[first, second] = square[second, first] = values
-        return square
+        return pd.DataFrame(square, names, names)
 
-    words = np.array(["neither", "synonyms", "antonyms"])  # the last has index -1
-    columns = [
-        *(names[first], names[second], rho, pvalue, pvalue_holm, words[relation]),
-        n_ratings[first, second],
-    ]
-    pairs = np.array([*zip(*columns, strict=True)], dtype=_PAIR)
+    pairs = pd.DataFrame(
+        {
+            "first": names[first],
+            "second": names[second],
+            "rho": rho,
+            "pvalue": pvalue,
+            "pvalue_holm": pvalue_holm,
+            "relation": _RELATIONS[relation],
+            "n_ratings": n_ratings[first, second],
+        }
+    )
+    order = np.argsort(-np.abs(rho), kind="stable")
     return Bunch(
         rho=matrix(rho, 1),
         pvalue=matrix(pvalue, 0),
         pvalue_holm=matrix(pvalue_holm, 0),
         relation=matrix(relation, 0),
-        n_ratings=n_ratings,
-        names=names,
-        pairs=pairs[np.argsort(-np.abs(rho), kind="stable")],
+        n_ratings=pd.DataFrame(n_ratings, names, names),
+        pairs=pairs.iloc[order].reset_index(drop=True),
     )
 
 
