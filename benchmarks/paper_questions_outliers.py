@@ -96,7 +96,7 @@ def outliers(answers, person):
     objects = np.broadcast_to(np.arange(len(person))[:, None], person.shape)
     rows = answers.reshape(-1, answers.shape[-1])
     result = outlying_raters(rows, objects.ravel(), person.ravel())
-    return result.raters[result.outlying]
+    return result.index[result["outlying"]].to_numpy()
 
 
 def counted(answers, kept):

@@ -985,11 +985,11 @@ ask(direct(ratings.outlying_raters),
         "^ratings has no object that two people rated .*; give the ratings of all"))
 ask(direct(ratings.outlying_raters, ratings=X, objects=np.arange(N) // 2,
         raters=np.arange(N)),
-    *settings("limit", 0, "3.5"))
+    *settings("significance", 0, "5%"))
 ask(direct(ratings.outlying_raters, objects=np.zeros(N), raters=np.arange(N)),
     *not_numbers(X, "NaN", "dates"), arg="ratings")
 ask(direct(ratings.adjective_correlation, ratings=X),
-    *settings("alpha", 0, "5%"), *settings("threshold", -0.3))
+    *settings("significance", 0, "5%"), *settings("threshold", -0.3))
 
 # Scales with units, continuous ratings, few raters
 

@@ -128,16 +128,6 @@ def check_two_ratings(counts, name):
         )
 
 
-def known_answers(table):
-    """Return the answers and the raters of a RatingTable, which it must know."""
-    if table.answers is None or table.raters is None:
-        raise ValueError(
-            "table does not know its raters; make it by rating_counts(ratings, "
-            "objects, raters), RatingTable.from_long or RatingTable.from_wide."
-        )
-    return table.answers, table.raters
-
-
 def check_distributions(y_true, y_proba, levels):
     """Validate ratings and the distributions predicted for them.
 
