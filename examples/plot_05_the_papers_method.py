@@ -101,7 +101,7 @@ steps = {
     "mixture: the defaults": {"decode": "mixture"},
 }
 models = {
-    "guess: mean": DummyDistribution("marginal", levels=corpus.levels),
+    "guess: marginal": DummyDistribution("marginal", levels=corpus.levels),
     "guess: barycentre": DummyDistribution("barycentre", levels=corpus.levels),
     "the paper's, searched": searched,
     "the paper's": paper,
@@ -157,9 +157,9 @@ for name, rows in table.items():
     )
 
 # %%
-# The mean absolute error MAE^M and the earth mover's distance (EMD) reward the centre
-# of the possible distributions; the ranked probability score (RPS) and the log score
-# reward their mean. The dispersion is 1 if predictions are as wide as they should be,
+# The mean absolute error MAE^M and the earth mover's distance (EMD) reward the
+# barycentre of the possible distributions; the ranked probability score (RPS) and the
+# log score reward their mean. The dispersion is 1 if predictions are as wide as they should be,
 # and less if they are narrower.
 #
 # A penalty in proportion to the features improves the scores most. The paper's search
@@ -186,8 +186,8 @@ plt.show()
 
 # %%
 # “Rough” is hard to feel. Here the paper's settings are worse than both guesses by both
-# scores, with or without the search. The defaults are no better than the mean by RPS,
-# and worse than the barycentre by MAE^M.
+# scores, with or without the search. The defaults are no better than the marginal by
+# RPS, and worse than the barycentre by MAE^M.
 first_and_last = [*table][:4] + [*table][-1:]
 for name in first_and_last:
     maem, _, rps, *_ = table[name]

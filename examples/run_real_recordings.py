@@ -209,7 +209,7 @@ def how_strong(trials, materials, forces):
     models = {
         "regressor": search,
         "marginal": DummyDistribution("marginal", levels=FORCES),
-        "W1 barycentre": DummyDistribution("barycentre", levels=FORCES),
+        "barycentre": DummyDistribution("barycentre", levels=FORCES),
     }
     proba = {name: np.empty((len(trials), 3)) for name in models}
     for train, test in LeaveOneGroupOut().split(trials, groups=materials):
