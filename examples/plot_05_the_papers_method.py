@@ -159,8 +159,8 @@ for name, rows in table.items():
 # %%
 # The mean absolute error MAE^M and the earth mover's distance (EMD) reward the
 # barycentre of the possible distributions; the ranked probability score (RPS) and the
-# log score reward their mean. The dispersion is 1 if predictions are as wide as they should be,
-# and less if they are narrower.
+# log score reward their mean. The dispersion is 1 if predictions are as wide as they
+# should be, and less if they are narrower.
 #
 # A penalty in proportion to the features improves the scores most. The paper's search
 # over penalties gains only a part of this, because it has few validation objects and
