@@ -19,19 +19,19 @@ def feature_means(X, weight):
 
 def total_spread(X, weight):
     """Return the square root of the features' total variance over weighted trials."""
-    unit = _magnitude(X)
+    unit = magnitude(X)
     X = X / unit
     X -= feature_means(X, weight)
     return unit * np.sqrt(weight @ np.einsum("ij,ij->i", X, X) / weight.sum())
 
 
-def _magnitude(X):
+def magnitude(X):
     """Return the power of two by which to divide X so that its squares stay in range.
 
     Dividing by a power of two changes no digit.
     """
-    largest = np.abs(X).max(initial=0)
-    if 0 < largest < np.finfo(np.float64).tiny:
+    largest = np.float64(max(X.max(initial=0), -X.min(initial=0)))
+    if 0 < largest < np.finfo(X.dtype).tiny:
         raise ValueError(
             f"X varies by no more than {largest:.0e}, so that weights would overflow; "
             "give its features in a smaller unit."
@@ -70,7 +70,7 @@ class EvenedFeatures:
         mean_weight = trial_weight.mean()
         # Equal weights are exactly 1 then, whatever the rounding of their sums.
         root_weight = np.sqrt(np.round(trial_weight / mean_weight, 12))[:, None]
-        unit = _magnitude(X)
+        unit = magnitude(X)
         X = X / unit
         self._span = None  # orthonormal basis of the span of the trials
         if X.shape[1] > X.shape[0]:
@@ -132,7 +132,8 @@ class Conditioning:
     """
 
     def __init__(self, X, layout, alpha, trial_weight, scale, rotate):
-        X = np.ascontiguousarray(X)  # the same sums in any memory layout
+        # The same sums in any memory layout.
+        X = np.ascontiguousarray(X, dtype=np.float64)
         self._features_layout, self._n_features = layout, X.shape[1]
         self._centre, self._spread, self._axes = np.zeros(X.shape[1]), 1.0, None
         if scale:

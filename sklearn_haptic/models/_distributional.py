@@ -33,6 +33,7 @@ from ..utils._sklearn import (
     fit_task,
 )
 from ..utils._validation import (
+    FLOATS,
     check_groups,
     check_positions,
     check_table,
@@ -336,7 +337,7 @@ class DistributionalOrdinalRegressor(
                 "X_val requires an estimator that stops early; use an NNPOM with "
                 "early_stopping=True, or leave X_val and y_val out."
             )
-        X_val = check_table(self, X_val, dtype=np.float64, reset=False)
+        X_val = check_table(self, X_val, dtype=FLOATS, reset=False)
         counts, _ = check_adjectives(y_val, self.levels_, name="y_val")
         check_consistent_length(X_val, counts)
         return X_val, counts
@@ -404,7 +405,7 @@ class DistributionalOrdinalRegressor(
             that of the trials.
         """
         check_is_fitted(self)
-        X = check_table(self, X, dtype=np.float64, reset=False)
+        X = check_table(self, X, dtype=FLOATS, reset=False)
         proba = self._decode(X)
         return proba / proba.sum(axis=-1, keepdims=True)
 
@@ -439,7 +440,7 @@ class DistributionalOrdinalRegressor(
         rating : ndarray of shape (n_trials,) or (n_trials, n_positions)
         """
         check_is_fitted(self)
-        X = check_table(self, X, dtype=np.float64, reset=False)
+        X = check_table(self, X, dtype=FLOATS, reset=False)
         p = check_positions(p)
         positions = clip_positions(np.atleast_1d(p))
         rating = self.levels_[ratings_at(self._predict_at, X, positions, self.rule)]

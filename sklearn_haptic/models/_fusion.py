@@ -32,7 +32,7 @@ from ..utils._sklearn import (
     one_blas_thread,
     with_callbacks,
 )
-from ..utils._validation import check_groups, check_table, check_weights
+from ..utils._validation import FLOATS, check_groups, check_table, check_weights
 from ._early_stopping import hold_out_trials
 from ._frozen import check_frozen, unfrozen
 from ._nnpom import NNPOM
@@ -483,7 +483,7 @@ class SensorFusionNNPOM(
             Values in (0, 1), sensor by sensor; 0 for the sensor held out.
         """
         check_is_fitted(self)
-        X = check_table(self, X, dtype=np.float64, reset=False)
+        X = check_table(self, X, dtype=FLOATS, reset=False)
         if not self._has_position:
             return self._activations(X)
         return self._activations(X[:, :-1], X[:, -1:])[:, 0]

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
+from sklearn.utils import gen_batches
 
 from ._proportional_odds import (
     LARGEST_EXPONENT,
@@ -28,6 +29,9 @@ from ._proportional_odds import (
 
 # Differences between latent responses and thresholds stay finite.
 _LARGEST_LATENT = 1e300
+
+# Values in single precision that are taken to double at once.
+_BLOCK = 1 << 18
 
 
 class Head(NamedTuple):
@@ -197,7 +201,13 @@ def linear_response(X, coef):
 
     Terms that overflow one by one may cancel. Kernels with a fused multiply-add then
     return an infinity of either sign, depending on the order in which they add.
+    Sums are in float64, blockwise if the features are float32.
     """
+    if X.dtype == np.float32:
+        response = np.empty((*X.shape[:-1], *coef.shape[1:]))
+        for rows in gen_batches(len(X), max(1, _BLOCK // max(X[0].size, 1))):
+            response[rows] = linear_response(X[rows].astype(np.float64), coef)
+        return response
     with np.errstate(over="ignore", invalid="ignore"):
         response = X @ coef
         finite = np.isfinite(response)

@@ -4,7 +4,7 @@ import numpy as np
 from scipy import sparse
 
 from ._network import Head, sigmoid, sigmoid_of_sums
-from ._proportional_odds import ordinal_loss
+from ._proportional_odds import marginal_thresholds, ordinal_loss
 
 # Entries of a hidden layer that are computed at once, so that they stay in the cache.
 _BLOCK = 1 << 16
@@ -233,11 +233,6 @@ def initial_params(layout, level_weights, random_state):
     if layout.n_hidden:
         return random_state.uniform(-0.5, 0.5, layout.size)
     (weight,) = level_weights
-    share = np.maximum(weight / np.sum(weight), np.finfo(np.float64).tiny)
-    below = np.log(np.cumsum(share))  # of this level and all before
-    above = np.log(np.cumsum(share[::-1])[::-1])
-    first = below[:1] - above[1:2]
-    # With q = p + share, exp(logit(q) - logit(p)) - 1 = share / (p (1 - q)).
-    raw_gaps = np.log(share[1:-1]) - below[:-2] - above[2:]
+    first, raw_gaps = marginal_thresholds(weight)
     raw_gaps = layout.gaps.from_softplus(raw_gaps)
     return np.concatenate((np.zeros(layout.n_inputs), first, raw_gaps))

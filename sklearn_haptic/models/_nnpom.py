@@ -27,11 +27,12 @@ from ..utils._sklearn import (
     one_blas_thread,
     with_callbacks,
 )
-from ..utils._validation import check_groups, check_table, check_weights
+from ..utils._validation import FLOATS, check_groups, check_table, check_weights
 from ._conditioning import Conditioning
 from ._early_stopping import Monitor, hold_out_trials, validation_error
 from ._network import Layout, Network
 from ._network_loss import NetworkLoss, initial_params
+from ._newton_cg import LinearProblem, fit_linear
 from ._observations import (
     one_trial_each,
     rank_levels,
@@ -39,7 +40,7 @@ from ._observations import (
     single_ratings,
 )
 from ._ordinal import OrdinalClassifierMixin
-from ._proportional_odds import GAPS
+from ._proportional_odds import GAPS, thresholds_of_all_levels
 from ._solvers import SOLVERS
 
 
@@ -248,7 +249,7 @@ class NNPOM(
             X, counts, groups, sample_weight
         )
         rng = check_random_state(self.random_state)
-        if not self.early_stopping:
+        if self.validation_share() == 0:
             return self._fit((X, None, level, weight), None, levels, rng)
         t, v = hold_out_trials(self, len(X), groups, self.validation_fraction, rng)
         train = X[t], None, level[t], weight[t]
@@ -343,6 +344,8 @@ class NNPOM(
         adjectives = rank_levels(positions, level, weight, n_levels)
         present = [each.present for each in adjectives]
         learned = [each for each in adjectives if len(each.present) > 1]
+        if learned and self.n_hidden == 0:
+            return self._fit_linear(X, learned[0], alpha, n_levels, on_iteration)
         n_inputs = X.shape[1] + (positions is not None)
         n_present = tuple(len(each.present) for each in learned)
         layout = Layout(n_inputs, self.n_hidden, n_present, GAPS[self.gaps])
@@ -372,6 +375,31 @@ class NNPOM(
         params, n_iter = self._search(loss, features.apply(start), monitor)
         return network_of(params), float(loss(params)[0]), monitor.costs, n_iter
 
+    def _fit_linear(self, X, ratings, alpha, n_levels, on_iteration):
+        """Return what `_minimise` does, for the model without hidden units."""
+        (fitted,) = fit_linear(
+            X,
+            [LinearProblem(*ratings.observations, alpha)],
+            scale=self.scale_features,
+            max_iter=self.max_iter,
+            tol=self.tol,
+            on_iteration=on_iteration,
+        )
+        n_iter = len(fitted.loss_curve)
+        if not fitted.converged:
+            self._warn_of_no_convergence(n_iter)
+        between = thresholds_of_all_levels(fitted.thresholds, ratings.present, n_levels)
+        network = Network(fitted.coef, np.empty(0), np.empty((0, 1)), between[None])
+        return network, fitted.loss, fitted.loss_curve, n_iter
+
+    def _warn_of_no_convergence(self, n_iter):
+        warnings.warn(
+            f"NNPOM did not converge ({n_iter} iterations, max_iter={self.max_iter}); "
+            "increase max_iter or alpha, unless alpha is huge.",
+            ConvergenceWarning,
+            stacklevel=4,
+        )
+
     def _search(self, loss, start, monitor):
         """Return the parameters that cost least, or validate best, and the iterations.
 
@@ -382,13 +410,7 @@ class NNPOM(
         if monitor.best_params is not None:
             return monitor.best_params, n_iter
         if not converged:
-            warnings.warn(
-                f"NNPOM did not converge ({n_iter} iterations, "
-                f"max_iter={self.max_iter}); increase max_iter or alpha, unless alpha "
-                "is huge, or use early_stopping=True.",
-                ConvergenceWarning,
-                stacklevel=3,
-            )
+            self._warn_of_no_convergence(n_iter)
         return params, n_iter
 
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
@@ -446,7 +468,8 @@ class NNPOM(
 
     def validation_share(self) -> float:
         """Share of the trials that early stopping validates on, 0 without it."""
-        return self.validation_fraction if self.early_stopping else 0.0
+        stops = self.early_stopping and self.n_hidden > 0
+        return self.validation_fraction if stops else 0.0
 
     def hidden_activations_with_positions(
         self, X: FloatArray, positions: FloatArray
@@ -496,7 +519,7 @@ class NNPOM(
 
     def _forward(self, X):
         check_is_fitted(self)
-        X = check_table(self, X, dtype=np.float64, reset=False)
+        X = check_table(self, X, dtype=FLOATS, reset=False)
         return self._apply(X, None)
 
     @one_blas_thread

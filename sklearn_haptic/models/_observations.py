@@ -43,6 +43,8 @@ def single_ratings(X, counts, groups, sample_weight):
         own weight, however many people rated it.
     """
     used = sample_weight > 0
+    if used.all():
+        used = slice(None)  # which copies nothing
     X, counts, sample_weight = X[used], counts[used], sample_weight[used]
     groups = None if groups is None else groups[used]
     level = np.broadcast_to(np.arange(counts.shape[-1]), counts.shape)

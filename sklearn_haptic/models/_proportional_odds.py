@@ -92,6 +92,18 @@ def thresholds_from(first, raw_gaps, gaps=SoftplusGaps):
     return np.cumsum(np.concatenate(([first], gaps.forward(raw_gaps)[0])))
 
 
+def marginal_thresholds(weight):
+    """Return the first threshold and softplus gaps of the frequencies of the levels.
+
+    `weight` is the positive weight of each level; both results are arrays.
+    """
+    share = np.maximum(weight / np.sum(weight), np.finfo(np.float64).tiny)
+    below = np.log(np.cumsum(share))  # of this level and all before
+    above = np.log(np.cumsum(share[::-1])[::-1])
+    # With q = p + share, exp(logit(q) - logit(p)) - 1 = share / (p (1 - q)).
+    return below[:1] - above[1:2], np.log(share[1:-1]) - below[:-2] - above[2:]
+
+
 def thresholds_of_all_levels(thresholds, present, n_levels):
     """Return thresholds that are infinite or equal around levels without a rating.
 

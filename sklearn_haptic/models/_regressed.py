@@ -14,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..ratings._checks import validate_rated_trials
 from ..ratings._distributions import cdf
 from ..utils._sklearn import DocumentedEstimator, HasMethods, RandomState, _fit_context
-from ..utils._validation import check_table, check_weights
+from ..utils._validation import FLOATS, check_table, check_weights
 from ._ordinal import OrdinalClassifierMixin
 from ._shared_features import fit_with_weights, refuse_adjectives, seed_estimator
 
@@ -180,7 +180,7 @@ class RegressedDistribution(
             Share of the population at each level; rows sum to 1.
         """
         check_is_fitted(self)
-        X = check_table(self, X, dtype=np.float64, reset=False)
+        X = check_table(self, X, dtype=FLOATS, reset=False)
         shape = len(X), len(self.mean_cdf_)
         departure = self.estimator_.predict(X) if shape[1] else np.empty(shape)
         return proper_shares(self.mean_cdf_ + np.reshape(departure, shape))

@@ -8,6 +8,7 @@ import numpy as np
 from sklearn.utils.validation import check_array, column_or_1d
 
 from ..utils._validation import (
+    FLOATS,
     check_numbers,
     check_regular,
     check_table,
@@ -207,13 +208,13 @@ def validate_rated_trials(estimator, X, y, levels=None):
 
     ``y`` is what `check_ratings` takes, or such counts of several adjectives, of shape
     (n_trials, n_adjectives, n_levels). The estimator gets ``n_features_in_`` and, of a
-    DataFrame, ``feature_names_in_``. Return the features and counts as float64, and the
-    ordered levels. Errors are those of scikit-learn's validation and of
-    `check_ratings`.
+    DataFrame, ``feature_names_in_``. Return the features, in single precision if they
+    were, the counts as float64, and the ordered levels. Errors are those of
+    scikit-learn's validation and of `check_ratings`.
     """
     # Not `y` itself: what it is turned into no longer says what its levels are.
     required = None if y is None else "no_validation"
-    X = check_table(estimator, X, y=required, dtype=np.float64)
+    X = check_table(estimator, X, y=required, dtype=FLOATS)
     counts, levels = check_adjectives(y, levels)
     if len(X) != len(counts):
         raise ValueError(

@@ -22,6 +22,10 @@ from ._sklearn import _check_sample_weight, is_pandas_na
 _NO_NUMBERS = (str, bytes, date, timedelta, np.datetime64, np.timedelta64)
 
 
+FLOATS = (np.float64, np.float32)
+"""Types of features that are kept as they are; all else becomes the first."""
+
+
 def check_numbers(values, name):
     """Refuse values that NumPy might quietly convert, but that are not real numbers.
 
