@@ -18,7 +18,7 @@ LOADERS = {
     "mapped": lambda path, _: joblib.load(path, mmap_mode="r"),
     "skops": lambda path, trusted: skops.io.load(path, trusted=trusted),
 }
-TRAINING = ("ksvd", "irprop_plus", "lbfgs", "minimize")
+TRAINING = ("ksvd", "irprop_plus", "lbfgs", "minimize", "fit_linear")
 OUTSIDE = ("socket.", "subprocess.", "tempfile.", "os.system", "os.exec", "os.fork")
 
 

@@ -51,19 +51,13 @@ from sklearn_haptic.ratings._distributions import level_at
 EPS = np.finfo(np.float64).eps
 MAX = np.finfo(np.float64).max
 TINY = np.finfo(np.float64).smallest_subnormal
-NETWORKS = [
-    pytest.param(
-        NNPOM(n_hidden, solver=solver, random_state=0), id=f"{solver}{n_hidden}"
-    )
-    for n_hidden in (0, 3)
-    for solver in ("lbfgs", "irprop+")
-]
+NETWORKS = [pytest.param(NNPOM(0), id="linear")]
 NETWORKS += [
     pytest.param(
-        NNPOM(n_hidden, gaps="squared", solver=solver, random_state=0),
-        id=f"{solver}{n_hidden}squared",
+        NNPOM(3, gaps=gaps, solver=solver, random_state=0), id=f"{solver}3{gaps}"
     )
-    for n_hidden, solver in [(0, "lbfgs"), (3, "lbfgs"), (3, "irprop+")]
+    for gaps in ("softplus", "squared")
+    for solver in ("lbfgs", "irprop+")
 ]
 fit_quietly = ignore_warnings(category=ConvergenceWarning)
 
@@ -390,13 +384,12 @@ def test_features_far_from_zero(model, offset):
     )
 
 
-@pytest.mark.parametrize("model", NETWORKS)
-def test_a_large_constant_beside_a_feature(model):
+def test_a_large_constant_beside_a_feature():
     X, counts = touches()
     padded = np.column_stack((np.full(30, 1e12), X, np.zeros(30)))
-    model = clone(model).set_params(n_hidden=0, tol=1e-8)
-    expected = fit_quietly(model.fit)(X, counts).predict_proba(X)
-    proba = fit_quietly(clone(model).fit)(padded, counts).predict_proba(padded)
+    model = NNPOM(0, tol=1e-8)
+    expected = model.fit(X, counts).predict_proba(X)
+    proba = clone(model).fit(padded, counts).predict_proba(padded)
     np.testing.assert_allclose(proba, expected, rtol=1e-6)
 
 

@@ -78,24 +78,29 @@ class NNPOM(
     gaps : {"softplus", "squared"}, default="softplus"
         What makes the gap between two thresholds, which must be positive, of a free
         parameter t: its softplus, log(1 + exp(t)), or its square, as in the paper.
-        Parameters start evenly spread over (-0.5, 0.5) if there are hidden units, so
-        gaps start between 0.47 and 0.97 or between 0 and 0.25. Squares have a minimum
-        for either sign of t, and the cost rises without bound between them.
+        Parameters start evenly spread over (-0.5, 0.5), so gaps start between 0.47 and
+        0.97 or between 0 and 0.25. Squares have a minimum for either sign of t, and the
+        cost rises without bound between them. The linear model has no use for it.
     solver : {"lbfgs", "irprop+"}, default="lbfgs"
-        The paper uses "irprop+". "lbfgs" reaches the same cost in fewer iterations;
-        it works on the features' principal directions, of which there are at most as
-        many as trials, whatever the number of features.
+        Solver of networks with hidden units. The paper uses "irprop+". "lbfgs" reaches
+        the same cost in fewer iterations; it works on the features' principal
+        directions, of which there are at most as many as trials, whatever the number of
+        features. The linear model is fitted by Newton's method with conjugate
+        gradients, in time and memory that grow as the table of features, which is not
+        copied; a float32 table stays float32.
     max_iter : int, default=500
         Largest number of iterations of the solver.
     tol : float, default=1e-4
         The solver has converged when no component of the gradient of the mean cost
-        exceeds this; "lbfgs" measures the gradient in its own coordinates.
+        exceeds this; "lbfgs" measures the gradient in its own coordinates. The linear
+        model has converged when a Newton step changes the latent responses by no more
+        than this, root mean square; the next step would change them by about a tenth.
     early_stopping : bool, default=False
         Set validation trials aside, measure their error every 10 iterations, stop when
         it has not decreased in ``n_iter_no_change`` iterations, and keep the best
         model. The error is the absolute error of the most probable level,
         macro-averaged per trial. Give `fit` the trials' objects as ``groups``, so that
-        whole objects validate.
+        whole objects validate. The linear model, which has one optimum, ignores this.
     n_iter_no_change : int, default=150
         Patience of early stopping, in iterations.
     validation_fraction : float, default=0.1
@@ -109,7 +114,7 @@ class NNPOM(
         and the sorted ratings that occur.
     random_state : int, RandomState instance or None, default=None
         Draws the start values of the weights and the validation trials. Without
-        hidden units and early stopping nothing is random.
+        hidden units nothing is random.
 
     Attributes
     ----------

@@ -1,0 +1,137 @@
+"""The linear model against statsmodels, a plain optimiser, and itself in company."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.optimize import minimize
+from scipy.special import expit
+from sklearn.base import clone
+from sklearn.exceptions import ConvergenceWarning
+
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    RegressedDistribution,
+)
+from sklearn_haptic.models import _newton_cg
+
+LEVELS = np.arange(5)
+
+
+def touches(n_trials, n_features, dtype=np.float64, seed=0):
+    """Features whose spectrum falls slowly, and the counts of a dozen raters."""
+    rng = np.random.default_rng(seed)
+    n_factors = min(n_trials, n_features)
+    factors = (
+        rng.normal(size=(n_trials, n_factors)) / np.arange(1, n_factors + 1) ** 0.7
+    )
+    X = factors @ rng.normal(size=(n_factors, n_features))
+    X += 0.3 * rng.normal(size=X.shape)
+    latent = 1.5 * X[:, 0] / X[:, 0].std()
+    ratings = latent[:, None] + rng.logistic(size=(n_trials, 12))
+    level = np.digitize(ratings, [-2.0, -0.5, 0.5, 2.0])
+    return X.astype(dtype), (level[:, :, None] == LEVELS).sum(axis=1)
+
+
+def optimum(X, counts, alpha, weight):
+    """Probabilities at the minimum of the cost by its definition."""
+    X = X.astype(np.float64)
+    total = weight.sum()
+    X = X - weight @ X / total
+    spread = np.sqrt(weight @ (X**2).sum(axis=1) / total)
+    X = X / spread
+    n_features = X.shape[1]
+
+    def proba_of(params):
+        cuts = np.cumsum(
+            np.append(params[n_features], np.exp(params[n_features + 1 :]))
+        )
+        below = expit(cuts - (X @ params[:n_features])[:, None])
+        return np.diff(below, axis=1, prepend=0, append=1), below
+
+    def cost(params):
+        proba, below = proba_of(params)
+        ratio = weight[:, None] * counts / proba
+        slope = -below * (1 - below) * (ratio[:, :-1] - ratio[:, 1:])
+        later = np.cumsum(slope.sum(axis=0)[::-1])[::-1]
+        later[1:] *= np.exp(params[n_features + 1 :])
+        coef = params[:n_features]
+        grad = np.append(alpha * coef - X.T @ slope.sum(axis=1), later)
+        loss = -np.sum(weight[:, None] * counts * np.log(proba))
+        return (loss + alpha / 2 * coef @ coef) / total, grad / total
+
+    start = np.append(np.zeros(n_features), [-1.0, 0.0, 0.0, 0.0])
+    found = minimize(
+        cost, start, jac=True, method="BFGS", options={"gtol": 1e-9, "maxiter": 5000}
+    )
+    return proba_of(found.x)[0]
+
+
+def test_maximum_likelihood_is_that_of_statsmodels_and_of_r(shared_data):
+    """OrderedModel of statsmodels and clm of R's package ordinal print these digits."""
+    wine = pd.read_csv(shared_data / "wine_ratings" / "ordinal_wine.csv")
+    X = np.column_stack((wine["temp"] == "warm", wine["contact"] == "yes")) * 1.0
+    model = NNPOM(0, alpha=0, tol=1e-9).fit(X, wine["rating"])
+    np.testing.assert_allclose(model.coefs_[0], [2.503102, 1.527798], atol=1e-6)
+    thresholds = [-1.344383, 1.250809, 3.466887, 5.006404]
+    np.testing.assert_allclose(model.thresholds_, thresholds, atol=1e-6)
+    assert -len(X) * model.loss_ == pytest.approx(-86.49192, abs=1e-5)
+
+
+@pytest.mark.parametrize("alpha", [3.0, 1.0, 1e-2, 1e-4])
+@pytest.mark.parametrize("shape", [(400, 20), (40, 60)])
+def test_a_plain_optimiser_finds_the_same_optimum(shape, alpha):
+    X, counts = touches(*shape)
+    weight = np.random.default_rng(1).uniform(0.1, 2, len(X))
+    proba = NNPOM(0, alpha, tol=1e-8).fit(X, counts, weight).predict_proba(X)
+    np.testing.assert_allclose(proba, optimum(X, counts, alpha, weight), atol=2e-5)
+
+
+@pytest.mark.parametrize("alpha", [3.0, 1.0, 1e-1, 1e-4])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_products_alone_reach_the_optimum(monkeypatch, dtype, alpha):
+    """With the exact Hessian as preconditioner, and with a few directions of it."""
+    X, counts = touches(400, 300, dtype)
+    default = NNPOM(0, alpha).fit(X, counts)
+    monkeypatch.setattr(_newton_cg, "_FEW", 1000)
+    exact = NNPOM(0, alpha, tol=1e-9).fit(X.astype(np.float64), counts)
+    np.testing.assert_allclose(
+        default.predict_proba(X),
+        exact.predict_proba(X),
+        rtol=0,
+        atol=1e-4 if alpha > 1e-3 else 3e-4,
+    )
+
+
+@pytest.mark.parametrize("offset", [3.0, 1e3])
+@pytest.mark.parametrize("unit", [1.0, 1e-15, 1e15])
+def test_single_precision_in_any_unit_with_any_offset(offset, unit):
+    X, counts = touches(300, 280, np.float32)
+    given = (unit * (X + offset)).astype(np.float32)
+    expected = NNPOM(0).fit(given.astype(np.float64), counts)
+    proba = NNPOM(0).fit(given, counts).predict_proba(given)
+    np.testing.assert_allclose(proba, expected.predict_proba(given), rtol=0, atol=1e-4)
+
+
+def test_single_precision_stays_so():
+    X, counts = touches(40, 30, np.float32)
+
+    class Keeps(NNPOM):
+        def fit_with_positions(self, X, *args, **kwargs):
+            self.given_ = X.dtype
+            return super().fit_with_positions(X, *args, **kwargs)
+
+    model = DistributionalOrdinalRegressor(Keeps(0)).fit(X, counts)
+    assert model.estimator_.given_ == np.float32
+    double = clone(model).fit(X.astype(np.float64), counts)
+    np.testing.assert_allclose(
+        model.predict_proba(X), double.predict_proba(X), rtol=0, atol=1e-5
+    )
+    for each in (model, RegressedDistribution().fit(X, counts)):
+        assert each.predict_proba(X).dtype == np.float64
+
+
+def test_a_fit_cut_short_says_so():
+    X, counts = touches(60, 5)
+    with pytest.warns(ConvergenceWarning, match="did not converge .2 iterations"):
+        NNPOM(0, max_iter=2).fit(X, counts)
