@@ -33,7 +33,6 @@ from sklearn_haptic import (
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_macro_mae_scorer
 from sklearn_haptic.metrics._trial_scores import predict_and_score
-from sklearn_haptic.study._choice import fit_best
 from sklearn_haptic.study._features import (
     cells_of,
     choose_trials,
@@ -41,6 +40,7 @@ from sklearn_haptic.study._features import (
     learn_features,
     rotate_features,
 )
+from sklearn_haptic.study._models import fit_best
 from sklearn_haptic.study._split import split_objects
 
 SENSORS = ["pac", "pdc", "electrodes"]

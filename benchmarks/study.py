@@ -9,7 +9,6 @@ split, its grid and ten starts.
 """
 
 import argparse
-import json
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -20,7 +19,9 @@ from threadpoolctl import threadpool_limits
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
 from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.recordings._biotac import SENSORS
 from sklearn_haptic.study import run_study
+from sklearn_haptic.study._store import read_record
 
 ADJECTIVES = ["hard", "rough"]
 
@@ -44,10 +45,9 @@ def timed_study(n_objects, seed=0, **settings):
             verbose=False,
             **settings,
         )
-        seconds = {}
-        for path in Path(folder).glob("*/*.json"):
-            record = json.loads(path.read_text())
-            seconds[tuple(record["unit"])] = record["seconds"]
+        units = [("features", "hold", sensor) for sensor in SENSORS]
+        units += [("models", "hold", adjective, 0) for adjective in ADJECTIVES]
+        seconds = {unit: read_record(Path(folder), unit)["seconds"] for unit in units}
     return study, seconds
 
 
@@ -91,7 +91,8 @@ def print_seconds(sizes):
     print("|---|---|---|---|---|")
     for n_objects in sizes:
         studies = [
-            timed_study(n_objects, preset=preset)[1] for preset in ("default", "paper")
+            timed_study(n_objects, protocol=protocol)[1]
+            for protocol in ("default", "paper")
         ]
         seconds = [
             mean_seconds(of_study, kind)

@@ -28,8 +28,7 @@ from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 from sklearn_haptic.model_selection import contribution_summary
 from sklearn_haptic.plotting import InverseCDFDisplay, SensorContributionsDisplay
 from sklearn_haptic.study import (
-    compare_procedures,
-    compare_sensors,
+    compare_networks,
     run_study,
     score_table,
 )
@@ -94,13 +93,13 @@ def print_means(study):
 
 def print_comparisons(study):
     """Say whether combining sensors helps, and whether procedures differ."""
-    sensors = compare_sensors(study)
+    sensors = compare_networks(study)
     print("\nDoes the combined network beat the network of a single sensor? MAE^M of")
     print("objects; a positive difference says yes; p by Wilcoxon's test over objects.")
     print(sensors.to_string(index=False, float_format="{:.3f}".format))
     if study.scores["procedure"].nunique() < 2:
         return
-    procedures = compare_procedures(study)
+    procedures = compare_networks(study, "procedures", by="adjective")
     print(
         "\nDo the exploratory procedures differ? MAE^M of objects; p by Friedman's test"
     )
@@ -171,7 +170,7 @@ def main():
     if arguments.split is not None:
         options = options | {"split": arguments.split}
     if arguments.paper:
-        options = options | {"preset": "paper"}
+        options = options | {"protocol": "paper"}
     name = "study_paper" if arguments.paper else "study"
     folder = arguments.folder or Path(name + "_demo" * arguments.demo)
     corpus = make_corpus(arguments)

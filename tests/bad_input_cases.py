@@ -63,8 +63,7 @@ from sklearn_haptic.datasets import (
 )
 from sklearn_haptic.ratings import RatingTable
 from sklearn_haptic.study import (
-    compare_procedures,
-    compare_sensors,
+    compare_networks,
     read_study,
     run_study,
     score_table,
@@ -1592,10 +1591,8 @@ def studying(folder, corpus=no_corpus, files=None, **settings):
     return call(run_study, corpus, folder / "study", **settings)
 
 
-def reading(folder, record=None, **files):
-    """Call of `read_study` on a study with one unit of models, or on other files."""
-    if record is not None:
-        files = {"study.json": b"{}", "models/hold_hard_0.json": record} | files
+def reading(folder, **files):
+    """Call of `read_study` on files, given by name."""
     write_files(folder / "study", files)
     return call(read_study, folder / "study")
 
@@ -1604,7 +1601,7 @@ ALPHA = r"^alpha=\[.*\] must list numbers of at least 0"
 HIDDEN = r"^n_hidden=\[.*\] must list whole numbers of at least 1"
 CUT_SETTINGS = "study.json is damaged .*; restore it, or run the study in another"
 DAMAGED_SETTINGS = "study.json is damaged .*; restore it"
-DAMAGED_UNIT = "^The unit of .* is missing or damaged; run_study with its settings"
+DAMAGED_UNIT = r"hold\.npz is missing or damaged .*; delete it, and run_study does"
 ask({"run_study": studying},
     *wrong(n_splits=0, n_repeats=1.5, n_starts=0, split="random", corpus=[1, 2]),
     *settings("random_state", "zero"),
@@ -1614,25 +1611,12 @@ ask({"run_study": studying},
     *settings("sensors", {"pdc": LogisticRegression()},
         says=r"^sensors\['pdc'\] is Log.*; give a KSVDTransformer or an STHMPTr"),
     *settings("procedures", ["tap"], says="^Unknown procedure 'tap'; the corpus has 4"),
-    *wrong(preset="fast", update="fast", dictionaries="none", standardise=2),
-    *settings("corpus", {}, {"tap": 3},
-        says="^corpus is a dict, but not of procedures; give one Bunch or dict"),
-    check("a procedure without trials", corpus={"tap": {"objects": [1]}},
-        says=r"^corpus\['tap'\] has no trials; give trials \(a DataFrame"),
-    check("a procedure with a list of trials", corpus={"tap": TAPS | {"trials": [1]}},
-        says=r"^corpus\['tap'\] has trials that are no DataFrame; give trials"),
-    check("two trials and one object", corpus={"tap": TAPS | {"objects": [1]}},
-        says=r"^corpus\['tap'\] has 2 trials, but 1 rows of 'objects'; give one row"),
-    check("one object beside an adjective called objects",
-        corpus={"tap": TAPS | {"objects": [1], "ratings": {"objects": [[1, 2]] * 2}}},
-        says=r"^corpus\['tap'\] has 2 trials, but 1 rows of 'objects'; give one row"),
-    check("counts that belong to no adjective",
-        corpus={"tap": TAPS | {"ratings": np.ones((2, 5))}},
-        says=r"^corpus\['tap'\] has ratings that are no Mapping; give .*\(a dict from"),
-    check("procedures 'tap' and 'tap_on'", corpus={"tap": TAPS, "tap_on": TAPS},
-        says="procedures 'tap' and 'tap_on', whose files could be mistaken .*; rename"),
-    check("a procedure named 3", corpus={"tap": TAPS, 3: TAPS},
-        says="^corpus has the procedure 3; name it by text"),
+    *wrong(protocol="fast", update="fast", dictionaries="none", standardise=2),
+    *settings("corpus", {}, says="^corpus has no procedures; give one at least"),
+    *settings("corpus", {"tap": 3}, {3: TAPS}, {"tap": {"objects": [1]}},
+        {"tap": TAPS | {"trials": [1]}}, {"tap": TAPS | {"objects": [1]}},
+        {"tap": TAPS | {"ratings": np.ones((2, 5))}},
+        says=r"^corpus\[.*\] is no procedure; give, under a name that is text, a dict"),
     check("procedures without a common sensor",
         corpus={"tap": TAPS, "rub": TAPS | {"trials": TAPS["trials"][[]]}},
         says="have no sensor in common; give them the same columns of trials"),
@@ -1648,9 +1632,9 @@ ask({"run_study": studying},
         says="holds a study with .*, not .*; give the same .*, or another folder"),
     check("settings that are cut short",
         files={"study/study.json": b'{"sensors": ["pa'}, says=CUT_SETTINGS),
-    check("settings that are a list", files={"study/study.json": b"[1, 2]"},
+    check("settings that are a number", files={"study/study.json": b"3"},
         says=CUT_SETTINGS),
-    check("units without settings", files={"study/trials/hold.csv": b"trial\n"},
+    check("units without settings", files={"study/trials/hold.npz": b""},
         says="holds units of a study, but no study.json .*; restore that file"),
     in_folder=True)
 def finished(function):
@@ -1659,7 +1643,7 @@ def finished(function):
     score = {"object": [1], "trial": [1], "emd": [0.5], "proba_1": [1.0]}
     study = Bunch(
         scores=pd.DataFrame({**cell, "held_out": ["none"], **score}),
-        sensor_scores=pd.DataFrame({**cell, **score, "network": ["pac"]}),
+        networks=pd.DataFrame({**cell, **score, "network": ["pac"]}),
         baselines=pd.DataFrame({**cell, **score, "strategy": ["marginal"]}),
         truth=pd.DataFrame(),
     )
@@ -1667,35 +1651,25 @@ def finished(function):
 
 
 METRIC = r"^metric='rsp' must be one of \['emd'\]"
-ask({"score_table": finished(score_table), "compare_sensors": finished(compare_sensors),
-     "compare_procedures": finished(compare_procedures)},
+ask({"score_table": finished(score_table),
+     "compare_networks": finished(compare_networks)},
     *settings("metric", "rsp", says=METRIC))
-ask({"compare_sensors": finished(compare_sensors),
-     "compare_procedures": finished(compare_procedures)},
-    *settings("by", "object", says="^by has 'object', but it must be among"))
-ask({"compare_procedures": finished(compare_procedures)},
-    check("a study of one procedure", metric="emd",
+ask({"compare_networks": finished(compare_networks)},
+    check("by='object'", by="object", metric="emd",
+        says="^by has 'object', but between sensors it must be among"),
+    check("no such comparison", between="objects", metric="emd",
+        says="^between='objects' must be one of"),
+    check("a study of one procedure", between="procedures", metric="emd",
         says="^The study has no object that is tested with two procedures or more"))
 ask({"read_study": reading},
     check("no study", "holds no study: study.json is missing; run_study"),
     check("settings of random bytes", **{"study.json": b"\xff\xfe\x00"},
         says=DAMAGED_SETTINGS),
     check("settings that are a number", **{"study.json": b"3"}, says=DAMAGED_SETTINGS),
-    check("procedures that are no list", **{"study.json": b'{"procedures": 3}'},
-        says=DAMAGED_SETTINGS),
-    check("no finished models", **{"study.json": b"{}"},
+    check("no finished models", **{"study.json": b'{"procedures": ["hold"]}'},
         says="has no finished models yet; run_study makes them"),
-    check("an empty record", b"", DAMAGED_UNIT),
-    check("a record that is a list", b"[1]", DAMAGED_UNIT),
-    check("a record of another form", b'{"a": 1}', DAMAGED_UNIT),
-    check("a record without its table", b'{"file": "hold_hard_0.csv", "sha256": "0"}',
-        DAMAGED_UNIT),
-    check("a record of a file elsewhere", b'{"file": "../study.json", "sha256": "0"}',
-        DAMAGED_UNIT),
-    check("a table of another checksum", b'{"file": "hold_hard_0.csv", "sha256": "0"}',
-        **{"models/hold_hard_0.csv": b"rps\n0.1\n"}, says=DAMAGED_UNIT),
-    check("a record whose file is a folder", b'{"file": "hold", "sha256": "0"}',
-        **{"models/hold/table.csv": b"rps\n"}, says=DAMAGED_UNIT),
+    check("an empty unit", **{"study.json": b'{"procedures": ["hold"]}',
+        "trials/hold.npz": b""}, says=DAMAGED_UNIT),
     in_folder=True)
 
 # Touches in progress

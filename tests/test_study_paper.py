@@ -4,6 +4,7 @@ import re
 from functools import partial
 from itertools import product
 
+import joblib
 import numpy as np
 import pandas as pd
 import pytest
@@ -21,8 +22,7 @@ from sklearn_haptic import (
 )
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.study import (
-    compare_procedures,
-    compare_sensors,
+    compare_networks,
     read_study,
     run_study,
     score_table,
@@ -39,7 +39,7 @@ GRID = list(product([1, 3], [0.1, 1.0]))
 P = np.arange(1, 100) / 100
 CORPUS = partial(make_haptic_corpus, 10, 3, random_state=0)
 SETTINGS = {
-    "preset": "paper",
+    "protocol": "paper",
     "adjectives": ["hard", "cold"],
     "procedures": ["squeeze", "fast_slide"],
     "sensors": SENSORS,
@@ -109,7 +109,7 @@ def test_the_papers_dictionaries_are_exact(folder, tmp_path):
     stored = read_settings(folder)
     assert (stored["update"], stored["standardise"]) == ("exact", False)
     assert stored["split"] == "paper"
-    assert "neg_macro_mae_scorer" in stored["scoring"]
+    assert stored["scoring"] == joblib.hash(metrics.neg_macro_mae_scorer)
 
 
 @pytest.mark.parametrize("adjective", ["hard", "cold"])
@@ -119,9 +119,7 @@ def test_the_papers_study_by_hand(folder, adjective):
     corpus = CORPUS(procedure="squeeze", sensors=["tdc"])
     y, objects = corpus.ratings[adjective], corpus.objects
     mine = study.scores.query("procedure == 'squeeze' and adjective == @adjective")
-    singly = study.sensor_scores.query(
-        "procedure == 'squeeze' and adjective == @adjective"
-    )
+    singly = study.networks.query("procedure == 'squeeze' and adjective == @adjective")
     chosen = study.choices.query("procedure == 'squeeze' and adjective == @adjective")
     chosen = chosen.set_index("network")
 
@@ -212,8 +210,9 @@ def test_score_table(folder):
     }
     for (adjective, procedure), row in table.iterrows():
         corpus = CORPUS(procedure=procedure, sensors=["tdc"])
-        rows = study.scores.query(
-            "adjective == @adjective and procedure == @procedure and held_out == 'none'"
+        rows = study.networks.query(
+            "adjective == @adjective and procedure == @procedure "
+            "and network == 'combined'"
         )
         assert row["combined"] == pytest.approx(rows["rps"].mean())
         test = np.isin(corpus.objects, rows["object"])
@@ -231,21 +230,22 @@ def test_score_table(folder):
 
 @pytest.fixture(scope="module")
 def kfold(tmp_path_factory):
-    settings = SETTINGS | {"preset": "default", "n_splits": 2, "n_repeats": 1}
+    settings = SETTINGS | {"protocol": "default", "n_splits": 2, "n_repeats": 1}
     settings |= {"procedures": ["squeeze", "hold", "fast_slide"], "n_hidden": [1]}
     return run_study(CORPUS, tmp_path_factory.mktemp("kfold"), **settings)
 
 
 def test_sensors_compared_by_hand(kfold):
-    comparison = compare_sensors(kfold, by="adjective").set_index(
+    comparison = compare_networks(kfold, by="adjective").set_index(
         ["adjective", "network"]
     )
-    full = kfold.scores.query("held_out == 'none'")
     for (adjective, sensor), row in comparison.iterrows():
-        of_sensor = kfold.sensor_scores[kfold.sensor_scores["network"] == sensor]
         single, combined = (
-            table[table["adjective"] == adjective].groupby("object")["macro_mae"].mean()
-            for table in (of_sensor, full)
+            kfold.networks.set_index(["adjective", "network"])
+            .loc[(adjective, name)]
+            .groupby("object")["macro_mae"]
+            .mean()
+            for name in (sensor, "combined")
         )
         assert row["n_objects"] == 10
         assert row["difference"] == pytest.approx((single - combined).mean())
@@ -253,7 +253,9 @@ def test_sensors_compared_by_hand(kfold):
 
 
 def test_procedures_compared_by_hand(kfold):
-    comparison = compare_procedures(kfold, metric="rps").set_index("adjective")
+    comparison = compare_networks(
+        kfold, "procedures", metric="rps", by="adjective"
+    ).set_index("adjective")
     full = kfold.scores.query("held_out == 'none'")
     for adjective, row in comparison.iterrows():
         cell = full[full["adjective"] == adjective]
@@ -266,7 +268,7 @@ def test_procedures_compared_by_hand(kfold):
         result = friedmanchisquare(*columns)
         assert row["statistic"] == pytest.approx(result.statistic)
         assert row["p_objects"] == pytest.approx(result.pvalue)
-    assert len(compare_procedures(kfold, by=None)) == 1
+    assert len(compare_networks(kfold, "procedures")) == 1
 
 
 def test_dictionaries_of_training_objects(tmp_path):
@@ -299,12 +301,12 @@ def test_dictionaries_of_training_objects(tmp_path):
 
 
 def test_corpus_in_memory_is_that_of_a_function(tmp_path):
-    settings = SETTINGS | {"preset": "default", "split": "paper"}
+    settings = SETTINGS | {"protocol": "default", "split": "paper"}
     settings |= {"n_hidden": [1], "alpha": [1.0]}
     expected = run_study(CORPUS, tmp_path / "function", **settings)
     corpus = {p: dict(CORPUS(procedure=p)) for p in settings["procedures"]}
     study = run_study(corpus, tmp_path / "memory", n_jobs=2, **settings)
-    for name in ("scores", "sensor_scores", "choices", "baselines", "truth"):
+    for name in ("scores", "networks", "choices", "baselines", "truth"):
         pd.testing.assert_frame_equal(study[name], expected[name], check_exact=True)
 
 

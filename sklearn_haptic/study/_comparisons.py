@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,8 @@ from ..metrics import (
 from ..model_selection._contributions import FULL_MODEL
 
 _CELL = ["adjective", "procedure"]
+# By what networks can be compared.
+_COMPARED = {"sensors": _CELL, "procedures": ["adjective"]}
 _SCORES = {
     "macro_mae": macro_mae,
     "emd": earth_movers_distance,
@@ -41,7 +44,7 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
     -------
     table : DataFrame
         One row per adjective and procedure. Columns: ``combined``, the combined
-        network, mean over starts; one for each sensor, its own network alone;
+        network as it was chosen; one for each sensor, its own network as it was chosen;
         ``marginal`` and ``barycentre``, the guesses of
         :class:`~sklearn_haptic.DummyDistribution`; ``ceiling``, what the whole
         population is expected to score, as
@@ -63,17 +66,12 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
     >>> table["no_better"].sum()  # doctest: +SKIP
     """
     _check_metric(study, metric)
-    full = study.scores[study.scores["held_out"] == FULL_MODEL]
+    full = _full(study)
     parts = [
-        full.groupby(_CELL)[metric].mean().rename("combined"),
-        *(
-            table.groupby([*_CELL, of], sort=False)[metric].mean().unstack(of)
-            for table, of in (
-                (study.sensor_scores, "network"),
-                (study.baselines, "strategy"),
-            )
-        ),
+        table.groupby([*_CELL, of], sort=False)[metric].mean().unstack(of)
+        for table, of in ((study.networks, "network"), (study.baselines, "strategy"))
     ]
+    parts.insert(0, parts[0].pop("combined"))
     if metric in _SCORES:
         cells = full.groupby(_CELL)[[c for c in full if c not in _CELL]]
         parts.append(cells.apply(_ceiling, _SCORES[metric]).rename("ceiling"))
@@ -97,108 +95,61 @@ def _ceiling(rows, score):
     return noise_ceiling(counts, score, sample_weight=weight, random_state=0).truth
 
 
-def compare_sensors(
+def compare_networks(
     study: Bunch,
+    between: Literal["sensors", "procedures"] = "sensors",
     *,
     metric: str = "macro_mae",
     by: str | Sequence[str] | None = None,
 ) -> pd.DataFrame:
-    """Test whether the combined network beats the network of each single sensor.
+    """Test whether combining sensors helps, or whether procedures differ.
 
     Parameters
     ----------
     study : Bunch
         As `run_study` and `read_study` return it.
+    between : {"sensors", "procedures"}, default="sensors"
+        Whether to compare the combined network with the network of each single sensor,
+        or the combined networks of all procedures.
     metric : str, default="macro_mae"
         Name of a score; lower is better in all.
     by : str or list of str, default=None
-        ``"adjective"``, ``"procedure"`` or both, for each of whose values to make the
-        comparison; by default one over all.
+        ``"adjective"`` and, between sensors, ``"procedure"``: for each of these values
+        to make the comparison; by default one over all.
 
     Returns
     -------
     comparison : DataFrame
-        One row per sensor, and per value of ``by``. Columns: those of ``by``;
-        ``network``, the sensor; ``combined`` and ``single``, the means of the objects'
-        scores; ``difference``, single less combined, positive if the combined network
-        is better; ``n_objects``; and ``p_objects`` of a Wilcoxon signed-rank test
-        whether the objects' differences are centred at zero.
+        Between sensors one row per sensor, and per value of ``by``. Columns: those of
+        ``by``; ``network``, the sensor; ``combined`` and ``single``, the means of the
+        objects' scores; ``difference``, single less combined, positive if the combined
+        network is better; ``n_objects``; and ``p_objects`` of Wilcoxon's signed-rank
+        test.
+
+        Between procedures one row per value of ``by``. Columns: those of ``by``; for
+        each procedure the mean of its objects' scores; ``n_objects``; ``statistic`` and
+        ``p_objects`` of Friedman's test [1]_, for two procedures of Wilcoxon's.
 
     Raises
     ------
     ValueError
-        If the metric or a value of ``by`` is unknown.
+        If ``between``, the metric or a value of ``by`` is unknown, or no object is
+        tested with two procedures.
 
     Notes
     -----
-    Both networks predict the same trials, so the test is a paired one. An object is one
-    observation: its score is averaged over starts, trials, folds, and whatever else
-    ``by`` does not name, because touches of one object are not independent. With fewer
-    than six objects ``p_objects`` is never below 0.05. No p-value is corrected for the
-    number of rows.
+    Between sensors, each network is the one that was chosen among those of the grid, as
+    it was then fitted: a mean over the starts of the combined network would be no match
+    for the best of many fits.
 
-    Examples
-    --------
-    >>> from sklearn_haptic.study import compare_sensors, read_study
-    >>> compare_sensors(read_study("study"), by="adjective")  # doctest: +SKIP
-    """
-    by = _check_by(by, _CELL)
-    keys = [*_CELL, "fold", "object"]
-    combined = _of_objects(study, metric, keys).rename("combined")
-    single = study.sensor_scores.groupby([*keys, "network"], sort=False)[metric].mean()
-    paired = single.rename("single").reset_index().join(combined, on=keys)
-    rows = []
-    for key, cell in paired.groupby([*by, "network"], sort=False):
-        objects = cell.groupby("object")[["combined", "single"]].mean()
-        difference = objects["single"] - objects["combined"]
-        rows.append(
-            {
-                **dict(zip([*by, "network"], key)),
-                **objects.mean(),
-                "difference": difference.mean(),
-                "n_objects": len(objects),
-                "p_objects": wilcoxon(difference).pvalue if difference.any() else 1.0,
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def compare_procedures(
-    study: Bunch, *, metric: str = "macro_mae", by: str | None = "adjective"
-) -> pd.DataFrame:
-    """Test whether the combined networks of the procedures predict equally well.
-
-    Parameters
-    ----------
-    study : Bunch
-        As `run_study` and `read_study` return it.
-    metric : str, default="macro_mae"
-        Name of a score; lower is better in all.
-    by : "adjective" or None, default="adjective"
-        Whether to compare for each adjective, or over all.
-
-    Returns
-    -------
-    comparison : DataFrame
-        One row per adjective, or one row. Columns: ``adjective``; for each procedure
-        the mean of its objects' scores; ``n_objects``; ``statistic`` and ``p_objects``
-        of the test.
-
-    Raises
-    ------
-    ValueError
-        If there is one procedure only, no object is tested with every procedure, or the
-        metric is unknown.
-
-    Notes
-    -----
-    The test is Friedman's [1]_, for two procedures Wilcoxon's signed-rank test. Both
-    compare each object with itself: all procedures touch the same objects, and a study
-    splits them alike, whereas a Kruskal–Wallis test would take the procedures' scores
-    for independent samples, and the large differences between objects for noise. An
-    object is one observation, averaged over starts, trials and folds; objects that some
-    procedure lacks are left out. With few objects Friedman's p, from the chi-squared
-    distribution, is approximate.
+    All tests compare each object with itself: networks and procedures predict the same
+    objects, and a study splits them alike. A Kruskal–Wallis test would take the scores
+    of procedures for independent samples, and the differences between objects for
+    noise. An object is one observation, averaged over trials, folds, starts and
+    whatever else ``by`` does not name, because touches of one object are not
+    independent. Objects that some procedure lacks are left out. With fewer than six
+    objects, p is never below 0.05; with few, Friedman's p, from the chi-squared
+    distribution, is approximate. No p-value is corrected for the number of rows.
 
     References
     ----------
@@ -208,43 +159,73 @@ def compare_procedures(
 
     Examples
     --------
-    >>> from sklearn_haptic.study import compare_procedures, read_study
-    >>> compare_procedures(read_study("study"), metric="rps")  # doctest: +SKIP
+    >>> from sklearn_haptic.study import compare_networks, read_study
+    >>> study = read_study("study")  # doctest: +SKIP
+    >>> compare_networks(study, by="adjective")  # doctest: +SKIP
+    >>> compare_networks(study, "procedures", metric="rps")  # doctest: +SKIP
     """
-    by = _check_by(by, ["adjective"])
-    objects = _of_objects(study, metric, [*by, "procedure", "object"])
-    table = objects.unstack("procedure").dropna()
+    _check_metric(study, metric)
+    if between not in _COMPARED:
+        raise ValueError(f"between={between!r} must be one of {[*_COMPARED]}.")
+    by = [] if by is None else [by] if isinstance(by, str) else list(by)
+    for name in by:
+        if name not in _COMPARED[between]:
+            raise ValueError(
+                f"by has {name!r}, but between {between} it must be among "
+                f"{_COMPARED[between]}."
+            )
+    if between == "sensors":
+        scores, compared = study.networks, "network"
+    else:
+        scores, compared = _full(study), "procedure"
+    cells = [*_CELL, "fold", "object", *(["network"] if compared == "network" else [])]
+    scores = scores.groupby(cells, sort=False)[metric].mean()
+    table = scores.groupby([*by, "object", compared], sort=False).mean()
+    table = table.unstack(compared).dropna()
     if table.shape[1] < 2 or table.empty:
         raise ValueError(
             "The study has no object that is tested with two procedures or more; "
             "run_study adds procedures to its folder."
         )
-    cells = table.groupby("adjective") if by else [(None, table)]
-    rows = []
-    for adjective, cell in cells:
-        statistic, p = _test_procedures(cell.to_numpy().T)
-        rows.append(
-            ({"adjective": adjective} if by else {})
-            | cell.mean().to_dict()
-            | {"n_objects": len(cell), "statistic": statistic, "p_objects": p}
-        )
+    rows: list[dict[str, object]] = []
+    for key, objects in table.groupby(by, sort=False) if by else [((), table)]:
+        compare = _compare_sensors if between == "sensors" else _compare_procedures
+        rows.extend({**dict(zip(by, key)), **row} for row in compare(objects))
     return pd.DataFrame(rows)
 
 
-def _test_procedures(scores):
-    """Test rows of scores of the same objects; equal rows are no evidence."""
-    if (scores == scores[0]).all():
-        return 0.0, 1.0
-    test = wilcoxon if len(scores) == 2 else friedmanchisquare
-    result = test(*scores)
-    return float(result.statistic), float(result.pvalue)
+def _compare_sensors(objects):
+    """Test the columns of single sensors against that of the combined network."""
+    combined = objects.pop("combined")
+    for sensor, single in objects.items():
+        difference = single - combined
+        yield {
+            "network": sensor,
+            "combined": combined.mean(),
+            "single": single.mean(),
+            "difference": difference.mean(),
+            "n_objects": len(objects),
+            "p_objects": wilcoxon(difference).pvalue if difference.any() else 1.0,
+        }
 
 
-def _of_objects(study, metric, keys):
-    """Mean score of the combined network of every object."""
-    _check_metric(study, metric)
-    full = study.scores[study.scores["held_out"] == FULL_MODEL]
-    return full.groupby(keys)[metric].mean()
+def _compare_procedures(objects):
+    """Test all columns at once; equal columns are no evidence."""
+    scores = objects.to_numpy().T
+    statistic, p = 0.0, 1.0
+    if (scores != scores[0]).any():
+        statistic, p = (wilcoxon if len(scores) == 2 else friedmanchisquare)(*scores)
+    yield {
+        **objects.mean(),
+        "n_objects": len(objects),
+        "statistic": float(statistic),
+        "p_objects": float(p),
+    }
+
+
+def _full(study):
+    """Rows of the combined network with all sensors, of every start."""
+    return study.scores[study.scores["held_out"] == FULL_MODEL]
 
 
 def _check_metric(study, metric):
@@ -252,11 +233,3 @@ def _check_metric(study, metric):
     known = scores[scores.get_loc("trial") + 1 : scores.get_loc("proba_1")]
     if metric not in known:
         raise ValueError(f"metric={metric!r} must be one of {list(known)}.")
-
-
-def _check_by(by, known):
-    by = [] if by is None else [by] if isinstance(by, str) else list(by)
-    unknown = [name for name in by if name not in known]
-    if unknown:
-        raise ValueError(f"by has {unknown[0]!r}, but it must be among {known}.")
-    return by

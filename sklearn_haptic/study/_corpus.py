@@ -1,15 +1,14 @@
-"""Corpora of a study: functions that load a procedure, or procedures in memory."""
+"""Corpora of a study: procedures in memory or loaded, their trials and ratings."""
 
+import re
 from collections.abc import Mapping
 from functools import partial
 
+import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch
 
 from ..recordings._biotac import PROCEDURES, SENSORS
-
-# What a procedure consists of.
-_KINDS = {"trials": pd.DataFrame, "objects": object, "ratings": Mapping}
 
 
 def open_corpus(corpus):
@@ -29,8 +28,8 @@ def open_corpus(corpus):
     Raises
     ------
     ValueError
-        If a mapping has no procedures, their names could be mistaken for each other, or
-        a procedure lacks trials, objects, ratings or a sensor.
+        If a mapping has no procedures, or a procedure lacks trials, objects, ratings or
+        a sensor.
 
     Examples
     --------
@@ -50,41 +49,32 @@ def open_corpus(corpus):
     """
     if not isinstance(corpus, Mapping):
         return corpus, list(PROCEDURES), list(SENSORS)
-    if not corpus or not all(isinstance(each, Mapping) for each in corpus.values()):
-        raise ValueError(
-            "corpus is a dict, but not of procedures; give one Bunch or dict with "
-            "trials, objects and ratings per procedure, such as {'tap': {...}}."
-        )
+    if not corpus:
+        raise ValueError("corpus has no procedures; give one at least.")
+    shared = None
     for procedure, touches in corpus.items():
-        for name, kind in _KINDS.items():
-            given = name in touches
-            if not given or not isinstance(touches[name], kind):
-                fault = f"{name} that are no {kind.__name__}" if given else f"no {name}"
-                raise ValueError(
-                    f"corpus[{procedure!r}] has {fault}; give trials (a DataFrame with "
-                    "one row per trial and one column per sensor), objects (one id per "
-                    "trial) and ratings (a dict from each adjective to its counts)."
-                )
-        columns = [("objects", touches["objects"]), *touches["ratings"].items()]
-        for name, values in columns:
-            if len(values) != len(touches["trials"]):
-                raise ValueError(
-                    f"corpus[{procedure!r}] has {len(touches['trials'])} trials, but "
-                    f"{len(values)} rows of {name!r}; give one row per trial."
-                )
-    procedures = check_file_names([*corpus], "procedure")
-    shared = [
-        sensor
-        for sensor in corpus[procedures[0]]["trials"].columns
-        if all(sensor in corpus[p]["trials"] for p in procedures)
-    ]
+        try:
+            trials, ratings = touches["trials"], touches["ratings"]
+            sensors = [sensor for sensor in trials.columns if isinstance(sensor, str)]
+            lengths = {len(touches["objects"]), *map(len, ratings.values())}
+            fits = isinstance(procedure, str) and lengths == {len(trials)}
+        except (TypeError, KeyError, AttributeError, IndexError):
+            fits = False
+        if not fits:
+            raise ValueError(
+                f"corpus[{procedure!r}] is no procedure; give, under a name that is "
+                "text, a dict or Bunch of trials (a DataFrame with one row per trial "
+                "and one column per sensor, named by text), objects (one id per trial) "
+                "and ratings (a dict from each adjective to one row of counts per "
+                "trial)."
+            )
+        shared = [s for s in sensors if shared is None or s in shared]
     if not shared:
         raise ValueError(
             "The procedures of corpus have no sensor in common; give them the same "
             "columns of trials, or make one study per procedure."
         )
-    check_file_names(shared, "sensor")
-    return partial(_take, corpus), procedures, shared
+    return partial(_take, corpus), [*corpus], shared
 
 
 def _take(corpus, *, procedure, sensors):
@@ -93,20 +83,53 @@ def _take(corpus, *, procedure, sensors):
     return Bunch(**{**touches, "trials": touches["trials"][sensors]})
 
 
-def check_file_names(names, what):
-    """Refuse names that could be mistaken in the name of a unit's file.
+def compute_trials(study, procedure):
+    """Return a table of trials, one row per trial, and an empty record.
 
-    ``"slide"`` and ``"slide_fast"`` could: the file of ``("slide", "fast_soft")`` is
-    that of ``("slide_fast", "soft")``.
+    Columns: ``trial``, its name; ``object``; and, for each adjective and level such as
+    ``rough_1``, how many people chose that level; and where the corpus knows the
+    truth, such as ``rough_1_true``, the probability of that level in the population.
     """
-    for name in names:
-        if not isinstance(name, str) or not name:
-            raise ValueError(f"corpus has the {what} {name!r}; name it by text.")
-        for other in names:
-            if other != name and str(other).startswith(f"{name}_"):
-                raise ValueError(
-                    f"corpus has the {what}s {name!r} and {other!r}, whose files could "
-                    "be mistaken for each other; rename one so that it does not begin "
-                    f"with '{name}_'."
-                )
-    return names
+    corpus = study.corpus(procedure=procedure, sensors=study.sensors[:1])
+    if not corpus.ratings:
+        raise ValueError(
+            "The corpus has no ratings; give load_phac2 the ratings as ratings=."
+        )
+    columns = names_of_trials(corpus)
+    for adjective, counts in corpus.ratings.items():
+        for k, count in enumerate(np.asarray(counts).T, start=1):
+            columns[f"{adjective}_{k}"] = count
+    for adjective, proba in corpus.get("true_proba", {}).items():
+        for k, p in enumerate(np.asarray(proba, dtype=float).T, start=1):
+            columns[f"{adjective}_{k}_true"] = p
+    return pd.DataFrame(columns), {}
+
+
+def names_of_trials(corpus):
+    """Return the name and the object of each trial, as whole numbers or text."""
+    ids = {"trial": corpus.trials.index, "object": corpus.objects}
+    for what, each in ids.items():
+        ids[what] = np.array(list(each))
+        kind = pd.api.types.infer_dtype(list(each), skipna=False)
+        if kind not in ("integer", "string") or ids[what].dtype.hasobject:
+            raise ValueError(
+                f"The {what}s of the corpus are named by {kind} values; name all by "
+                "whole numbers of at most 64 bits, or all by text."
+            )
+    return ids
+
+
+def adjectives_of(trials):
+    """Return the adjectives in a table made by `compute_trials`."""
+    counts = trials.filter(regex=r"_\d+$").columns
+    return list(dict.fromkeys(name.rpartition("_")[0] for name in counts))
+
+
+def counts_of(trials, adjective):
+    """Return counts (n_trials, n_levels) from a table made by `compute_trials`."""
+    return trials.filter(regex=rf"^{re.escape(adjective)}_\d+$").to_numpy()
+
+
+def truth_of(trials, adjective):
+    """Return probabilities (n_trials, n_levels); no columns if they are not known."""
+    return trials.filter(regex=rf"^{re.escape(adjective)}_\d+_true$").to_numpy()

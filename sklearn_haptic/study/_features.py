@@ -1,6 +1,7 @@
 """The features of a sensor: codes over a dictionary of its own, pooled over time."""
 
 import numpy as np
+import pandas as pd
 from scipy import linalg
 from sklearn.base import clone
 from sklearn.preprocessing import StandardScaler
@@ -9,8 +10,8 @@ from sklearn.utils import check_random_state
 from .._pipeline import make_haptic_pipeline
 from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
 from ..recordings._biotac import SENSORS
-from ._store import read_unit
-from ._trials import names_of_trials
+from ._corpus import names_of_trials
+from ._store import read_table
 
 _SHARE_OF_DICTIONARY = 0.6  # of the trials of each object
 
@@ -22,7 +23,7 @@ def compute_features(study, procedure, sensor, *fold):
     trials the dictionary is learned from; without it all objects take part.
     """
     corpus = study.corpus(procedure=procedure, sensors=[sensor])
-    trials, _ = read_unit(study.folder, ("trials", procedure))
+    trials, _ = read_table(study.folder, ("trials", procedure))
     for name, ids in names_of_trials(corpus).items():
         if trials[name].tolist() != ids.tolist():
             raise ValueError(
@@ -107,7 +108,7 @@ def choose_trials(objects, seed):
     """
     rng = check_random_state(seed)
     chosen = []
-    for of_object in trials_of_objects(objects):
+    for of_object in pd.Series(objects).groupby(objects).indices.values():
         n_chosen = max(1, round(_SHARE_OF_DICTIONARY * len(of_object)))
         chosen.extend(rng.permutation(of_object)[:n_chosen])
     return np.sort(chosen)
@@ -148,12 +149,6 @@ def learn_features(trials, chosen, coder, cells):
     pool = TemporalMaxPool(cells).set_output(transform="default")
     features = pool.fit_transform(coder.transform(trials))
     return features.astype(np.float32, copy=False), coder.components_
-
-
-def trials_of_objects(objects):
-    """Return the ascending indices of the trials of each object, objects in order."""
-    _, rank, counts = np.unique(objects, return_inverse=True, return_counts=True)
-    return np.split(np.argsort(rank, kind="stable"), np.cumsum(counts)[:-1])
 
 
 def cells_of(procedure, sensor):

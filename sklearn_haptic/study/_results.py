@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from os import PathLike
 from pathlib import Path
 
 import pandas as pd
 from sklearn.utils import Bunch
 
-from ..recordings._biotac import PROCEDURES
-from ._store import read_finished, read_settings
+from ._corpus import adjectives_of
+from ._models import CHOSEN
+from ._store import read_record, read_settings, read_table, unit_path
+from ._study import count_folds
 
 
 def read_study(folder: str | PathLike[str]) -> Bunch:
@@ -32,10 +33,10 @@ def read_study(folder: str | PathLike[str]) -> Bunch:
             the full model; ``start``; ``object``; ``trial``, its name; the scores that
             `sensor_contributions` gives; ``proba_1``, …, the predicted probability of
             each level; and ``count_1``, …, how many people chose it.
-        sensor_scores : DataFrame
-            The same of each sensor's own network, one row per network and test trial:
-            ``network`` is the sensor, and there is no ``held_out`` and no ``start``,
-            because it is the network that was chosen for the sensor.
+        networks : DataFrame
+            The same of each network as it was fitted when it was chosen, one row per
+            network and test trial: ``network`` is the sensor, or "combined", and there
+            is no ``held_out`` and no ``start``.
         choices : DataFrame
             One row per chosen network. Columns: ``procedure``, ``adjective`` and
             ``fold``; ``network``, the sensor or "combined"; the chosen ``n_hidden`` and
@@ -66,41 +67,30 @@ def read_study(folder: str | PathLike[str]) -> Bunch:
     >>> study.scores.groupby("adjective")["rps"].mean()  # doctest: +SKIP
     """
     folder = Path(folder)
-    procedures = read_settings(folder).get("procedures", PROCEDURES)
-    # Of files that name units of models; other files are ignored.
-    name = rf"({'|'.join(re.escape(str(each)) for each in procedures)})_.*_\d+"
-    units = read_finished(folder, "models", name)
+    settings = read_settings(folder)
+    units = []
+    for procedure in sorted(settings["procedures"]):
+        if read_record(folder, ("trials", procedure)) is None:
+            continue
+        trials, _ = read_table(folder, ("trials", procedure))
+        for adjective in sorted(adjectives_of(trials)):
+            for fold in range(count_folds(settings)):
+                name = {"procedure": procedure, "adjective": adjective, "fold": fold}
+                unit = ("models", *name.values())
+                if unit_path(folder, unit).exists():
+                    units.append((name, *read_table(folder, unit)))
     if not units:
         raise ValueError(f"{folder} has no finished models yet; run_study makes them.")
-    records = [record for _, record in units]
-    for table, record in units:
-        if "network" not in table:
-            raise ValueError(
-                f"models/{record['file']} has no column 'network'; delete that file, "
-                "and run_study does the unit again."
-            )
-    scores = pd.concat([table for table, _ in units], ignore_index=True)
-    combined = scores["network"] == "combined"
-    of_sensors = scores[~combined].drop(columns=["held_out", "start"], errors="ignore")
+    scores = pd.concat([table for _, table, _ in units], ignore_index=True)
+    chosen = scores["start"] == CHOSEN
+    networks = scores[chosen].drop(columns=["held_out", "start"], errors="ignore")
     return Bunch(
-        scores=scores[combined].drop(columns="network").reset_index(drop=True),
-        sensor_scores=of_sensors.reset_index(drop=True),
-        choices=pd.DataFrame(_rows_of(records, "choices")),
-        baselines=pd.DataFrame(_rows_of(records, "baselines")),
-        truth=pd.DataFrame(_rows_of(records, "truth")),
-    )
-
-
-def _rows_of(records, name):
-    """Return what the records of models list under a name, each with its unit."""
-    rows = []
-    for record in records:
-        unit = dict(zip(("procedure", "adjective", "fold"), record["unit"][1:]))
-        listed = record.get(name)
-        if not isinstance(listed, list) or not all(isinstance(e, dict) for e in listed):
-            raise ValueError(
-                f"The record of models/{record['file']} has no list of {name}; delete "
-                "that file, and run_study does the unit again."
+        scores=scores[~chosen].drop(columns="network").reset_index(drop=True),
+        networks=networks.reset_index(drop=True),
+        **{
+            what: pd.DataFrame(
+                [name | row for name, _, record in units for row in record[what]]
             )
-        rows.extend({**unit, **each} for each in listed)
-    return rows
+            for what in ("choices", "baselines", "truth")
+        },
+    )

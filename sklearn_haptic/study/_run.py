@@ -7,6 +7,7 @@ nothing but the corpus, the settings and its name, from which its seeds follow.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
@@ -16,6 +17,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, Literal
 
+import numpy as np
 from joblib import effective_n_jobs
 from sklearn.metrics import check_scoring
 from sklearn.utils import Bunch
@@ -32,15 +34,12 @@ from ..utils._sklearn import (
     validate_params,
 )
 from ..utils._validation import check_names
-from ._corpus import open_corpus
+from ._corpus import adjectives_of, compute_trials, open_corpus
 from ._features import compute_features
 from ._models import check_models, compute_models
-from ._progress import Progress
-from ._protocols import PRESETS
 from ._results import read_study
-from ._store import open_study, read_record, read_unit, write_unit
-from ._study import Study
-from ._trials import adjectives_of, compute_trials
+from ._store import open_study, read_record, read_table, unit_path, write_unit
+from ._study import PROTOCOLS, Study
 
 _COMPUTE = {
     "trials": compute_trials,
@@ -76,18 +75,58 @@ def complete_units(study, units, *, n_jobs, report=None):
     report : callable, default=None
         Called with each unit and the seconds it took.
     """
-    pending = [unit for unit in units if read_record(study.folder, unit) is None]
+    pending = [unit for unit in units if not unit_path(study.folder, unit).exists()]
     parallel = Parallel(n_jobs=n_jobs, return_as="generator_unordered", batch_size=1)
     for finished in parallel(delayed(complete_unit)(study, unit) for unit in pending):
         if report is not None:
             report(*finished)
 
 
+class Progress:
+    """Prints one line per finished unit, with the time left.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the study.
+    units : list of tuple
+        All units, finished or not.
+    n_workers : int
+        Number of units that are computed at a time.
+    """
+
+    def __init__(self, folder, units, n_workers):
+        self.n_workers = n_workers
+        self.seconds = {}
+        for unit in units:
+            record = read_record(folder, unit)
+            self.seconds[unit] = np.nan if record is None else record["seconds"]
+
+    def __call__(self, unit, seconds):
+        """Note that a unit is finished; the rest takes the mean time of its kind."""
+        self.seconds[unit] = seconds
+        left = 0.0
+        for kind in ("features", "models"):
+            taken = np.array([s for name, s in self.seconds.items() if name[0] == kind])
+            unknown = np.isnan(taken)
+            if unknown.any():
+                known = taken[~unknown].mean() if not unknown.all() else np.nan
+                left += unknown.sum() * known
+        n_done = sum(s == s for s in self.seconds.values())
+        expected = f"about {left / self.n_workers / 60:.1f} min left"
+        print(
+            f"[{n_done}/{len(self.seconds)}] {' '.join(map(str, unit))}: "
+            f"{seconds:.1f} s, {expected if left == left else 'time left not known'}",
+            file=sys.stderr,
+            flush=True,
+        )
+
+
 @validate_params(
     {
         "corpus": [callable, Mapping],
         "folder": [str, PathLike],
-        "preset": [StrOptions(set(PRESETS))],
+        "protocol": [StrOptions(set(PROTOCOLS))],
         "adjectives": ["array-like", None],
         "procedures": ["array-like", None],
         "sensors": ["array-like", Mapping, None],
@@ -114,7 +153,7 @@ def run_study(
     corpus: Callable[..., Bunch] | Mapping[str, Mapping[str, Any]],
     folder: str | PathLike[str],
     *,
-    preset: Literal["default", "paper"] = "default",
+    protocol: Literal["default", "paper"] = "default",
     adjectives: Names | None = None,
     procedures: Names | None = None,
     sensors: Names | Mapping[str, KSVDTransformer | STHMPTransformer] | None = None,
@@ -156,7 +195,7 @@ def run_study(
         counts of shape ``(n_trials, n_levels)``.
     folder : str or path-like
         Where results are kept; it is made if it does not exist.
-    preset : {"default", "paper"}, default="default"
+    protocol : {"default", "paper"}, default="default"
         What ``split``, ``update``, ``standardise``, ``regressor`` and ``scoring`` are
         where they are not given. "paper" has all particulars that the text of the paper
         fixes; "default" differs where other settings were measured to be better.
@@ -173,7 +212,7 @@ def run_study(
         of means. A mapping gives each sensor a transformer of its own: ``{"mic":
         KSVDTransformer(40, window=22)}``.
     split : {"group_kfold", "paper"}, default=None
-        By default that of the preset, which bears its name or is "group_kfold".
+        By default that of the protocol, which bears its name or is "group_kfold".
         "group_kfold" tests on every object: ``n_repeats`` times the objects are
         divided at random into ``n_splits`` folds, the same for every adjective and
         procedure, and a ninth of the objects not tested are for validation. "paper"
@@ -186,7 +225,7 @@ def run_study(
         Number of times that "group_kfold" divides the objects.
     update : {"approximate", "exact"}, default=None
         Update of an atom in K-SVD, where ``sensors`` gives no transformer; see
-        `KSVDTransformer`. By default exact with the preset "paper", else approximate.
+        `KSVDTransformer`. By default exact with the protocol "paper", else approximate.
     dictionaries : {"all objects", "training objects"}, default="all objects"
         Whose recordings dictionaries are learned from, 60 % of the trials of each. "all
         objects", as in the paper, includes the test objects. "training objects" learns
@@ -195,7 +234,7 @@ def run_study(
     standardise : bool, default=None
         Whether to standardise features and rotate them to the principal axes of the
         training trials, or to take them as they were extracted. By default they are
-        taken as extracted with the preset "paper" alone.
+        taken as extracted with the protocol "paper" alone.
     n_hidden : array-like of int, default=(1, 5, 10, 20, 30)
         Numbers of hidden units among which each network's is chosen.
     alpha : array-like of float, default=(0.001, 0.01, 0.1, 1.0, 10.0)
@@ -207,12 +246,12 @@ def run_study(
         How networks are fitted and distributions predicted. Its estimator is an
         `NNPOM`, whose ``n_hidden`` and ``alpha`` are chosen; early stopping, if any, is
         on the validation objects. By default ``DistributionalOrdinalRegressor(
-        **PAPER_2020)`` with the preset "paper", else a regressor of
+        **PAPER_2020)`` with the protocol "paper", else a regressor of
         ``NNPOM(early_stopping=True, max_iter=200, n_iter_no_change=30)``.
     scoring : str, callable or None, default=None
         Score on the validation objects by which networks are chosen, higher being
         better. By default :func:`~sklearn_haptic.metrics.neg_macro_mae_scorer` with
-        the preset "paper", else the regressor's own, the negative ranked probability
+        the protocol "paper", else the regressor's own, the negative ranked probability
         score.
     random_state : int, default=0
         Seed of everything random. The seeds of a unit follow from this one and the
@@ -310,7 +349,7 @@ def run_study(
         alpha=_check_grid("alpha", alpha, float, 0),
         n_starts=int(n_starts),
         random_state=int(random_state),
-        **PRESETS[preset] | given,
+        **PROTOCOLS[protocol] | given,
     )
     _check_regressor(study.regressor, study.scoring)
     procedures = check_names(procedures, known_procedures, "procedure", "the corpus")
@@ -376,7 +415,7 @@ def _check_coders(sensors):
 
 
 def _choose_adjectives(study, procedure, adjectives):
-    trials, _ = read_unit(study.folder, ("trials", procedure))
+    trials, _ = read_table(study.folder, ("trials", procedure))
     return check_names(adjectives, adjectives_of(trials), "adjective", "the corpus")
 
 

@@ -6,13 +6,38 @@ from dataclasses import dataclass
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from sklearn.utils import Bunch
 
 from ..features import KSVDTransformer, STHMPTransformer
-from ..models import DistributionalOrdinalRegressor
+from ..metrics import neg_macro_mae_scorer
+from ..models import NNPOM, PAPER_2020, DistributionalOrdinalRegressor
 from ..utils._sklearn import Scorer
 from ._split import split_objects
+
+# What `run_study` does unless it is told otherwise.
+PROTOCOLS: dict[str, dict[str, Any]] = {
+    "default": {
+        "split": "group_kfold",
+        "update": "approximate",
+        "standardise": True,
+        "regressor": DistributionalOrdinalRegressor(
+            NNPOM(early_stopping=True, max_iter=200, n_iter_no_change=30)
+        ),
+        "scoring": None,
+    },
+    # The paper names no standardisation of features. Nor does it name a removal of
+    # means: its windows are cut from the signals, and "each is used as a single
+    # observation" (section 2.2). Both protocols therefore keep the means of windows.
+    "paper": {
+        "split": "paper",
+        "update": "exact",
+        "standardise": False,
+        "regressor": DistributionalOrdinalRegressor(**PAPER_2020),
+        "scoring": neg_macro_mae_scorer,
+    },
+}
 
 
 def derive_seed(random_state, *name):
@@ -38,6 +63,13 @@ def derive_seed(random_state, *name):
     """
     digest = sha256(json.dumps([random_state, *name]).encode()).digest()
     return int.from_bytes(digest[:4], "big") >> 1
+
+
+def count_folds(settings):
+    """Return the number of folds per procedure and adjective."""
+    if settings["split"] == "paper":
+        return 1
+    return settings["n_splits"] * settings["n_repeats"]
 
 
 @dataclass(frozen=True)
@@ -73,7 +105,7 @@ class Study:
     @property
     def n_folds(self):
         """Number of folds per procedure and adjective."""
-        return 1 if self.split == "paper" else self.n_splits * self.n_repeats
+        return count_folds(vars(self))
 
     def seed(self, *name):
         """Seed of the random choice of this name."""
