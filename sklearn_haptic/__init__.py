@@ -7,7 +7,6 @@ from ._pipeline import make_haptic_pipeline
 from .ensembles import DistributionBlend, NoveltyGuard, TouchPool
 from .features import (
     KSVDTransformer,
-    SensorFeatures,
     SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
@@ -26,7 +25,6 @@ from .recordings import (
     Sequences,
     Signal,
     TaxelGrid,
-    infer_rate,
     resample_trials,
 )
 from .streaming import AnytimeRegressor
@@ -46,7 +44,6 @@ __all__ = [
     "RegressedDistribution",
     "RepairTrials",
     "STHMPTransformer",
-    "SensorFeatures",
     "SensorFusionNNPOM",
     "Sequences",
     "Signal",
@@ -54,7 +51,6 @@ __all__ = [
     "TaxelGrid",
     "TemporalMaxPool",
     "TouchPool",
-    "infer_rate",
     "make_haptic_pipeline",
     "resample_trials",
 ]

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import Any, Literal, Self
 
+from numpy.typing import NDArray
+from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.compose import ColumnTransformer
 from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
+from sklearn.utils.validation import check_is_fitted
 
 from .ensembles import DistributionBlend
 from .features import (
     KSVDTransformer,
-    SensorFeatures,
     SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
@@ -25,7 +27,8 @@ from .models import (
 )
 from .recordings._biotac import PROCEDURES, SENSORS, columns_of
 from .recordings._sensors import BIOTAC, Sensor, Signal, TaxelGrid
-from .utils._sklearn import Memory, RandomState
+from .recordings._trials import check_trials, is_table
+from .utils._sklearn import FloatArray, Memory, Names, RandomState, Trials
 
 # Atoms of the sensors that have not 25 in the 2020 paper; bands of those of 2200 Hz.
 _N_ATOMS = {"pac": 40, "tdc": 10}
@@ -61,6 +64,57 @@ def _described(sensors):
     return dict(sensors)
 
 
+class SensorFeatures(TransformerMixin, BaseEstimator):
+    """Features of a sensor whose trials tell whether they are signals or images.
+
+    The window and where channels lie cannot be told from numbers alone, so signals get
+    features that need neither.
+
+    Parameters
+    ----------
+    signals, images : transformer
+        What turns trials of shape (n_times, n_rows, n_columns), which are images, and
+        all others into rows of features.
+
+    Attributes
+    ----------
+    kind_ : {"signals", "images"}
+    transformer_ : transformer
+        The fitted one.
+    """
+
+    def __init__(self, signals: Any, images: Any) -> None:
+        self.signals = signals
+        self.images = images
+
+    def fit(self, X: Trials, y: Any = None) -> Self:
+        """Fit the transformer of the kind of the trials."""
+        self.fit_transform(X, y)
+        return self
+
+    def fit_transform(self, X: Trials, y: Any = None) -> FloatArray:
+        """Fit the transformer of the kind of the trials and return their features."""
+        images = not is_table(X) and check_trials(X, ndims=(2, 3))[0].ndim == 3
+        transformer = clone(self.images if images else self.signals)
+        features: FloatArray = transformer.fit_transform(X, y)
+        self.kind_ = "images" if images else "signals"
+        self.transformer_ = transformer
+        return features
+
+    def transform(self, X: Trials) -> FloatArray:
+        """Compute the features of trials."""
+        check_is_fitted(self)
+        features: FloatArray = self.transformer_.transform(X)
+        return features
+
+    def get_feature_names_out(
+        self, input_features: Names | None = None
+    ) -> NDArray[Any]:
+        """Return the names of the features."""
+        check_is_fitted(self)
+        return self.transformer_.get_feature_names_out(input_features)
+
+
 class _Features:
     """Transformers of sensors: roots of pooled codes, and statistics of channels."""
 
@@ -75,17 +129,20 @@ class _Features:
 
     def of(self, sensor, name=None):
         """Return the transformer of a sensor."""
-        if sensor is None:
-            return SensorFeatures(images=self.codes(TaxelGrid()))
         statistics, n_atoms = SignalStatistics(cells=(2, 1)), 25
+        if sensor is None:
+            return SensorFeatures(statistics, self.codes(TaxelGrid()))
+        if isinstance(sensor, Signal):
+            statistics.set_params(rate=sensor.rate)
         if sensor == Signal():
             return statistics
         if sensor == TaxelGrid():
             return self.codes(sensor)
         name = _COLUMNS.get(name)
-        if BIOTAC.get(name) is sensor:
-            n_atoms, n_bands = _N_ATOMS.get(name, 25), _N_BANDS.get(name, 16)
-            statistics = SignalStatistics(["bands"], n_bands=n_bands, cells=(2, 1))
+        if name is not None and BIOTAC[name] == sensor:
+            n_atoms = _N_ATOMS.get(name, 25)
+            n_bands = _N_BANDS.get(name, 16)
+            statistics.set_params(statistics=["bands"], n_bands=n_bands)
         codes = self.codes(sensor, n_atoms)
         return FeatureUnion([("codes", codes), ("statistics", statistics)])
 
@@ -162,7 +219,8 @@ def make_haptic_pipeline(
         ``{"skin": TaxelGrid((4, 4)), "acc": Signal(rate=1000)}``. One description
         alone, without a name, is that of a model of one sensor, whose trials are a
         list. What has no description (None, or a name alone) is found out from the
-        trials when they are fitted, see :class:`SensorFeatures`.
+        trials when they are fitted: those of shape (n_times, n_rows, n_columns) are
+        images, and all others signals, of which statistics are taken.
     preset : {"fast", "accurate"}, default="fast"
         The model of the ratings. "fast" is a linear `DistributionalOrdinalRegressor`.
         "accurate" is a `DistributionBlend` of two linear models with a weak and a

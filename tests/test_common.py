@@ -21,7 +21,6 @@ from sklearn_haptic import (
     NoveltyGuard,
     RegressedDistribution,
     RepairTrials,
-    SensorFeatures,
     SensorFusionNNPOM,
     SignalStatistics,
     STHMPTransformer,
@@ -41,7 +40,6 @@ TRANSFORMERS = [
     TemporalMaxPool((2, 1), statistics=("mean", "share", "max")),
     SignalStatistics(),
     SignalStatistics(("bands",), n_bands=5),
-    SensorFeatures(),
     RepairTrials(),
     RepairTrials(limits=(-100, 100), rest=2),
 ]

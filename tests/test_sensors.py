@@ -11,7 +11,6 @@ from sklearn.model_selection import GroupKFold, cross_val_score
 
 from sklearn_haptic import (
     KSVDTransformer,
-    SensorFeatures,
     Signal,
     SignalStatistics,
     STHMPTransformer,
@@ -19,6 +18,7 @@ from sklearn_haptic import (
     TemporalMaxPool,
     make_haptic_pipeline,
 )
+from sklearn_haptic._pipeline import SensorFeatures
 
 
 def touches(n_trials=12, seed=0):
@@ -124,19 +124,34 @@ def test_what_is_not_described_is_found_out():
     np.testing.assert_array_equal(
         described.predict_proba(trials), model.predict_proba(trials)
     )
-    again = SensorFeatures().fit(trials["camera"]).fit(trials["skin"])
-    assert again.kind_ == "signals" and again.n_features_in_ == 16
+    again = clone(found["skin"]).fit(trials["camera"]).fit(trials["skin"])
+    assert again.kind_ == "signals"
     alone = make_haptic_pipeline(None, random_state=0)
     assert alone.fit(list(trials["skin"]), y)[0].kind_ == "signals"
 
 
-def test_given_transformers_are_cloned():
-    signals = SignalStatistics(("mean",))
-    trials, _ = touches()
-    features = SensorFeatures(signals).fit(trials["skin"])
-    assert features.transform(trials["skin"]).shape == (12, 16)
-    assert not hasattr(signals, "statistics_")
-    assert features.get_feature_names_out()[15] == "t1of1_ch15_mean"
+def test_the_description_of_a_biotac_is_that_of_its_name():
+    named = make_haptic_pipeline(["pac", "electrodes"], random_state=0)
+    sensors = {"pac": Signal(2200, 0.01), "electrodes": TaxelGrid("biotac")}
+    described = make_haptic_pipeline(sensors, random_state=0)
+    assert repr(named.get_params()) == repr(described.get_params())
+
+
+@pytest.mark.parametrize("factor", [1000, 0.001])
+def test_touches_in_another_unit_are_warned_of(factor):
+    trials, y = touches()
+    model = make_haptic_pipeline(
+        {"skin": TaxelGrid((4, 4)), "acc": Signal(rate=1000)}, random_state=0
+    ).fit(trials, y)
+    model.predict(trials)
+    odd = trials.copy()
+    odd.at[3, "acc"] = factor * trials["acc"][3]
+    end = "highest" if factor > 1 else "lowest"
+    said = rf"^Trial 3 of X\['acc'\] has a peak of .* times the {end} in fit; check"
+    with pytest.warns(UserWarning, match=said) as caught:
+        model.predict(odd)
+    assert len(caught) == 1
+    model.predict(odd.drop(index=3))
 
 
 @pytest.mark.parametrize(

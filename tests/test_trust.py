@@ -49,7 +49,6 @@ import sklearn_haptic
 from sklearn_haptic import (
     TemporalMaxPool,
     datasets,
-    infer_rate,
     make_haptic_pipeline,
     metrics,
     model_selection,
@@ -688,7 +687,6 @@ def calls_of_functions(folder):
         metrics.noise_ceiling: (COUNTS, metrics.ranked_probability_score),
         ratings.shrink_counts: (COUNTS,),
         make_haptic_pipeline: (["pdc"],),
-        infer_rate: ([[0.0, 1.0, 3.0]], [[0.0, 0.1, 0.2]]),
         resample_trials: ([[0.0, 1.0, 3.0]], [[0.0, 0.1, 0.3]], 10),
         make_haptic_corpus: (2, 1),
         model_selection.speed_accuracy_frontier: (SEARCH,),

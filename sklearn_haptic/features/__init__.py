@@ -2,14 +2,12 @@
 
 from ._ksvd_transformer import KSVDTransformer
 from ._pooling import TemporalMaxPool
-from ._sensor_features import SensorFeatures
 from ._statistics import SignalStatistics
 from ._sthmp import STHMPTransformer
 
 __all__ = [
     "KSVDTransformer",
     "STHMPTransformer",
-    "SensorFeatures",
     "SignalStatistics",
     "TemporalMaxPool",
 ]

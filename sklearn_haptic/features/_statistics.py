@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Literal, Self
+from warnings import warn
 
 import numpy as np
 from scipy.fft import dct, next_fast_len
@@ -13,6 +14,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
 from ..recordings._sequences import Sequences
+from ..recordings._trials import name_of, rate_of
 from ..utils._sklearn import (
     FloatArray,
     Interval,
@@ -31,6 +33,9 @@ _STATISTICS = ["mean", "std", "max", "min", "slope", "change", "bands"]
 _N_OCTAVES = 8  # from the lower edge of the second band to half the sampling rate
 _FLOOR = 1e-8  # of a band's power, relative to the typical power of its channel
 _CHUNK_SIZE = 2**17  # samples computed at a time, which stay in the cache
+
+# Far more than the factor by which real touches lie outside the peaks of others.
+_FAR = 100
 
 
 def band_edges(n_bands):
@@ -237,6 +242,33 @@ def typical_deviations(trials, n_channels):
     return typical
 
 
+def peak_of(trial):
+    """Return the largest magnitude in a trial."""
+    return max(float(trial.max()), -float(trial.min()))
+
+
+def check_peaks(trials, known, shortest, name):
+    """Warn of a trial whose peak is a hundred times beyond the `known` range.
+
+    That of a trial with fewer samples than the `shortest` may be lower, and that of a
+    dead sensor, which RepairTrials knows, is 0.
+    """
+    lowest, highest = known
+    for i, trial in enumerate(trials):
+        peak = peak_of(trial)
+        high = peak > _FAR * highest > 0
+        if high or (0 < _FAR * peak < lowest and len(trial) >= shortest):
+            factor = peak / (highest if high else lowest)
+            warn(
+                f"Trial {i} of {name} has a peak of {factor:.2g} times the "
+                f"{'highest' if high else 'lowest'} in fit; check the unit, the gain "
+                "and the wiring of the sensor.",
+                UserWarning,
+                stacklevel=3,
+            )
+            return
+
+
 class SignalStatistics(TrialRows, BaseEstimator):
     """Statistics and spectral bands of every channel, one row of features per trial.
 
@@ -260,6 +292,9 @@ class SignalStatistics(TrialRows, BaseEstimator):
     cells : sequence of int, default=(1,)
         Number of cells of time of each level of a pyramid, as in
         :class:`TemporalMaxPool`. Each level costs as much time as the first.
+    rate : float, default=None
+        Samples per second. Trials of pandas whose index has time stamps are refused if
+        these contradict it. By default the rate of such trials in `fit`.
 
     Attributes
     ----------
@@ -273,6 +308,11 @@ class SignalStatistics(TrialRows, BaseEstimator):
         Root mean square of the standard deviations of each channel or, if it is
         constant, its magnitude. Powers of bands are relative to the square of this, and
         a floor of 1e-8 is added to them, so that silence has a finite logarithm.
+    rate_ : float or None
+        Samples per second, if they are known.
+    peaks_ : tuple of float (lowest, highest)
+        Of the largest magnitude in each trial. `transform` warns of a trial that lies
+        a hundred times beyond, such as one in another unit.
     takes_trials_ : bool
         Whether trials or sequences were fitted; else a table.
     n_features_in_ : int
@@ -330,6 +370,7 @@ class SignalStatistics(TrialRows, BaseEstimator):
         "statistics": ["array-like"],
         "n_bands": [Interval(Integral, 1, None, closed="left")],
         "cells": ["array-like"],
+        "rate": [Interval(Real, 0, None, closed="neither"), None],
     }
 
     def __init__(
@@ -340,10 +381,12 @@ class SignalStatistics(TrialRows, BaseEstimator):
         *,
         n_bands: int = 16,
         cells: Sequence[int] = (1,),
+        rate: float | None = None,
     ) -> None:
         self.statistics = statistics
         self.n_bands = n_bands
         self.cells = cells
+        self.rate = rate
 
     @_fit_context(prefer_skip_nested_validation=True)
     def fit(self, X: Trials, y: None = None) -> Self:
@@ -365,10 +408,11 @@ class SignalStatistics(TrialRows, BaseEstimator):
         Raises
         ------
         ValueError
-            If a statistic is unknown or named twice, or `cells` are not distinct
-            positive integers.
+            If a statistic is unknown or named twice, `cells` are not distinct
+            positive integers, or time stamps contradict the rate.
         """
         with fit_task(self, X, y):
+            self.rate_ = rate_of(X, self.rate, name=name_of(X))
             trials = self._record(X)
             statistics = check_names(
                 self.statistics, _STATISTICS, "statistic", "SignalStatistics"
@@ -376,6 +420,9 @@ class SignalStatistics(TrialRows, BaseEstimator):
             self.cells_ = check_cells(self.cells)
             n_channels = self.n_features_in_ if self.takes_trials_ else 1
             self.scale_ = typical_deviations(trials, n_channels)
+            peaks = [peak_of(trial) for trial in trials]
+            self.peaks_ = min(peaks), max(peaks)
+            self._shortest = min(map(len, trials))
             self.band_edges_ = band_edges(self.n_bands)
             self.statistics_ = tuple(statistics)
         return self
@@ -399,12 +446,15 @@ class SignalStatistics(TrialRows, BaseEstimator):
         Raises
         ------
         ValueError
-            If a trial is empty, has other channels than those seen in `fit`, or holds
-            values so large that their sums overflow.
+            If a trial is empty, has other channels or another rate than those seen in
+            `fit`, or holds values so large that their sums overflow.
         """
         check_is_fitted(self)
+        rate_of(X, self.rate_, name=name_of(X))
+        trials = self._check(X)
+        check_peaks(trials, self.peaks_, self._shortest, name_of(X))
         features = trial_statistics(
-            self._check(X),
+            trials,
             self.statistics_,
             self.band_edges_,
             self.scale_,

@@ -1,7 +1,7 @@
 """Recordings of sensors: what they are, whether they are whole, and their repair."""
 
 from ._repair import RepairTrials
-from ._resample import infer_rate, resample_trials
+from ._resample import resample_trials
 from ._sensors import Signal, TaxelGrid
 from ._sequences import Sequences
 
@@ -10,6 +10,5 @@ __all__ = [
     "Sequences",
     "Signal",
     "TaxelGrid",
-    "infer_rate",
     "resample_trials",
 ]

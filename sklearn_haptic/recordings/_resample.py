@@ -1,172 +1,24 @@
-"""Rates and resampling of trials whose samples have time stamps."""
+"""Resampling of trials whose samples have time stamps."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from numbers import Real
+from typing import Literal
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.signal import resample_poly
 
 from ..utils._sklearn import FloatArray
-from ..utils._validation import check_numbers, check_regular, has_no_samples
-from ._trials import check_trials
+from ..utils._validation import has_no_samples
+from ._trials import UNITS, check_trials, has_time_index, seconds_of, typical_step
 
-_ALIKE = 1.1  # rates that differ by a smaller factor are taken for the same
+# New samples in a step beyond which stamps are in another unit: 10 Hz may become 3 kHz.
+_MOST_IN_STEP = 300
 
-# Numbers are no seconds if their steps are longer: few sample a touch once a second,
-# and milliseconds of 1000 Hz, even with jitter, have such steps.
-_LONGEST = 0.9
-
-# Nor if a step holds more new samples. From 10 Hz to 3 kHz it holds 300, from 1 Hz to
-# 20 Hz it holds 20; in milliseconds of the same rate that are taken for seconds, 1000.
-_MOST, _MOST_BELOW_1_HZ = 300, 20
-
-
-def infer_rate(
-    trials: Sequence[ArrayLike], times: Sequence[ArrayLike] | str | None = None
-) -> float:
-    """Infer the sampling rate of a sensor from the time stamps of its samples.
-
-    Parameters
-    ----------
-    trials : sequence of array-like of shape (n_times_i, n_channels)
-        Trials of one sensor. Missing ones are passed over.
-    times : sequence of array-like of shape (n_times_i,), str or None, default=None
-        The stamps, as for :func:`resample_trials`.
-
-    Returns
-    -------
-    rate : float
-        Samples per second: the number of steps over their length in all trials, where
-        a step over dropped frames counts as many as it holds. Neither dropped frames
-        nor stamps rounded to milliseconds change the rate; both together may, if a step
-        is shorter than 1.5 ms.
-
-    Raises
-    ------
-    ValueError
-        If trials have no such stamps, there are not as many as samples, they are
-        hardly seconds, no trial has two samples, or the rates of two trials differ by
-        a tenth or more.
-
-    See Also
-    --------
-    resample_trials : Resample to an even rate.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import pandas as pd
-    >>> from sklearn_haptic import infer_rate
-    >>> force = pd.Series([1.0, 2.0, 3.0], pd.to_timedelta([0, 20, 40], unit="ms"))
-    >>> infer_rate([force, force])
-    50.0
-    """
-    return _rate([stamps for _, stamps in _with_stamps(trials, times)])
-
-
-def _rate(stamps, even=None):
-    """Return the rate of trials by their stamps, None in place of missing ones.
-
-    `even` is as in `_step`.
-    """
-    stamps = [each for each in stamps if each is not None and len(each) > 1]
-    if not stamps:
-        raise ValueError(
-            "No trial has two samples, whose time stamps would tell a rate; give the "
-            "rate."
-        )
-    steps = [np.diff(each) for each in stamps]
-    unit = _unit(stamps)
-    step, _, even = _step(np.concatenate(steps), unit, even)
-    each = np.array([_step(some, unit, even)[0] for some in steps])
-    slack = unit / np.array([len(some) for some in steps])  # of rounded stamps
-    if (each - slack).max() >= _ALIKE * (each + slack).min():
-        raise ValueError(
-            f"Trials are sampled at {1 / each.max():.4g} to {1 / each.min():.4g} "
-            "Hz; bring them to one rate by resample_trials(trials, rate=...)."
-        )
-    return float(1 / step)
-
-
-def _resolution(stamps):
-    """Return the resolution of numbers as large as some stamps."""
-    return np.spacing(max(np.abs(stamps[0]), np.abs(stamps[-1])))
-
-
-def _unit(stamps):
-    """Return the largest of 0.01, ... 1e-6 s of which all stamps are multiples; or 0.
-
-    Stamps that were rounded to milliseconds have a unit of 0.001.
-    """
-    slack = 2 * max(map(_resolution, stamps))
-    all_stamps = np.concatenate(stamps)
-    for unit in 10.0 ** -np.arange(2, 7):
-        if (np.abs(all_stamps - unit * np.rint(all_stamps / unit)) <= slack).all():
-            return unit
-    return 0.0
-
-
-def _step(steps, unit, even=None):
-    """Return the step of even sampling by those from stamp to stamp, some of them gaps.
-
-    A step without a lost sample differs from the typical one by half of it, or by the
-    `unit` of the stamps. If some are closer to two than to one, either samples were
-    lost, or sampling is `even` and the unit coarse: then they are spread more evenly
-    than by chance (by the statistic of Kolmogorov and Smirnov). Return the step, the
-    longest without a lost sample, and `even`.
-    """
-    typical = np.sort(steps)[(len(steps) - 1) // 2]
-    near = np.abs(steps - typical) <= max(0.5 * typical, 1.5 * unit)
-    step = steps[near].mean()
-    for _ in range(3):
-        counts = np.rint(np.round(steps / step, 6))
-        counts[near] = counts[near].clip(1)
-        if even is None:
-            longer = near & (counts > 1)
-            n_longer = longer.sum()
-            excess = np.cumsum(longer) - n_longer * np.linspace(0, 1, len(steps))
-            even = np.abs(excess).max() <= 0.35 * np.sqrt(n_longer)
-        if even:
-            counts[near] = 1
-        step = steps.sum() / counts.sum()
-    return step, steps[counts == 1].max(initial=step), even
-
-
-def rate_of(trials, even=None):
-    """Return the rate of trials that have a time index, None if they have none."""
-    indices = [getattr(trial, "index", None) for trial in trials]
-    if not all(isinstance(each, pd.Index) and _is_of_time(each) for each in indices):
-        return None
-    if max(map(len, indices), default=0) < 2:
-        return None
-    try:
-        stamps = [stamps for _, stamps in _with_stamps(trials, None)]
-    except ValueError:
-        if all(each.dtype.kind == "f" for each in indices):
-            return None  # numbers in an index need not be times
-        raise
-    return _rate(stamps, even)
-
-
-def _alike(one, other):
-    return max(one / other, other / one) < _ALIKE
-
-
-def check_rate(trials, rate):
-    """Refuse trials whose time index has another rate than those of `fit` had."""
-    found = None if rate is None else rate_of(trials)
-    if found is None or _alike(found, rate):
-        return
-    # The rounded stamps of a few samples do not tell whether some were lost.
-    if not _alike(rate_of(trials, even=True), rate):
-        raise ValueError(
-            f"X is sampled at {found:.4g} Hz, but {rate:.4g} Hz is expected, as in "
-            f"fit; bring it to that by resample_trials(X, rate={rate:.4g})."
-        )
+# Times the steps of a trial beyond which a stamp is wrong.
+_LONGEST = 1000
 
 
 def resample_trials(
@@ -174,6 +26,7 @@ def resample_trials(
     times: Sequence[ArrayLike] | str | None = None,
     rate: float | None = None,
     *,
+    unit: Literal["s", "ms", "us", "ns"] = "s",
     longest_gap: float | None = None,
 ) -> list[FloatArray | None]:
     """Resample trials to an even rate, from the time stamps of their samples.
@@ -190,43 +43,36 @@ def resample_trials(
         Trials of one sensor. Masked samples and NaN count as dropped. The columns of
         data frames are put in the order of the first of them.
     times : sequence of array-like of shape (n_times_i,), str or None, default=None
-        When the samples of each trial were taken, increasing: seconds, or dates or
+        When the samples of each trial were taken, increasing: numbers, or dates or
         durations of NumPy, pandas or polars. A name is that of their column in trials
         that are data frames. By default they are the index of trials of pandas.
-        Numbers that make no sense as seconds are refused, see Notes.
     rate : float, default=None
-        Samples per second of the result, by default those of :func:`infer_rate`.
+        Samples per second of the result. By default that of the typical step.
+    unit : {"s", "ms", "us", "ns"}, default="s"
+        Unit of stamps that are numbers.
     longest_gap : float, default=None
         Seconds between two stamps within which a straight line is trusted; new samples
-        within a longer gap are NaN. By default 1.5 times the step of a trial, as
-        :func:`infer_rate` finds it, which a single dropped frame exceeds. `np.inf`
-        trusts every line.
+        within a longer gap are NaN. By default 1.5 times the typical step of a trial,
+        which a single dropped frame exceeds, and so does a step of a sensor faster than
+        500 Hz whose stamps were rounded to milliseconds. `np.inf` trusts every line.
 
     Returns
     -------
     resampled : list of ndarray of shape (n_samples_i, n_channels)
         Samples at the first stamp and every ``1 / rate`` seconds, up to the last stamp.
-        float32 if the trial is. None in place of a trial that is missing or has no
+        float32 if the trials are. None in place of a trial that is missing or has no
         samples.
 
     Raises
     ------
     ValueError
         If `rate` or `longest_gap` is no positive number, data frames differ in their
-        columns, there are not as many stamps as samples, or stamps are not finite, do
-        not increase or are hardly seconds.
+        columns, there are not as many stamps as samples, stamps are not finite or do
+        not increase, or they cannot be in this unit.
 
     See Also
     --------
-    infer_rate : The rate that the stamps have.
     RepairTrials : Fill and report what is missing.
-
-    Notes
-    -----
-    Numbers are taken for milliseconds or finer, and refused, if the median step holds
-    more than 300 new samples, or more than 20 and is a second or longer. Without `rate`
-    they are if it is longer than 0.9 seconds. Durations and dates, whose unit is known,
-    may be as slow as they are.
 
     Examples
     --------
@@ -251,9 +97,11 @@ def resample_trials(
         raise ValueError(
             f"longest_gap={longest_gap!r} must be a number of seconds above 0."
         )
-    pairs = _with_stamps(trials, times, rate)
+    if unit not in UNITS:
+        raise ValueError(f"unit={unit!r} must be one of {list(UNITS)}.")
+    pairs = _with_stamps(trials, times, unit)
     if rate is None:
-        rate = _rate([stamps for _, stamps in pairs])
+        rate = _usual_rate([stamps for _, stamps in pairs if stamps is not None])
     trials = check_trials(
         [trial for trial, _ in pairs],
         name="trials",
@@ -262,15 +110,15 @@ def resample_trials(
         finite=False,
     )
     return [
-        None if trial is None else _resample(trial, stamps, rate, longest_gap)
-        for trial, (_, stamps) in zip(trials, pairs)
+        None if trial is None else _resample(trial, stamps, rate, longest_gap, i)
+        for i, (trial, (_, stamps)) in enumerate(zip(trials, pairs))
     ]
 
 
-def _with_stamps(trials, times, rate=None):
+def _with_stamps(trials, times, unit):
     """Return pairs of a trial, without its column of stamps, and stamps in seconds.
 
-    A trial that is missing or has no samples has None in place of its stamps.
+    Both are None for a trial that is missing or has no samples.
     """
     given = times is not None and not isinstance(times, str)
     times = list(times) if given else times
@@ -279,7 +127,7 @@ def _with_stamps(trials, times, rate=None):
             f"times has {len(times)} entries, but there are {len(trials)} trials; give "
             "the time stamps of each trial."
         )
-    pairs, numbers = [], {}
+    pairs = []
     for i, trial in enumerate(trials):
         if has_no_samples(trial):
             pairs.append((None, None))
@@ -288,96 +136,54 @@ def _with_stamps(trials, times, rate=None):
         if given:
             stamps = times[i]
         elif times is not None:
-            trial, stamps = _without_column(trial, times, i)
             name = f"The column {times!r} of trial {i}"
-        else:
-            name = f"The index of trial {i}"
-            stamps = getattr(trial, "index", None)
-            if not isinstance(stamps, pd.Index) or not _is_of_time(stamps):
+            if times not in getattr(trial, "columns", ()):
                 raise ValueError(
-                    f"Trial {i} has no index of time stamps; give times, or a Series "
-                    "or DataFrame of pandas whose index is of dates, durations or "
-                    "seconds."
+                    f"Trial {i} has no column {times!r}; name the column of time "
+                    "stamps."
                 )
-        stamps, are_numbers = _seconds(stamps, name)
+            stamps = trial[times]
+            trial = trial[[column for column in trial.columns if column != times]]
+        elif has_time_index(trial):
+            name, stamps = f"The index of trial {i}", trial.index
+        else:
+            raise ValueError(
+                f"Trial {i} has no index of time stamps; give times, or a Series or "
+                "DataFrame of pandas whose index is of dates, durations or seconds."
+            )
+        stamps = seconds_of(stamps, name, unit)
         if hasattr(trial, "__len__") and stamps.shape != (len(trial),):
             raise ValueError(
                 f"{name} has shape {stamps.shape}, but trial {i} has {len(trial)} "
                 "time samples; give one time stamp per sample."
             )
         pairs.append((trial, stamps))
-        if are_numbers:
-            numbers[name] = stamps
-    _check_unit(numbers, rate)
     return pairs
 
 
-def _check_unit(numbers, rate):
-    """Refuse numbers, by their names, that are milliseconds, or finer, not seconds."""
-    steps = [np.diff(stamps) for stamps in numbers.values()]
-    step = np.median(np.concatenate(steps)) if any(map(len, steps)) else 0
-    longest = (_MOST_BELOW_1_HZ if step >= 1 else _MOST) / rate if rate else _LONGEST
-    if step > longest:
+def _usual_rate(stamps):
+    steps = [typical_step(each) for each in stamps if len(each) > 1]
+    if not steps:
         raise ValueError(
-            f"{next(iter(numbers))} has steps of {step:.4g}, which are taken for "
-            "seconds; give durations of the right unit, such as "
-            "pd.to_timedelta(stamps, unit='ms')."
+            "No trial has two samples, whose time stamps would tell a rate; give the "
+            "rate."
         )
+    return 1 / np.median(steps)
 
 
-def _without_column(trial, name, i):
-    """Return a data frame without a column, and the column."""
-    if name not in getattr(trial, "columns", ()):
-        raise ValueError(
-            f"Trial {i} has no column {name!r}; name the column of time stamps."
-        )
-    others = [column for column in trial.columns if column != name]
-    return trial[others], trial[name]
-
-
-def _is_of_time(index):
-    """Whether an index has time stamps; counted samples are none."""
-    return isinstance(index, (pd.DatetimeIndex, pd.TimedeltaIndex)) or (
-        index.dtype.kind == "f"
-    )
-
-
-def _seconds(stamps, name):
-    """Return time stamps as increasing seconds, and whether they are numbers.
-
-    Dates count from the first of them.
-    """
-    index = stamps
-    if not isinstance(stamps, pd.Index):
-        index = check_regular(stamps, name)
-        if index.dtype.kind == "O" and index.ndim == 1:  # as dates of a time zone are
-            index = pd.Index(index)
-    if isinstance(index, pd.DatetimeIndex) or index.dtype.kind == "M":
-        index = pd.DatetimeIndex(index)
-        index = index - index.min()
-    are_numbers = index.dtype.kind != "m"
-    if not are_numbers:
-        index = pd.TimedeltaIndex(index).total_seconds()
-    check_numbers(index, name)
-    stamps = np.asarray(index, dtype=np.float64)
-    if stamps.ndim == 1 and not (
-        np.isfinite(stamps).all() and (np.diff(stamps) > 0).all()
-    ):
-        raise ValueError(
-            f"{name} must be finite and increase from sample to sample; sort the "
-            "samples and remove those whose stamp is repeated."
-        )
-    return stamps, are_numbers
-
-
-def _resample(trial, stamps, rate, longest_gap):
-    step, longest = 1 / rate, 0
-    if len(stamps) > 1:
-        step, longest, _ = _step(np.diff(stamps), _unit([stamps]))
-    if longest_gap is None:
-        longest_gap = max(1.5 * step, longest)
-    slack = 1e-6 / rate + _resolution(stamps)  # rounding must not cost the last
+def _resample(trial, stamps, rate, longest_gap, i):
+    resolution = np.spacing(np.abs(stamps).max())
+    step = typical_step(stamps) if len(stamps) > 1 else 1 / rate
     stamps = stamps - stamps[0]
+    if step * rate > _MOST_IN_STEP or stamps[-1] > _LONGEST * step * len(stamps):
+        raise ValueError(
+            f"The stamps of trial {i} have steps of {step:.4g} s and last for "
+            f"{stamps[-1]:.4g} s, which cannot be sampled at {rate:.4g} Hz; mend the "
+            "stamps, or give their unit."
+        )
+    if longest_gap is None:
+        longest_gap = 1.5 * step
+    slack = 1e-6 / rate + resolution  # rounding must not cost the last
     n_samples = int((stamps[-1] + slack) * rate) + 1
     # Samples a tenth closer than the new ones need no filter.
     factor = max(1, int(np.ceil(1 / (step * rate) - 0.1)))

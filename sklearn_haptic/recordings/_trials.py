@@ -11,10 +11,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Set
 
 import numpy as np
+import pandas as pd
 from scipy import sparse
 
 from ..utils._validation import (
     check_numbers,
+    check_regular,
     column_of,
     count,
     has_no_samples,
@@ -23,6 +25,8 @@ from ..utils._validation import (
 from ._sequences import Sequences
 
 ALONE = ""  # the name of a sensor whose trials stand in no DataFrame
+
+UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 def is_table(X):
@@ -77,6 +81,7 @@ def check_trials(
     names=None,
     missing=False,
     finite=True,
+    rate=None,
 ):
     """Validate a collection of trials; return a list of floating-point arrays.
 
@@ -99,6 +104,8 @@ def check_trials(
         Whether trials may be None, NaN or NA, or have no samples.
     finite : bool, default=True
         Whether all samples have to be finite and none may be masked.
+    rate : float, default=None
+        Samples per second, which time stamps must not contradict.
 
     Returns
     -------
@@ -111,10 +118,13 @@ def check_trials(
     ------
     ValueError
         If there are no trials, or if a trial is empty, holds values that are not finite
-        real numbers, or differs in shape from the others. The message names the trial.
+        real numbers, or differs in shape from the others, or in rate from `rate`. The
+        message names the trial.
     """
     cells = cells_of(X)
     _check_any(cells)
+    if rate is not None:
+        rate_of(cells, rate, name=name)
     where = "the first trial" if n_channels is None else "fit"
     named = "the first trial" if n_channels is None or names is None else "fit"
     names = channel_names(cells) if names is None else names
@@ -215,6 +225,84 @@ def trial_columns(X, names=None):
             "sensors, with None where a trial has none."
         )
     return {name: X.iloc[:, columns.index(name)] for name in names}
+
+
+def name_of(X):
+    """Return what messages call a collection of trials, by its column if it is one."""
+    name = getattr(X, "name", None)
+    return f"X[{name!r}]" if isinstance(name, str) and name else "X"
+
+
+def has_time_index(trial):
+    """Whether trials of pandas have an index of dates, durations or decimal numbers."""
+    index = getattr(trial, "index", None)
+    return isinstance(index, pd.Index) and index.dtype.kind in "mMf"
+
+
+def seconds_of(stamps, name, unit="s"):
+    """Return time stamps as increasing seconds; dates count from the first of them."""
+    index = stamps
+    if not isinstance(stamps, pd.Index):
+        index = check_regular(stamps, name)
+        if index.dtype.kind == "O" and index.ndim == 1:  # as dates of a time zone are
+            index = pd.Index(index)
+    if isinstance(index, pd.DatetimeIndex) or index.dtype.kind == "M":
+        index = pd.DatetimeIndex(index)
+        index = index - index.min()
+    if index.dtype.kind == "m":
+        index, unit = pd.TimedeltaIndex(index).total_seconds(), "s"
+    check_numbers(index, name)
+    seconds = np.asarray(index, dtype=np.float64) * UNITS[unit]
+    if seconds.ndim == 1 and not (
+        np.isfinite(seconds).all() and (np.diff(seconds) > 0).all()
+    ):
+        raise ValueError(
+            f"{name} must be finite and increase from sample to sample; sort the "
+            "samples and remove those whose stamp is repeated."
+        )
+    return seconds
+
+
+def typical_step(seconds):
+    """Return the typical step from sample to sample, of two stamps or more.
+
+    It is the lower quartile, so that lost samples do not change it, of ten steps at a
+    time if there are as many, so that rounding, such as to milliseconds, hardly does.
+    """
+    n = 10 if len(seconds) > 10 else 1
+    spans = np.sort(seconds[n:] - seconds[:-n])
+    return spans[(len(spans) - 1) // 4] / n
+
+
+def rate_of(X, rate=None, *, name="X"):
+    """Return the rate of trials by their time index, or `rate` if they have none.
+
+    A ValueError names the trial that contradicts `rate`, by default the median of all.
+    Rates are the same that differ by less than a tenth or, because ten steps or fewer
+    tell less, by less than a factor of two.
+    """
+    if isinstance(X, Sequences) or is_table(X):
+        return rate
+    trials, steps = cells_of(X), {}
+    for i, trial in enumerate(trials):
+        if has_time_index(trial) and len(trial) > 1:
+            numbers = trial.index.dtype.kind == "f"
+            if numbers and not trial.index.is_monotonic_increasing:
+                continue  # numbers need not be times
+            seconds = seconds_of(trial.index, f"The index of trial {i} of {name}")
+            steps[i] = typical_step(seconds)
+    if not steps:
+        return rate
+    given = rate is not None
+    rate = rate if given else 1 / np.median([*steps.values()])
+    for i, step in steps.items():
+        if max(rate * step, 1 / (rate * step)) > (1.1 if len(trials[i]) > 10 else 2):
+            raise ValueError(
+                f"Trial {i} of {name} is sampled at {1 / step:.4g} Hz by its index, "
+                f"but {rate:.4g} Hz {'is expected' if given else 'is usual'}; bring it "
+                "to that by resample_trials, or remove an index that is no time."
+            )
+    return float(rate)
 
 
 def _names(trial):

@@ -200,7 +200,7 @@ class AnytimeRegressor(
         durations = _check_durations(self.durations)
         rates = _check_rates(self.sampling_rates)
         self.sensors_ = used_sensors(steps, list(rates))
-        touches = check_touches(X, self.sensors_)
+        touches = check_touches(X, {s: rates[s] for s in self.sensors_})
         check_consistent_length(X, y)
         groups = check_groups(groups, X)
         self._channel_names = touches.channels
@@ -348,7 +348,8 @@ class AnytimeRegressor(
 
     def _touches(self, X):
         check_is_fitted(self)
-        return check_touches(X, self.sensors_, self.sample_shapes_, self._channel_names)
+        rates = dict(zip(self.sensors_, self._rates.tolist()))
+        return check_touches(X, rates, self.sample_shapes_, self._channel_names)
 
     @one_blas_thread
     def predict_proba(self, X: Trials) -> NDArray[np.float64]:

@@ -68,14 +68,15 @@ class Touches(NamedTuple):
         return pd.DataFrame({s: _series(cut(s), index, s) for s in columns})
 
 
-def check_touches(X, sensors, shapes=None, channels=None):
+def check_touches(X, rates, shapes=None, channels=None):
     """Check recordings of touches.
 
     Parameters
     ----------
     X : DataFrame with a column per sensor, or collection of trials
-    sensors : list of str
-        The columns to take; `[ONLY_SENSOR]` for a collection of trials.
+    rates : dict of str to float
+        Samples per second, which time stamps must not contradict, of the columns to
+        take; of `ONLY_SENSOR` alone for a collection of trials.
     shapes : dict of str to tuple of int, default=None
         Shape of one sample of each sensor in `fit`. By default this is `fit`, and no
         touch may lack a sensor.
@@ -91,7 +92,7 @@ def check_touches(X, sensors, shapes=None, channels=None):
     ValueError
         If X is in another form, or a recording is; the message names sensor and trial.
     """
-    columns = list(getattr(X, "columns", []))
+    sensors, columns = list(rates), list(getattr(X, "columns", []))
     if not columns and is_table(X):
         raise ValueError(
             "X is no collection of recordings; give a list with one array per touch, "
@@ -117,13 +118,15 @@ def check_touches(X, sensors, shapes=None, channels=None):
         shapes = dict.fromkeys(by_sensor)
         channels = {sensor: channel_names(each) for sensor, each in by_sensor.items()}
     signals = {
-        sensor: _check_sensor(trials, sensor, shapes[sensor], channels[sensor])
+        sensor: _check_sensor(
+            trials, sensor, rates[sensor], shapes[sensor], channels[sensor]
+        )
         for sensor, trials in by_sensor.items()
     }
     return Touches(signals, row_index(X), channels)
 
 
-def _check_sensor(trials, sensor, shape, names):
+def _check_sensor(trials, sensor, rate, shape, names):
     """Return the recordings of one sensor; those that are missing have no samples."""
     name = f"X[{sensor!r}]" if sensor else "X"
     checked = check_trials(
@@ -133,6 +136,7 @@ def _check_sensor(trials, sensor, shape, names):
         n_channels=shape,
         names=names,
         missing=shape is not None,
+        rate=rate,
     )
     nothing = np.empty((0, *(shape or ())))
     return [nothing if trial is None else trial for trial in checked]

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from ..recordings._trials import in_order
+from ..recordings._trials import has_time_index, in_order, rate_of
 from ..utils._sklearn import one_blas_thread
 from ..utils._validation import check_regular
 from ._arriving_samples import KeptSamples, MendedSamples, PooledCodes
@@ -90,6 +90,7 @@ class TouchInProgress:
                     self._kept[sensor] = KeptSamples(shape, n_needed[-1])
                 else:
                     self._pools[i] = PooledCodes(steps[0], steps[1], shape, n_needed)
+        self._stamps: dict[str, Any] = {}
         self._known: dict[tuple[bool, ...], NDArray[np.float64]] = {}
         self._path: list[NDArray[np.float64]] = []
         self._stopped = False
@@ -116,8 +117,9 @@ class TouchInProgress:
         Raises
         ------
         ValueError
-            If a sensor is unknown or its samples have another shape than in `fit`. No
-            sample of any sensor is added then.
+            If a sensor is unknown, its samples have another shape than in `fit`, or an
+            index of time stamps contradicts its rate. No sample of any sensor is added
+            then.
         """
         sensors = self._model.sensors_
         if sensors == [ONLY_SENSOR]:
@@ -129,6 +131,9 @@ class TouchInProgress:
             )
         checked = {
             sensor: self._check_samples(new, sensor) for sensor, new in samples.items()
+        }
+        self._stamps |= {
+            sensor: self._check_stamps(new, sensor) for sensor, new in samples.items()
         }
         for sensor, new in checked.items():
             new = self._menders[sensor].mend(new)
@@ -147,12 +152,24 @@ class TouchInProgress:
             raise ValueError(
                 f"samples names the sensor {sensor!r}; the model has {list(shapes)}."
             )
-        name = f"samples[{sensor!r}]" if sensor else "samples"
+        name = _name_of(sensor)
         if isinstance(samples, pd.Series) and samples.shape == shapes[sensor] != (1,):
             samples = samples.to_frame().T  # one sample, a row of a data frame
         names = self._model._channel_names[sensor]
         samples = in_order(samples, name, names, "the trials of fit")
         return _check_samples(samples, name, shapes[sensor])
+
+    def _check_stamps(self, samples, sensor):
+        """Check the rate by the stamps of at least ten samples; return the latest."""
+        stamps = self._stamps.get(sensor, [])
+        if not has_time_index(samples):
+            return stamps
+        stamps = samples.index if len(stamps) == 0 else stamps.append(samples.index)
+        if len(stamps) <= 10:
+            return stamps
+        rate = self._model._rates[self._model.sensors_.index(sensor)]
+        rate_of([pd.Series(0, stamps)], rate, name=_name_of(sensor))
+        return stamps[-1:]
 
     @property
     def seconds(self) -> float:
@@ -228,6 +245,10 @@ class TouchInProgress:
                 features = branch.transform(touches, np.array([0]), needed)
             blocks.append((np.array([felt]), features))
         return blocks
+
+
+def _name_of(sensor):
+    return f"samples[{sensor!r}]" if sensor else "samples"
 
 
 def check_limits(limits, sensors):

@@ -1,0 +1,381 @@
+"""Resampling by time stamps, and rates that they contradict."""
+
+import numpy as np
+import pandas as pd
+import polars as pl
+import pytest
+from scipy import signal
+from scipy.interpolate import interp1d
+
+from sklearn_haptic import (
+    AnytimeRegressor,
+    RepairTrials,
+    Signal,
+    SignalStatistics,
+    make_haptic_pipeline,
+    resample_trials,
+)
+
+
+def rate_of(trials):
+    return SignalStatistics().fit(trials).rate_
+
+
+def waves(times):
+    return np.column_stack([np.sin(2 * np.pi * 3 * times), times])
+
+
+def test_resampling_is_a_straight_line_between_stamps():
+    rng = np.random.default_rng(0)
+    times = np.cumsum(rng.uniform(0.008, 0.012, 400)) + 7
+    trial = waves(times)
+    resampled = resample_trials([trial], [times], 100, longest_gap=np.inf)[0]
+    new = times[0] + np.arange(len(resampled)) / 100
+    assert new[-1] <= times[-1] < new[-1] + 0.01
+    expected = interp1d(times, trial, axis=0)(new)
+    np.testing.assert_allclose(resampled, expected, atol=1e-12)
+
+
+def test_an_even_rate_stays_as_it_is():
+    times = np.arange(300) / 35
+    trial = waves(times)
+    np.testing.assert_allclose(
+        resample_trials([trial], [times], 35)[0], trial, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("factor", [2, 5, 10])
+def test_decimation_is_that_of_scipy(factor):
+    times = np.arange(1001) / 1000
+    trial = waves(times) + np.random.default_rng(0).normal(size=(1001, 2))
+    resampled = resample_trials([trial], [times], 1000 / factor)[0]
+    expected = signal.resample_poly(trial, 1, factor, padtype="line")
+    np.testing.assert_allclose(resampled, expected, atol=1e-9)
+
+
+def stamped(times, kind, frame=pd.DataFrame):
+    """A recording whose index has the times of its samples."""
+    seconds = pd.to_timedelta(times, unit="s")
+    index = {
+        "seconds": times,
+        "durations": seconds,
+        "dates": pd.Timestamp("2026-11-22", tz="UTC") + seconds,
+    }[kind]
+    trial = pd.DataFrame(waves(times), index)
+    return trial if frame is pd.DataFrame else trial[0]
+
+
+KINDS = ["seconds", "durations", "dates"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("frame", [pd.DataFrame, pd.Series])
+def test_the_rate_is_that_of_the_index(kind, frame):
+    rng = np.random.default_rng(0)
+    times = [
+        np.delete(np.arange(n) / 35, [5, 6, 9]) + rng.uniform(-1e-3, 1e-3, n - 3)
+        for n in (40, 60)
+    ]
+    trials = [stamped(each, kind, frame) for each in times]
+    assert rate_of(trials) == pytest.approx(35, rel=0.02)
+    even = resample_trials([*trials, None])
+    assert [each is None for each in even] == [False, False, True]
+    assert len(even[0]) == pytest.approx(40, abs=1)
+
+
+RATES = [30, 35, 60, 90, 120, 300, 400, 420, 450, 600, 650, 700, 750, 833, 900, 1000]
+UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+def floored(times, unit):
+    """Durations in whole units, as loggers write them; or seconds since 1970."""
+    if unit == "epoch":
+        return 1.7e9 + times
+    counts = np.floor(times / UNITS[unit] + 1e-6).astype(int)
+    return pd.to_timedelta(counts, unit=unit)
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "epoch"])
+@pytest.mark.parametrize("rate", [*RATES, 1500, 2000])
+def test_rounded_stamps_hardly_change_the_rate(rate, unit):
+    if unit == "ms" and rate > 1000:
+        pytest.skip("some stamps are the same")
+    rng = np.random.default_rng(0)
+    times = [rng.uniform(0, 0.01) + np.arange(n) / rate for n in (100, 101, 150)]
+    trials = [pd.Series(each, floored(each, unit)) for each in times]
+    for some in (trials, trials[:1]):
+        assert rate_of(some) == pytest.approx(rate, rel=0.06 if unit == "ms" else 0.001)
+    statistics = SignalStatistics(rate=rate).fit(trials)
+    statistics.transform(trials[::-1])
+    statistics.transform([trials[1].iloc[:20], trials[1].iloc[:3]])
+    for trial, even in zip(trials, resample_trials(trials, rate=rate)):
+        if rate <= 500 or unit != "ms":
+            assert np.isfinite(even).all()  # nothing was lost
+        step = 1 / rate + 2 * UNITS.get(unit, 0) + 1e-6
+        differences = np.abs(even[:, 0] - trial.iloc[: len(even)])
+        assert np.nanmax(differences) < step
+
+
+@pytest.mark.parametrize("rate", [30, 90, 300, 420, 1000])
+@pytest.mark.parametrize("jitter", [0, 0.1])
+def test_lost_samples_hardly_change_the_rate(rate, jitter):
+    """One in twenty, by chance."""
+    rng = np.random.default_rng(0)
+    times = [
+        (np.arange(300) + rng.uniform(-jitter, jitter, 300))[rng.random(300) > 0.05]
+        / rate
+        for _ in range(3)
+    ]
+    trials = [pd.Series(each, pd.to_timedelta(each, unit="s")) for each in times]
+    assert rate_of(trials) == pytest.approx(rate, rel=0.05)
+    SignalStatistics(rate=rate).fit(trials)
+    lost = [np.isnan(each).any() for each in resample_trials(trials, rate=rate)]
+    assert all(lost)
+
+
+@pytest.mark.parametrize("rate", [1000, 2200, 50_000])
+def test_seconds_since_1970_keep_the_last_sample(rate):
+    times = 1.7e9 + 0.123456 + np.arange(10 * rate) / rate
+    trial = np.sin(np.arange(len(times)))
+    even = resample_trials([trial], [times], rate)[0][:, 0]
+    assert even.shape == trial.shape
+    np.testing.assert_allclose(even, trial, atol=5e-7 * rate)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_resampling_by_the_index_is_that_by_its_seconds(kind):
+    times = [np.delete(np.arange(n) / 10, [5, 6]) for n in (20, 31)]
+    trials = [stamped(each, kind) for each in times]
+    by_index = resample_trials([*trials, None])
+    by_times = resample_trials([waves(each) for each in times], times, 10)
+    for one, other in zip(by_index[:2], by_times, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-9)
+    assert by_index[2] is None
+
+
+@pytest.mark.parametrize("library", [pd, pl])
+def test_stamps_may_be_a_column(library):
+    times = np.arange(20) / 10
+    a, b = waves(times).T
+    trial = library.DataFrame({"a": a, "when": times, "b": b})
+    resampled = resample_trials([trial], "when", 20)[0]
+    expected = resample_trials([waves(times)], [times], 20)[0]
+    np.testing.assert_allclose(resampled, expected, atol=1e-12)
+    with pytest.raises(ValueError, match=r"^Trial 0 has no column 'at'; name the"):
+        resample_trials([trial], "at")
+
+
+@pytest.mark.parametrize("zone", [None, "UTC", "Asia/Tokyo"])
+def test_stamps_may_be_dates_of_a_time_zone(zone):
+    dates = pd.date_range("2026-11-22", periods=20, freq="20ms", tz=zone)
+    trial = pd.DataFrame({"when": dates, "a": np.arange(20.0)})
+    expected = resample_trials([trial[["a"]]], [np.arange(20) / 50])[0]
+    for stamps in ([trial["when"]], [list(dates)], [dates.to_pydatetime()]):
+        found = resample_trials([trial[["a"]]], stamps)[0]
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+    found = resample_trials([trial], "when")[0]
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_a_trial_without_samples_is_passed_over():
+    times = np.arange(20) / 10
+    empty = stamped(times[:0], "durations")
+    resampled = resample_trials([empty, stamped(times, "durations"), None])
+    assert resampled[0] is None
+    assert resampled[2] is None
+    assert len(resampled[1]) == 20
+
+
+def test_columns_are_put_in_the_order_of_the_first_trial():
+    times = np.arange(20) / 10
+    expected = resample_trials([waves(times)], [times], 20)[0]
+    for library in (pd, pl):
+        named = dict(zip("ab", waves(times).T))
+        trial = library.DataFrame(named)
+        stamped = library.DataFrame({"when": times} | named)
+        for resampled in (
+            resample_trials([trial, waves(times), trial[["b", "a"]]], [times] * 3, 20),
+            resample_trials([stamped, stamped[["b", "when", "a"]]], "when", 20),
+        ):
+            for each in resampled:
+                np.testing.assert_array_equal(each, expected)
+        odd = library.DataFrame({"a": times, "c": times})
+        with pytest.raises(ValueError, match=r"^Trial 1 of trials and the first"):
+            resample_trials([trial, odd], [times] * 2, 20)
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("kind", [int, float])
+def test_stamps_in_another_unit(unit, kind):
+    for rate in (35, 100, 500, 1000):
+        times = np.arange(60) / rate
+        stamps = (times / UNITS[unit] + 1e6).astype(kind)
+        trial = pd.DataFrame({"a": times, "when": stamps})
+        for asked in (rate / 2, rate, 4 * rate):
+            with pytest.raises(ValueError, match=r"^The stamps of trial 0 have steps"):
+                resample_trials([trial], "when", asked)
+            found = resample_trials([trial], "when", asked, unit=unit)[0]
+            durations = [pd.to_timedelta(stamps, unit=unit)]
+            same = resample_trials([trial[["a"]]], durations, asked)[0]
+            n = min(len(found), len(same))  # of which rounding may cost the last
+            assert max(len(found), len(same)) <= n + 1
+            np.testing.assert_allclose(found[:n], same[:n], atol=1e-6)
+            assert len(found) == pytest.approx(60 * asked / rate, rel=0.1)
+
+
+@pytest.mark.parametrize("wrong", [1e12, 1e300])
+def test_one_wrong_stamp_is_refused(wrong):
+    times = np.arange(50) / 100
+    for bad in (np.append(times[:-1], wrong), np.insert(times[1:], 0, -wrong)):
+        with pytest.raises(ValueError, match=r"^The stamps of trial 1 have steps of 0"):
+            resample_trials([waves(times)] * 2, [times, bad], 100)
+
+
+def test_slow_and_gappy_recordings_are_resampled():
+    """Every second or two, with a gap of a minute, or to a far higher rate."""
+    for step, rate in ((1, 1), (1, 20), (2, 2), (2.5, 2), (0.1, 2200), (0.25, 1000)):
+        times = step * np.array([0, 1, 2, 60, 61, 62, 63, 64])
+        resampled = resample_trials([times], [times], rate, longest_gap=np.inf)[0]
+        np.testing.assert_allclose(
+            resampled[:, 0], np.arange(len(resampled)) / rate, rtol=1e-9
+        )
+    two = [np.array([0.0, 3.0]), np.arange(50) / 10]  # a trial that is nothing but gap
+    assert len(resample_trials(two, two, 10)[0]) == 31
+
+
+def test_a_rate_that_cannot_be_told_is_refused():
+    times = np.arange(20) / 10
+    with pytest.raises(ValueError, match=r"^No trial has two samples, whose time"):
+        resample_trials([waves(times[:1])], [times[:1]])
+    for trial in (waves(times), pd.DataFrame(waves(times))):  # an index that counts
+        with pytest.raises(ValueError, match=r"^Trial 0 has no index of time stamps"):
+            resample_trials([trial])
+
+
+def test_stamps_that_do_not_increase_are_named_by_their_place():
+    trial = stamped(np.zeros(5), "durations")
+    with pytest.raises(ValueError, match=r"^The index of trial 0 of X must be finite"):
+        SignalStatistics().fit([trial])
+    trial = stamped(np.arange(5.0)[::-1], "seconds")  # numbers that need not be times
+    assert rate_of([trial]) is None
+    trial["when"] = 0.0
+    with pytest.raises(ValueError, match=r"^The column 'when' of trial 0 must be fin"):
+        resample_trials([trial], "when")
+
+
+SENSORS = [{"q": Signal(rate=100)}, {"q": None}]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("sensors", SENSORS, ids=["described", "not"])
+def test_stamps_that_contradict_the_rate_are_refused(sensors, kind):
+    """Of a sensor that is described, one that is not, and in a touch in progress."""
+    trials = [stamped(np.arange(n) / 100, kind) for n in (60, 70, 80)]
+    model = make_haptic_pipeline(sensors, random_state=0)
+    model.fit(pd.DataFrame({"q": trials}), [1, 2, 3])
+    plain = pd.DataFrame({"q": [trial.to_numpy() for trial in trials]})
+    known = model.predict_proba(pd.DataFrame({"q": trials}))
+    np.testing.assert_array_equal(known, model.predict_proba(plain))
+    faster = pd.DataFrame({"q": [trials[0], stamped(np.arange(60) / 1000, kind)]})
+    with pytest.raises(ValueError, match=r"^Trial 1 of X\['q'\] is sampled at 1000 Hz"):
+        model.predict_proba(faster)
+    again = make_haptic_pipeline({"q": Signal(rate=1000)}, random_state=0)
+    with pytest.raises(ValueError, match=r"at 100 Hz by its index, but 1000 Hz is exp"):
+        again.fit(pd.DataFrame({"q": trials}), [1, 2, 3])
+    if sensors["q"] is None:
+        with pytest.raises(ValueError, match=r"^Trial . .* Hz is usual"):
+            model.fit(faster, [1, 2])
+
+
+def test_stamps_that_contradict_the_rate_of_a_stream_are_refused():
+    rng = np.random.default_rng(0)
+    trials = [rng.normal(size=(200, 2)) for _ in range(20)]
+    model = AnytimeRegressor(
+        make_haptic_pipeline({"q": Signal(rate=100)}, random_state=0),
+        durations=[0.5, 1],
+        sampling_rates={"q": 100},
+        cv=2,
+    ).fit(pd.DataFrame({"q": trials}), np.arange(20) % 2 + 1)
+    frames = [pd.DataFrame(trial, np.arange(200) / 1000) for trial in trials]
+    with pytest.raises(ValueError, match=r"^Trial 0 of X\['q'\] is sampled at 1000 Hz"):
+        model.predict_proba(pd.DataFrame({"q": frames}))
+    for n in (1, 3, 50):  # samples at a time
+        touch = model.start()
+        with pytest.raises(ValueError, match=r"samples\['q'\] is sampled at 1000 Hz"):
+            for i in range(0, 60, n):
+                touch.update({"q": frames[0].iloc[i : i + n]})
+        assert touch.seconds < 0.2
+        right = frames[0].set_axis(np.arange(200) / 100)
+        touch.reset()
+        for i in range(0, 60, n):
+            touch.update({"q": right[:60].iloc[i : i + n]})
+        np.testing.assert_array_equal(
+            touch.predict_proba(),
+            model.predict_proba(pd.DataFrame({"q": [trials[0][:60]]}))[0],
+        )
+
+
+def test_no_vibration_comes_out_as_a_slower_one():
+    times = np.arange(4000) / 1000
+    trial = np.sin(2 * np.pi * 95 * times)  # an alias of 5 Hz at 100 Hz
+    resampled = resample_trials([trial], [times], 100)[0]
+    assert np.abs(resampled[10:-10]).max() < 0.01
+    assert np.abs(trial[::10][10:-10]).max() > 0.9
+
+
+def test_dropped_frames_are_not_invented():
+    times = np.delete(np.arange(50) / 35, [10, 20, 21, 22])
+    trial = waves(times)
+    resampled = resample_trials([trial], [times], 35)[0]
+    gone = np.flatnonzero(np.isnan(resampled).all(axis=1))
+    assert gone.tolist() == [10, 20, 21, 22]
+    repair = RepairTrials().fit([resampled, waves(np.arange(50) / 35)])
+    found = repair.faults([resampled])[["channel", "fault", "n_samples"]]
+    assert found.to_numpy().tolist() == [["all", "dropped frames", 4]]
+    trusted = resample_trials([trial], [times], 35, longest_gap=0.06)[0]
+    assert np.flatnonzero(np.isnan(trusted[:, 0])).tolist() == [20, 21, 22]
+
+
+def test_masked_samples_of_one_channel():
+    times = np.arange(20) / 10
+    trial = np.ma.array(waves(times), mask=False)
+    trial[5, 1] = trial[0, 0] = np.ma.masked
+    resampled = resample_trials([trial], [times], 10)[0]
+    assert np.argwhere(np.isnan(resampled)).tolist() == [[0, 0], [5, 1]]
+
+
+def test_real_slides_are_resampled(shared_data):
+    """Stamps in whole milliseconds, 28 or 29 apart."""
+    arrays = np.load(shared_data / "fabric_slides" / "fabric_slides.npz")
+    ends = np.cumsum(arrays["length"])[:20]
+    trials = np.split(arrays["taxels"][: ends[-1]], ends[:-1])
+    times = np.split(arrays["time_ms"][: ends[-1]] / 1000, ends[:-1])
+    for trial, stamps, new in zip(trials, times, resample_trials(trials, times, 35)):
+        assert np.isfinite(new).all()
+        assert len(new) == np.floor((stamps[-1] - stamps[0]) * 35 + 1e-9) + 1
+        at = stamps[0] + np.arange(len(new)) / 35
+        np.testing.assert_allclose(
+            new[:, 5], np.interp(at, stamps, trial[:, 5]), rtol=1e-12
+        )
+
+
+def test_one_sample_and_single_precision():
+    one = resample_trials([np.ones((1, 2), np.float32)], [[3.0]], 10)[0]
+    assert one.tolist() == [[1.0, 1.0]] and one.dtype == np.float32
+
+
+@pytest.mark.parametrize(
+    "n_trials", [1, 5000, pytest.param(100_000, marks=pytest.mark.slow)]
+)
+def test_resampling_any_number_of_trials(n_trials):
+    trials = list(np.random.default_rng(0).normal(size=(n_trials, 10)))
+    times = np.tile(np.arange(10) / 10, (n_trials, 1))
+    resampled = resample_trials(trials, times, 20)
+    assert len(resampled) == n_trials
+    np.testing.assert_allclose(resampled[-1][::2, 0], trials[-1], atol=1e-12)
+
+
+def test_stamps_in_a_series_go_with_trials_by_place():
+    times = pd.Series([np.arange(4) / 10, np.array([0, 0.1, 0.5, 0.6])], index=[1, 0])
+    trials = pd.Series([np.arange(4.0)] * 2, index=[1, 0])
+    assert [len(trial) for trial in resample_trials(trials, times, 10)] == [4, 7]
