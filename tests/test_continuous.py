@@ -332,3 +332,12 @@ def test_trials_without_weight_may_lie_outside_a_given_grid():
     without = ContinuousRatingsRegressor(grid=grid).fit(X[:-1], y[:-1])
     model = ContinuousRatingsRegressor(grid=grid).fit(X, y, weight)
     np.testing.assert_allclose(model.predict_cdf(X), without.predict_cdf(X))
+
+
+@pytest.mark.parametrize("answer", [-1.0, 0.0, 0.5, 1.0])
+def test_crps_over_a_span_beyond_the_largest_number(answer):
+    """Of an even distribution: the cubes of the shares on either side."""
+    largest, below = 1.7e308, (1 + answer) / 2
+    expected = 2 * largest * (below**3 + (1 - below) ** 3) / 3
+    found = crps([answer * largest], [0, 1], [-largest, largest])
+    assert found == pytest.approx(expected, rel=1e-12)

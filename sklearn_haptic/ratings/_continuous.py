@@ -76,7 +76,8 @@ def check_cdf(y_cdf, values, n_trials):
                 "give one row per trial, or one for all."
             )
         rounding = 1e-12 * np.abs(array).max()
-        falls = (np.diff(array, axis=-1) < -rounding).any(axis=-1)
+        with np.errstate(over="ignore"):
+            falls = (np.diff(array, axis=-1) < -rounding).any(axis=-1)
         if falls.any():
             raise ValueError(
                 f"{name} falls in row {np.argmax(falls)}; sort it, so that the CDF "
@@ -103,6 +104,9 @@ def crps_per_trial(answers, cdf, values):
     per trial, exactly, since F is linear between points; an answer between two points
     adds its part of the segment.
     """
+    largest = max(np.abs(values).max(), np.nanmax(np.abs(answers)))
+    unit = 2.0**64 if largest > 1e280 else 1.0  # so that no difference overflows
+    answers, values = answers / unit, values / unit
     width = np.diff(values, axis=1)
     left = np.zeros(values.shape)  # integral of F² up to each point
     right = np.zeros(values.shape)  # integral of (1 - F)² from each point on
@@ -131,7 +135,7 @@ def crps_per_trial(answers, cdf, values):
         score += np.where(inside, (b - answers) * _mean_square(1 - w, 1 - v), 0)
         score += np.maximum(values[:, :1] - answers, 0)
         score += np.maximum(answers - values[:, -1:], 0)
-    return np.nanmean(score, axis=1)
+        return unit * np.nanmean(score, axis=1)
 
 
 def half_mean_difference(answers):

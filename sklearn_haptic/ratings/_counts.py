@@ -377,13 +377,13 @@ def shrink_counts(
     """
     counts, _ = check_counts(counts)
     if strength is None:
-        strength = leave_one_out_strength(counts)
+        strength = _leave_one_out_strength(counts)
     n = counts.sum(axis=1, keepdims=True)
     drawn = 1.0 if np.isinf(strength) else strength / (n + strength)
-    return (1 - drawn) * counts + drawn * n * mean_of_others(counts)
+    return (1 - drawn) * counts + drawn * n * _mean_of_others(counts)
 
 
-def mean_of_others(counts):
+def _mean_of_others(counts):
     """Return the mean distribution of all other objects, for each object."""
     if len(counts) < 2:
         raise ValueError("counts has one object; shrinkage needs others beside it.")
@@ -391,13 +391,13 @@ def mean_of_others(counts):
     return np.maximum(share.sum(axis=0) - share, 0) / (len(share) - 1)
 
 
-def leave_one_out_strength(counts):
+def _leave_one_out_strength(counts):
     """Choose the strength, in people, by which the others best predict each rating."""
     if (counts % 1 != 0).any():
         raise ValueError(
             "counts must be whole numbers of people, of whom one is left out at a time."
         )
-    population = cdf(mean_of_others(counts))[:, :-1]
+    population = cdf(_mean_of_others(counts))[:, :-1]
     several = counts.sum(axis=1) >= 2
     if not several.any():
         raise ValueError(

@@ -17,6 +17,7 @@ from ..metrics import (
     noise_ceiling,
     ranked_probability_score,
 )
+from ..metrics._noise_ceiling import PROPER_SCORES
 from ..model_selection._contributions import FULL_MODEL
 
 _CELL = ["adjective", "procedure"]
@@ -48,11 +49,11 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
         ``marginal`` and ``barycentre``, the guesses of
         :class:`~sklearn_haptic.DummyDistribution`; ``ceiling``, what the whole
         population is expected to score, as
-        :func:`~sklearn_haptic.metrics.noise_ceiling` estimates it, NaN if an object has
-        fewer than two ratings or, but for the RPS, is alone or its counts are not
-        whole; ``truth``, the score of the population itself, if the corpus knows it;
-        and ``no_better``, whether the combined network is no better than the better
-        guess. All are means over folds and test trials.
+        :func:`~sklearn_haptic.metrics.noise_ceiling` estimates it, NaN for "macro_mae"
+        and "emd", which are not proper, or if an object has fewer than two ratings;
+        ``truth``, the score of the population itself, if the corpus knows it; and
+        ``no_better``, whether the combined network is no better than the better guess.
+        All are means over folds and test trials.
 
     Raises
     ------
@@ -86,13 +87,11 @@ def _ceiling(rows, score):
     """Return what the population is expected to score at the ratings of some trials."""
     by_object = rows.groupby("object")
     counts = by_object.first().filter(regex=r"^count_\d+$").to_numpy()
-    if (counts.sum(axis=1) < 2).any():
-        return np.nan
-    unfit = len(counts) < 2 or (counts % 1 != 0).any()
-    if unfit and score is not ranked_probability_score:
+    unfit = score is log_score and (counts % 1 != 0).any()
+    if unfit or score not in PROPER_SCORES or (counts.sum(axis=1) < 2).any():
         return np.nan
     weight = by_object.size().to_numpy()
-    return noise_ceiling(counts, score, sample_weight=weight, random_state=0).truth
+    return noise_ceiling(counts, score, sample_weight=weight).truth
 
 
 def compare_networks(
