@@ -338,6 +338,6 @@ def test_trials_without_weight_may_lie_outside_a_given_grid():
 def test_crps_over_a_span_beyond_the_largest_number(answer):
     """Of an even distribution: the cubes of the shares on either side."""
     largest, below = 1.7e308, (1 + answer) / 2
-    expected = 2 * largest * (below**3 + (1 - below) ** 3) / 3
+    expected = (below**3 + (1 - below) ** 3) / 3 * 2 * largest
     found = crps([answer * largest], [0, 1], [-largest, largest])
     assert found == pytest.approx(expected, rel=1e-12)
