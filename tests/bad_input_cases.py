@@ -274,34 +274,21 @@ def not_numbers(good, *without):
 NO_NUMBERS = "^X is not an array of numbers .*text.*; convert it"
 NOT_A_TABLE = [
     *not_numbers(X),
-    check("text among objects", replaced(X, "soft", dtype=object), NO_NUMBERS),
     check("numbers as text in a DataFrame", TABLE.astype(str), NO_NUMBERS),
-    check("a word", "touches", NO_NUMBERS),
     check("a column of dates", TABLE.assign(when=[date(2020, 1, 1)] * N),
         "^X is not an array of numbers .column 'when' holds .*; convert it"),
-    check("a dict", dict(enumerate(X)), "^X is a dict, .*; give a list, an array"),
     check("a sparse matrix", sparse.csr_array(X), error=TypeError,
         says=r"Sparse data was passed for X, .* Use '\.toarray\(\)'"),
-    check("a number", 3.0, "Expected 2D array, got scalar .*Reshape"),
-    check("None", None, "Expected 2D array, got scalar .*Reshape"),
     check("one dimension", X[:, 0], "Expected 2D array, got 1D .*Reshape"),
-    check("no row", X[:0], "0 sample.* minimum of 1 is required"),
 ]
 NOT_FEATURES = [
-    check("no column", np.empty((N, 0)), "0 feature.* minimum of 1 is required"),
-    check("three dimensions", X.reshape(N, 2, 2), "Found array with dim 3, .* <= 2"),
-    check("rows of unequal length", [[1.0, 2.0], *X[1:].tolist()],
-        "^X is no array of one shape; give rows of equal length"),
 ]
 OTHER_COLUMNS = [
     check("a column less", X[:, :3], "3 features, but .* expecting 4"),
-    check("a column more", np.c_[X, X[:, 0]], "5 features, but .* expecting 4"),
 ]
 OTHER_NAMES = [
     check("names swapped", TABLE[NAMES[::-1]],
         "Feature names must be in the same order as they were in fit"),
-    check("an unknown name", TABLE.rename(columns={"pac__0": "force"}),
-        "Feature names unseen at fit time:\\s+- force"),
 ]
 ask(fitting(LABELLED | REGRESSED), *NOT_A_TABLE, *NOT_FEATURES, arg="X")
 ask(fitting(CODERS, y=None), *NOT_A_TABLE, arg="X")
@@ -325,9 +312,6 @@ def in_a_trial(callers):
 
 IN_A_TRIAL = [
     *not_numbers(TRIALS[1]),
-    check("text among objects", [["soft"] * 19], "^ARG is not .*text.*; convert it"),
-    check("a column of dates", named(TRIALS[1]).assign(when=date(2020, 1, 1)),
-        "^ARG is not an array of numbers .column 'when' holds .*; convert it"),
     check("dicts", np.full((9, 19), {"a": 1}, dtype=object),
         "^ARG is not an array of numbers .*; give each trial as"),
     check("rows of unequal length", [[1.0] * 19, [2.0] * 18],
@@ -338,10 +322,7 @@ IN_A_TRIAL = [
         "^ARG has shape .9, 0., which holds no values; give each trial one"),
     check("other channels", TRIALS[1][:, :18],
         "^ARG has 18 channels, but 19 channels are expected, as in"),
-    check("four dimensions", np.zeros((2, 2, 2, 2)),
-        "^ARG has shape .2, 2, 2, 2.; it must be .n_times, n_channels"),
     check("None in its place", None, NO_TRIAL),
-    check("NaN in its place", np.nan, NO_TRIAL),
     check("times and channels exchanged", TRIALS[1].T,
         r"^Trial 2 of X has .* shape \(10, 19\)|^ARG has 9 channels, but 19"),
 ]
@@ -350,7 +331,6 @@ NOT_TRIALS = [
         [named(TRIALS[0]), named(TRIALS[1]).rename(columns={"x3": "force"})],
         "^Trial 1 of X and the first trial differ in the column 'x3'; give all trials"),
     check("several sensors", pd.DataFrame({"a": TRIALS, "b": TRIALS}), SEVERAL),
-    check("ids beside a sensor", pd.DataFrame({"id": 1, "pac": TRIALS}), SEVERAL),
     check("objects of two columns", pd.DataFrame({"a": TRIALS, "b": TRIALS}).to_numpy(),
         SEVERAL),
 ]
@@ -374,21 +354,14 @@ NOT_COUNTS = [
     check("a column of objects beside columns of counts",
         pd.DataFrame(COUNTS, columns=[1, 2, 3]).reset_index(names="object"),
         r"columns of ARG are \['object', 1, 2, 3\]; label .* leave out columns"),
-    check("a column of text beside columns of counts",
-        pd.DataFrame(COUNTS, columns=["lo", "mid", "hi"]).assign(object="foam"),
-        r"^ARG is not an array of numbers \(column 'object' holds text or dates\)"),
     check("a column of dates beside columns of counts",
         pd.DataFrame(COUNTS, columns=["lo", "mid", "hi"]).assign(day=date(2020, 1, 1)),
         r"^ARG is not an array of numbers \(column 'day' holds text or dates\)"),
     check("two columns of one level", pd.DataFrame(COUNTS, columns=[1, 2, "2"]),
         "^ARG has two columns 2; give one column per level"),
-    check("columns with labels in two rows",
-        pd.DataFrame(COUNTS, columns=pd.MultiIndex.from_product([["soft"], [1, 2, 3]])),
-        r"columns of ARG are \[\('soft', 1\), .*label them with the levels"),
 ]
 NOT_RATINGS = [
     *NOT_COUNTS,
-    check("masked labels", masked(LABELS), "^ARG has masked values, .*; fill"),
     check("labels of which one is NaN", replaced(LABELS, np.nan), "contains NaN"),
     check("continuous labels", X[:, 0],
         "^Unknown label type: .* has continuous ratings, .*: bin .*, give counts .*or"),
@@ -396,18 +369,12 @@ NOT_RATINGS = [
         "^ARG has 1 in trial 1: give numbers only or words only, one rating per trial"),
     check("ratings of which one is None", replaced(LABELS, None, dtype=object),
         "contains NaN or None: trial 1 has no rating; remove it"),
-    check("a list in each trial", pd.Series([[1, 2]] * N),
-        r"^ARG has \[1, 2\] in trial 0: give .* or an array of counts with one row"),
     check("dates as ratings", LABELS.astype("M8[D]"),
         r"^ARG has datetime.* in trial 0: give numbers only or words only"),
     check("a dict of ratings", {"rough": COUNTS},
         "^ARG is a dict, which is no array; give a list, an array|array-like"),
-    check("an iterator", iter(LABELS.tolist()),
-        "^ARG is a list_iterator, which is no array; give a list|array-like"),
     check("a trial less", COUNTS[:-1],
         r"inconsistent numbers of samples: \[12, 11\]|give one row per trial in both"),
-    check("no trial", COUNTS[:0], "0 sample|inconsistent numbers of samples"),
-    check("four dimensions", np.ones((N, 1, 1, 3)), "array with dim 4, .* <= 2"),
     check("nothing", None,
         "is no array but .*; give one rating or|target y is None|array-like. Got None"),
 ]
@@ -424,7 +391,6 @@ ask(fitting(RATED, "y") | fitting(BLEND, "y", groups=OBJECTS), *NOT_RATINGS, arg
 ask(by_name("y_true", SCORES), *NOT_RATINGS, arg="y_true")
 ask(FUNCTIONS_OF_COUNTS, *NOT_COUNTS,
     check("one dimension", COUNTS[0], "Expected 2D array, got 1D .*Reshape"),
-    check("one level", COUNTS[:, :1], "1 feature.* minimum of 2 is required"),
     arg="counts")
 
 # Predicted distributions, weights and objects
@@ -433,13 +399,10 @@ NOT_PROBA = [
     *not_numbers(PROBA, "dates", "infinity"),
     check("a row that does not sum to 1", replaced(PROBA, 0.9),
         "^ARG is no distribution in trial 1 .*: give probabilities"),
-    check("a negative probability", replaced(PROBA, [-0.5, 0.5, 1.0], 1),
-        "^ARG is no distribution in trial 1 .*: give probabilities"),
     check("a column less", PROBA[:, :2] * 1.5,
         "^ARG has 2 columns, but y_true has 3 levels; give one column"),
     check("a trial less", PROBA[1:],
         "^y_true has 12 trials, but ARG has 11; give one row per trial"),
-    check("one dimension", PROBA[0], "Expected 2D array, got 1D .*Reshape"),
 ]
 NOT_WEIGHTS = [
     *not_numbers(np.ones(N), "dates", "complex numbers"),
@@ -448,12 +411,10 @@ NOT_WEIGHTS = [
     check("a sum that overflows", np.full(N, 1e308),
         "The sum of ARG overflows; divide ARG by a constant"),
     check("a weight less", np.ones(N - 1), r"ARG.shape == \(11,\), expected \(12,\)"),
-    check("two dimensions", np.ones((N, 2)), "Sample weights must be 1D"),
 ]
 NO_OBJECT = "^ARG has no object in (trial|row) 1; name the object of every (trial|row)"
 NOT_OBJECTS = [
     check("None", ["a", None, *"bcdefghijk"], NO_OBJECT),
-    check("NaN", replaced(OBJECTS, np.nan), NO_OBJECT),
     check("a trial less", OBJECTS[1:], r"inconsistent numbers of samples: \[12, 11\]"),
 ]
 OTHER_LEVELS = check("levels of another number", levels=[1, 2],
@@ -491,7 +452,6 @@ ask(fitting(LABELLED | BLEND, "groups")
     | by_name("groups", CROSS_VALIDATION | MODEL_REPORT | CONTRIBUTIONS | CALIBRATION),
     *NOT_OBJECTS, arg="groups")
 ask(fitting(LABELLED | BLEND, "groups"),
-    check("no groups", [], r"inconsistent numbers of samples: \[12, 0\]"),
     check("text and numbers", ["a", *range(1, N)], "^groups mixes text with"),
     check("two columns", np.ones((N, 2)), "^groups has shape .*, one per trial"),
     check("one number", 3, r"^groups has shape \(\); give the object of each"),
@@ -502,8 +462,6 @@ ask(fitting(LABELLED | BLEND, "groups"),
 ask(fitting(ORDINAL | DUMMY, "y"),
     check("a rating outside levels", LABELS, levels=[1, 2],
         says=r"^y has the rating 3 in trial 2, .* levels=\[1, 2\]; add it to"),
-    check("counts of more levels than there are", levels=[1, 2],
-        says="^y has 3 columns of counts, but there are 2 levels: give one column"),
     check("counts with columns of other levels",
         pd.DataFrame(COUNTS, columns=[1, 2, 4]), levels=[1, 2, 3],
         says=r"^The columns of y are \[1, 2, 4\], but the levels are \[1, 2, 3\]"),
@@ -515,15 +473,10 @@ ask(fitting(ORDINAL | DUMMY, "y"),
 ask(fitting(ORDINAL, "y"),
     check("no adjective", np.empty((N, 0, 3)),
         r"^y has shape \(12, 0, 3\), no adjective; give at least one"),
-    check("a negative count of an adjective", replaced(TWO, -1, (2, 1, 0)),
-        r"^y\[:, 1\] has a negative count in trial 2"),
     check("an adjective that nobody rated", replaced(TWO, 0, (2, 1)),
         r"^y\[:, 1\] has no ratings in trial 2; remove trials"),
     check("NaN in an adjective", replaced(TWO, np.nan, (2, 1, 0)),
-        r"y\[:, 1\] contains NaN"),
-    check("adjectives of other trials", TWO[1:],
-        r"inconsistent numbers of samples: \[12, 11\]"),
-    check("masked counts of adjectives", masked(TWO), "^y has masked values"))
+        r"y\[:, 1\] contains NaN"))
 
 # Parameters
 
@@ -583,15 +536,12 @@ ask(fitting(KSVD, y=None),
         says=r"time samples, but one .* \(3, 99\) is taken for 3 .* channels; trans"),
     check("a table narrower than a window", window=9,
         says="^X is a table whose rows of 4 values are taken for trials, .*; give a"),
-    check("a dict of trials", dict(enumerate(TRIALS)), window=9,
-        says="^X is a dict, which is no array; give a list, an array or a DataFrame"),
     check("an iterator over trials", iter(TRIALS), window=9,
         says="^X is a list_iterator, which is no array; give a list, an array"),
     check("dict_init of another shape", dict_init=X[:2],
         says=r"^dict_init has shape \(2, 4\), but \(3, 4\) is expected: one row"),
     check("signals whose sums overflow", np.full((N, 4), 1.7e308),
-        "X holds values so large that their sums overflow float64; divide X by"),
-    *settings("random_state", -1, says="[Ss]eed|random_state"))
+        "X holds values so large that their sums overflow float64; divide X by"))
 ask(by_name("dict_init", fitting(KSVD, y=None)), *not_numbers(X[:3]), arg="dict_init")
 ask(by_name("layout", fitting(STHMP, X=TRIALS, y=None)),
     *not_numbers(np.ones((3, 3, 19))),
@@ -602,8 +552,6 @@ ask(fitting(STHMP, X=TRIALS, y=None),
     check("channels that are no multiple of the electrodes",
         [trial[:, :18] for trial in TRIALS],
         "X has 18 channels, which is no multiple of the 19 electrodes .*; select"),
-    check("images, and a layout of electrodes", [np.ones((8, 5, 5))] * 2,
-        NO_IMAGES + r"n_channels\)"),
     check("electrodes, and layout=None", layout=None, says=NO_IMAGES + "height"),
     check("patches larger than the images", patch_size=(9, 9),
         says=r"^patch_size=\(9, 9\) does not fit images of .*; use smaller patches"),
@@ -650,9 +598,7 @@ ask(direct(NNPOM().predict),
 
 EARLY = "^Early stopping holds out 0.[16] of the "
 ask(fitting({"NNPOM": partial(NNPOM, early_stopping=True)}, "groups"),
-    check("one group", np.zeros(N), EARLY + "objects, .* there is 1, .*; give"),
-    check("two objects of which most are held out", np.arange(N) % 2,
-        validation_fraction=0.6, says=EARLY + "objects, .* a smaller validation_fr"))
+    check("one group", np.zeros(N), EARLY + "objects, .* there is 1, .*; give"))
 ask(fitting({"NNPOM": partial(NNPOM, early_stopping=True)}, y=COUNTS[:1]),
     check("one trial", X[:1], EARLY + "trials, .* there is 1, .*; give"))
 ask(direct(NNPOM(n_hidden=0).fit, X=X, y=COUNTS),
@@ -661,8 +607,6 @@ ask(direct(NNPOM(n_hidden=0).fit, X=X, y=COUNTS),
         says="^The total of y, times sample_weight, underflows; multiply"),
     check("weights and counts whose product overflows", y=COUNTS * 1e200,
         sample_weight=np.full(N, 1e200),
-        says="^The total of y, times sample_weight, overflows; divide"),
-    check("counts whose total overflows", y=np.full((N, 3), 3e307),
         says="^The total of y, times sample_weight, overflows; divide"),
     check("several adjectives, and n_hidden=0", y=TWO,
         says="^n_hidden=0 leaves nothing that several adjectives could share; set it"),
@@ -675,8 +619,6 @@ STOPPING = DistributionalOrdinalRegressor(NNPOM(early_stopping=True))
 ask(direct(STOPPING.fit, X=X, y=COUNTS),
     check("X_val without y_val", X_val=X,
         says="X_val and y_val belong together; give both or neither"),
-    check("X_val of other columns", X_val=X[:, :3], y_val=COUNTS,
-        says="3 features, but .* expecting 4"),
     check("X_val of masked values", X_val=masked(X), y_val=COUNTS,
         says="^X has masked values"),
     check("y_val of other levels", X_val=X, y_val=COUNTS[:, :2],
@@ -693,8 +635,7 @@ ask(PREDICT_AT | {name: lambda p, each=each: each(p=p)
                   for name, each in AT_POSITIONS.items()},
     *(check(f"p={p}", p, f"^p must be a number .* from 0 to 1; got {p}")
       for p in (1.5, -0.1, np.nan)),
-    check("p=[[0.5]]", [[0.5]], r"^p must be a number or a list .*; got \[\[0"),
-    check("p='0.5'", "0.5", "^p is not an array of numbers .*text.*; convert it"))
+    check("p=[[0.5]]", [[0.5]], r"^p must be a number or a list .*; got \[\[0"))
 ask(using(["DistributionalOrdinalRegressor"], "sample", X),
     *(check(f"n_samples={n!r}", n, "^n_samples=.* must be a positive integer")
       for n in (-1, 0, 1.5, "many")))
@@ -702,9 +643,7 @@ ask(using(["DistributionalOrdinalRegressor"], "score", X),
     check("y with columns of other levels", pd.DataFrame(COUNTS, columns=[1, 2, 4]),
         r"^The columns of y_true are \[1, 2, 4\], but the levels are \[1, 2, 3\]"),
     check("y of other levels", COUNTS[:, :2],
-        "^y_true has 2 columns of counts, but there are 3 levels"),
-    check("a negative weight", COUNTS, -np.ones(N),
-        "Negative values in data passed to `sample_weight`"))
+        "^y_true has 2 columns of counts, but there are 3 levels"))
 ask(fitting({"SensorFusionNNPOM": partial(SensorFusionNNPOM, SENSORS)}),
     check("no sensor", sensors={}, says="names no sensor; give the columns"),
     check("a sensor of no columns", sensors={"pac": []},
@@ -734,8 +673,6 @@ ask(fitting(BLEND, groups=OBJECTS),
         says=r"^estimators=\[\] must be a list of one or more \(name, estimator"),
     check("members without names", estimators=[NNPOM(0)],
         says=r"^estimators=.* must be a list of one or more \(name, estimator"),
-    check("two members of one name", estimators=[("a", NNPOM(0)), ("a", NNPOM(1))],
-        says="^Names provided are not unique"),
     check("a member called marginal", estimators=[("marginal", NNPOM(0))],
         says="^Names provided are not unique"),
     check("a regressor", estimators=[("ridge", Ridge())],
@@ -758,14 +695,10 @@ ask(fitting({"DistributionBlend": partial(DistributionBlend,
     check("weights, and a member that takes none", np.ones(N),
         "^The member 'piped' takes no sample_weight; give none, or enable metadata"))
 ask(fitting(TOUCH_POOL, groups=OBJECTS),
-    check("no members", estimators=[],
-        says=r"^estimators=\[\] must be a list of one or more \(name, estimator, col"),
     check("members without columns", estimators=[("a", NNPOM(0))],
         says=r"^estimators=.* must be a list of one or more \(name, estimator, col"),
     check("two members of one name",
         estimators=[("a", NNPOM(0), [0]), ("a", NNPOM(1), [1])],
-        says="^Names provided are not unique"),
-    check("a member called marginal", estimators=[("marginal", NNPOM(0), [0])],
         says="^Names provided are not unique"),
     check("a member of other levels",
         estimators=[("a", NNPOM(0, levels=[3, 2, 0]), [0])],
@@ -785,8 +718,6 @@ ask(fitting(TOUCH_POOL | GUARD, "groups"),
     check("one object", np.zeros(N), "there is 1 sample or"))
 ask({"TouchPool.weights": lambda touches: call(
         TOUCH_POOL["TouchPool"]().fit(X, COUNTS, groups=OBJECTS).weights, touches)},
-    check("an unknown member", [["pac"]],
-        "^Unknown member 'pac'; the pool has 1, of which the closest are"),
     check("a member twice", [["linear", "linear"]],
         "^The member 'linear' is asked for twice"))
 ask(direct(describe_corpus),
@@ -797,7 +728,6 @@ ask(direct(describe_corpus),
       ]),
     check("trials of other channels", [np.ones((3, 1)), np.ones((3, 2))],
         "^Trial 1 of X has .* expected, as in the first trial"),
-    check("text in a trial", [np.ones((3, 1)), "rough"], "^Trial 1 of X is 'rough'"),
     check("a trial without an object", TRIALS, objects=["a", "b", "c", None],
         says="^objects has no object in trial 3"),
     check("no ratings at all", TRIALS, ratings={"hard": np.zeros((4, 3))},
@@ -808,11 +738,7 @@ ask(direct(describe_corpus),
         says=r"^limits=\(1, 0\) must be the lowest and the highest"))
 ask(direct(make_haptic_corpus),
     check("an unknown procedure of a list", procedure=["hold", "tap"],
-        says="^Unknown procedure 'tap'; the corpus has 4"),
-    check("no procedure", procedure=[], says="^No procedure is asked for"))
-ask(fitting(DUMMY),
-    check("trials of another number than ratings", TRIALS,
-        r"inconsistent numbers of samples: \[4, 12\]"))
+        says="^Unknown procedure 'tap'; the corpus has 4"))
 ask(direct(Sequences),
     check("a number in place of trials", 3, ["x0"], error=(TypeError, ValueError),
         says="^trials|is not iterable"))
@@ -824,9 +750,7 @@ ask(direct(make_haptic_pipeline),
 ask(direct(Signal),
     *settings("rate", 0, -1.0, np.inf, "fast",
         says="^rate=.* must be a positive number of samples per second, or None"),
-    *settings("window", 0.01, says="^window=0.01 s must hold two samples or more at"),
-    check("a window of one sample", rate=100, window=0.01,
-        says="^window=0.01 s must hold two .* rate=100 Hz; lengthen it or give the"))
+    *settings("window", 0.01, says="^window=0.01 s must hold two samples or more at"))
 ask(direct(TaxelGrid),
     *settings("layout", 4, "palm", (0, 4), (2.5, 2), np.eye(4), {},
         says=r"^layout=.* must be \(n_rows, n_columns\), an array of weights of"))
@@ -842,8 +766,6 @@ ask(fitting(REPAIR, X=SKINS, y=None),
         says=r"^The sensor 'skn' is none of \['skin'\]; name columns of X"))
 ask(fitting(REPAIR, y=None),
     check("a sensor without any samples", [None, None], "^X holds no|Expected 2D|NaN"),
-    check("trials of different channels", [TRIALS[0], TRIALS[1][:, :3]],
-        "^Trial 1 of X has 3 channels, but 19 channels are .*, as in the first trial"),
     check("text", [["a", "b"], ["c"]], "^Trial 0 of X is not an array of numbers"))
 ask({"RepairTrials.transform": partial(call, RepairTrials().fit(SKINS).transform)},
     check("a sensor fewer", SKINS.rename(columns={"skin": "palm"}),
@@ -873,11 +795,6 @@ ask({"resample_trials": lambda **bad: call(resample_trials,
         says="^Trial 0 has no index of time stamps; give times, or a Series or Data"),
     check("no such column", times="when",
         says="^Trial 0 has no column 'when'; name the column of time stamps"))
-ask({"make_haptic_pipeline.fit": partial(call, make_haptic_pipeline(["tdc"]).fit)},
-    check("a sensor that the trials lack", pd.DataFrame({"pdc": TRIALS}), LABELS[:4],
-        "Some column names are not columns of the dataframe: {'tdc'}"),
-    check("an array in place of a DataFrame", X, COUNTS,
-        "columns using strings is only supported for dataframes"))
 
 # Scores and ratings
 
@@ -901,8 +818,6 @@ ask(by_name("y_pred", RATED_AT),
         "^ARG has the rating nan in trial 1, which is not among levels"),
     check("a column less", np.ones((N, 2)),
         r"^ARG has shape \(12, 2\), but y_true has 12 trials and p has 3 positions;"),
-    check("a trial less", np.ones((N - 1, 3)), "^ARG has shape .*; give one row per"),
-    check("one dimension", np.ones(N), "^ARG has shape .*; give one row per trial"),
     arg="y_pred")
 ask(direct(metrics.pit_histogram, y_true=COUNTS, y_proba=PROBA),
     *settings("n_bins", 0))
@@ -918,7 +833,6 @@ ask(direct(ratings.rating_counts),
     check("objects of another number", [1, 2], ["a", "b", "c"],
         r"inconsistent numbers of samples: \[2, 3\]"),
     check("no rating", [], [], EMPTY),
-    check("missing ratings only", [None, np.nan], ["a", "b"], EMPTY),
     check("an object without a name", [1, 2], ["a", None], OBJECT_WITHOUT_NAME),
     check("an object that nobody rated", [1, None], ["a", "b"],
         "Nobody rated the object 'b'; remove its rows"),
@@ -946,9 +860,6 @@ ask(direct(ratings.interrater_agreement),
         "^counts has rows that sum to 1, .*; multiply each row by the number of peo"))
 ask(direct(ratings.inverse_cdf, counts=COUNTS),
     check("p=1.5", p=1.5, says="^p must be a number or a list of numbers"),
-    check("p=nan", p=np.nan, says="^p must be a number or a list of numbers"),
-    check("p='0.5'", p="0.5", says="^p is not an array of numbers .*; convert it"),
-    check("p=[[0.5, 0.6]]", p=[[0.5, 0.6]], says="^p must be a number or a list"),
     check("p=[0.5, 0.6j]", p=[0.5, 0.6j], says="[Cc]omplex"))
 ask(direct(ratings.inverse_cdf, counts=COUNTS, p=0.5), OTHER_LEVELS, arg="counts")
 ask(direct(ratings.adjective_correlation),
@@ -956,7 +867,6 @@ ask(direct(ratings.adjective_correlation),
         "^ratings has 2 rows with both 'x0' and 'x1'; .* leave one of"),
     *not_numbers(X, "NaN", "dates"),
     check("one adjective", X[:, :1], "1 feature.* minimum of 2"),
-    check("two rows", X[:2], "2 sample.* minimum of 3"),
     ALWAYS_THE_SAME, arg="ratings")
 ask(direct(ratings.outlying_raters),
     check("objects of another number", X[:2], [1, 2, 3], [1, 2],
@@ -1051,8 +961,6 @@ LONG = pd.DataFrame({"object": list("aab"), "rater": list("xyx"), "rating": [1, 
 ask(direct(RatingTable.from_long),
     check("somebody's second rating of an object", pd.concat([LONG, LONG[:1]]),
         "^ratings has two of the object 'a' by the rater 'x'; keep one, or tell"),
-    check("a missing rater", LONG.replace({"rater": {"y": None}}),
-        "^raters names nobody in row 1; name the rater of every row"),
     check("no column of raters", LONG[["object", "rating"]],
         "^The table has no column 'rater', only .*; rename the one that is meant"))
 ask(direct(RatingTable.from_wide),
@@ -1062,10 +970,7 @@ ask(direct(RatingTable.from_wide),
         "^The table has no column but 'object'; give one per rater"))
 ask(direct(make_haptic_corpus),
     *wrong(n_objects=0, n_trials=1.5, procedure="tap", n_raters=-1, random_state="a"),
-    *settings("sensors", ["force"], says="^Unknown sensor 'force'; the corpus has 5"),
-    *settings("sensors", [], says="^No sensor is asked for; name at least one"),
-    *settings("sensors", ["pdc", "pdc"], says="'pdc' is asked for twice; name it"),
-    *settings("sensors", "pdc", says="Unknown sensor|must be"))
+    *settings("sensors", ["force"], says="^Unknown sensor 'force'; the corpus has 5"))
 
 # Searches, contributions and subsets of sensors
 
@@ -1192,20 +1097,11 @@ ATOMS = plotting.AtomsDisplay, plotting.FeatureMapDisplay
 ask(methods("from_predictions", *ONE_OBJECT),
     check("trials of several objects", COUNTS, PROBA,
         "^y_true has different ratings for different trials; give the"),
-    check("a negative count", [-1, 2, 3], PROBA,
-        "^y_true has a negative count in trial 0"),
     check("masked counts", masked(COUNTS[0]), PROBA,
         "^y_true has masked values, .*; fill or remove"),
-    check("a column less", COUNTS[0], PROBA[:, :2] * 1.5,
-        "^y_proba has 2 columns, but y_true has 3 levels; give one"),
     check("no distribution", COUNTS[0], replaced(PROBA, 0.9),
-        "^y_proba is no distribution in trial 1"),
-    check("a probability", COUNTS[0], 0.5, "Expected 2D array, got scalar"))
+        "^y_proba is no distribution in trial 1"))
 ask(CALIBRATION,
-    check("no distribution", y_proba=replaced(PROBA, 0.9),
-        says="^y_proba is no distribution in trial 1"),
-    check("a trial without ratings", y_true=COUNTS * 0,
-        says="^y_true has no ratings in trial 0"),
     check("no bin", n_bins=0, error=(TypeError, ValueError),
         says="n_bins.*(== 0, must be >= 1|range .1, inf)"),
     check("half a bin", n_bins=2.5, error=(TypeError, ValueError),
@@ -1231,24 +1127,19 @@ ask(methods("from_counts", *OF_COUNTS),
     check("a trial without an object", COUNTS[:3], objects=["foam", "tile", None],
         says="^objects has no object in row 2; name the object of every row"),
     check("objects of another number", COUNTS, objects=OBJECTS[:6],
-        says=r"inconsistent numbers of samples: \[12, 6\]"),
-    check("counts as text", COUNTS.astype(str),
-        "^counts is not an array of numbers .*text.*; convert it"))
+        says=r"inconsistent numbers of samples: \[12, 6\]"))
 ask(methods("from_counts", plotting.RatingsDisplay),
     OTHER_LEVELS._replace(args=(COUNTS,)), arg="counts")
 ask(methods("from_counts", plotting.InterraterAgreementDisplay),
     check("one rating of an object", {"hard": [[0, 1, 0]]},
         r"^counts\['hard'\] has fewer than two ratings in row 0; .* remove that"))
 ask(methods("from_ratings", plotting.AdjectiveCorrelationDisplay),
-    check("one adjective", X[:, :1], "1 feature.* minimum of 2"),
     ALWAYS_THE_SAME,
     check("a threshold above 1", X, threshold=1.5,
         says="^The 'threshold' parameter of adjective_correlation must be"))
 ask(methods("from_counts", plotting.InverseCDFDisplay),
     check("ratings of several objects", COUNTS,
         "^counts has different ratings for different trials; give the trials"),
-    check("an object that nobody rated", [0, 0, 0],
-        "^counts has no ratings in trial 0; remove"),
     OTHER_LEVELS._replace(args=(COUNTS[0],)), arg="counts")
 ask(methods("from_trials", plotting.SignalsDisplay),
     check("an unknown sensor and no sampling rate", {"taxels": TRIALS[0]},
@@ -1258,8 +1149,6 @@ ask(methods("from_trials", plotting.SignalsDisplay),
         r"^Trial 1 of X has the sensors \['tdc'\], but \['pac'\] are"),
     check("a trial beside a signal", {"hold": {"pac": TRIALS[0]}, "pac": TRIALS[0]},
         "^X holds trials of several sensors beside signals of one; name"),
-    check("NaN in a signal", {"pac": replaced(TRIALS[0], np.nan)},
-        r"^Trial 0 of X\['pac'\] contains NaN or infinity; repair"),
     check("a number in place of a signal", {"pac": 3.0},
         r"^Trial 0 of X\['pac'\] is 3.0, not an array of shape"),
     check("no trial", {}, "^X holds no signals; give it one trial"),
@@ -1348,8 +1237,6 @@ ask({"load_phac2": loading},
     check("no file", path="missing.h5", error=FileNotFoundError,
         says="There is no file .*missing.h5; give the path of one"),
     check("a folder", path="", error=FileNotFoundError, says="There is no file .*; gi"),
-    *settings("path", 3),
-    check("an empty file", change=cut(0), error=OSError, says=DAMAGED),
     check("a text file", change=lambda _: b"trial,rating\n" * 99, error=OSError,
         says=DAMAGED),
     *(check(f"a file cut at {share:.0%}", change=cut(share), error=OSError,
@@ -1370,8 +1257,6 @@ ask({"load_phac2": loading},
         "finger_1/tac of .* is not a dataset"),
     check("a sensor of other rows", exchanged(TAC, np.ones(8)),
         r"tac of .* has shape \(8,\); it must be \(9,\), one row per state"),
-    check("a sensor of two columns", exchanged(TAC, np.ones((9, 2))),
-        r"tac of .* has shape \(9, 2\)"),
     check("a sensor that is a number", exchanged(TAC, 3.0),
         r"tac of .* has shape \(\); it must be"),
     *(check(f"a sensor of {given}", exchanged(TAC, np.array(values)), message)
@@ -1414,10 +1299,7 @@ ask({"load_phac2": loading},
         "keeps its values in another file, which is not read; copy them"),
     *settings("procedure", "tap"),
     *settings("sensors", ["force"], says="^Unknown sensor 'force'"),
-    *settings("sensors", [], says="^No sensor is asked for; name at least"),
     *settings("trials", ["x_1_1"], says="^Unknown trial 'x_1_1'"),
-    *settings("trials", [], says="^No trial is asked for; name at least"),
-    *settings("trials", [TRIAL] * 2, says="is asked for twice; name it"),
     in_folder=True)
 
 RATINGS = np.random.default_rng(0).integers(1, 6, (2, 10, 12))
@@ -1471,7 +1353,6 @@ OTHER_OBJECT = r"objects that the corpus does not have, \[603\]; leave them out,
 ask({"MatlabRatings": loading_matlab},
     check("no file", name="missing.mat", error=FileNotFoundError, says=NO_FILE),
     check("a folder", name="", error=FileNotFoundError, says=NO_FILE),
-    check("an empty file", cut(0), error=OSError, says=NOT_MATLAB),
     check("a text file", lambda _: b"a,b\n" * 99, error=OSError, says=NOT_MATLAB),
     check("a file cut in half", cut(0.5), error=OSError, says=NOT_MATLAB),
     check("HDF5 that is cut short",
@@ -1483,17 +1364,11 @@ ask({"MatlabRatings": loading_matlab},
         says="must be 'objects', 'adjectives' and either 'raters' or 'levels', in"),
     check("another order of axes", axes=["raters", *AXES[:2]],
         says=r"has shape \(2, 10, 12\) .*; mend the axes, the objects or the adj"),
-    check("an array of complex numbers", array=RATINGS * 1j,
-        says="dtype complex128, but axes=.* tells of numbers of shape"),
     check("objects of another number", objects=[114], says="mend the axes, the obj"),
     check("an object twice", objects=[114, 114], says="list each once, in the order"),
     check("an adjective twice", adjectives=["hard"] * 10, says="list each once, in"),
     check("objects by name", objects=["sponge", "cup"],
         says="objects that the corpus does not have, .*, or give ids .* such as 114"),
-    check("an object that the corpus does not have", objects=[114, 603],
-        says=OTHER_OBJECT),
-    check("ratings above 5", array=RATINGS + 3,
-        says="^The answers on 'a': ratings has the rating [678].0 in row [0-9]+, w"),
     check("an object that nobody rated", array=RATINGS * [[[0]], [[1]]],
         says=r"^ratings\['a'\] has no ratings of objects \[114\]; leave their trials"),
     in_folder=True)
@@ -1506,46 +1381,32 @@ ask({"load_phac2(ratings)": loading_answers},
     *(check(f"a table without {column}", ANSWERS.drop(columns=column),
           f"The table has no column '{column}', only .*; rename the one")
       for column in ANSWERS.columns),
-    check("a table of no rows", ANSWERS[:0], "holds no values at all"),
     *(check(f"no {column} in a row", says=f"no {column} in row", **{column: None})
       for column in ("object", "adjective")),
     check("no rater in a row", rater=None, says="'soft': raters names nobody in row 3"),
     check("an object that the corpus does not have", object=603, says=OTHER_OBJECT),
-    check("objects by name", ANSWERS.replace({114: "sponge", 602: "cup"}),
-        says=r"does not have, \['cup', 'sponge'\]; leave them out, or give ids"),
     check("a table that lacks an object", ANSWERS[ANSWERS["object"] == 114],
         r"^ratings\['hard'\] has no ratings of objects \[602\]; leave their trials"),
-    check("a missing rating on an adjective", ANSWERS.drop([6, 7]),
-        r"^ratings\['soft'\] has no ratings of objects \[602\]; leave their trials"),
     check("two answers of a person", ANSWERS.assign(rater=0),
         "^The answers on 'hard': ratings has two of the object 114 by the rater 0; k"),
     *(check(f"a rating of {rating!r}", rating=rating,
           says="on 'soft': ratings has the rating .* row 3, which is not among levels")
       for rating in (0, 6, 2.5, np.inf)),
-    check("ratings in words", ANSWERS.assign(rating="very"),
-        says="ratings has the rating 'very' in row 0, which is not among levels"),
-    check("words among ratings", rating="very", says="mixes text with something else"),
     in_folder=True)
 NOT_CSV = "is not a CSV file in UTF-8 .*; save it as one, or describe a MATLAB file"
 LINE = b"object,rater,adjective,rating\n"
 ask({"load_phac2(ratings)": loading_csv},
     check("an empty CSV file", b"", NOT_CSV),
     check("CSV by semicolons", LINE.replace(b",", b";"), "no column 'adjective', only"),
-    check("CSV that is not UTF-8", LINE + b"\xff", NOT_CSV),
-    check("CSV with an open quote", LINE + b'1,"2', NOT_CSV),
     check("CSV with a row too long", LINE + b"114,1,a,2\n114,1,a,2,3\n", NOT_CSV),
     check("CSV without answers", LINE, "holds no values at all"),
     in_folder=True)
 ask({"load_phac2(ratings)": loading_counts},
-    check("counts without ids", COUNTED.reset_index(drop=True),
-        r"^ratings has objects that the corpus does not have, \[0, 1\]; leave them"),
     check("counts in an array", COUNTED.to_numpy(), error=TypeError,
         says=r"^ratings\['hard'\] is of the type ndarray; give"),
     check("counts of an object twice", COUNTED.set_axis([114, 114]),
         "has two rows of an object; give one row per object"),
     check("counts of an object that the corpus does not have", OTHER_IDS, OTHER_OBJECT),
-    check("counts that lack an object", COUNTED[:1],
-        r"has no ratings of objects \[602\]"),
     check("counts of other levels", soft=COUNTED.set_axis(range(5), axis=1),
         says="has the levels .*, but .*; give all adjectives the same, for instance"),
     check("negative counts", -COUNTED, "has a negative count in"),
@@ -1659,7 +1520,6 @@ ask({"read_study": reading},
     check("no study", "holds no study: study.json is missing; run_study"),
     check("settings of random bytes", **{"study.json": b"\xff\xfe\x00"},
         says=DAMAGED_SETTINGS),
-    check("settings that are a number", **{"study.json": b"3"}, says=DAMAGED_SETTINGS),
     check("no finished models", **{"study.json": b'{"procedures": ["hold"]}'},
         says="has no finished models yet; run_study makes them"),
     check("an empty unit", **{"study.json": b'{"procedures": ["hold"]}',
@@ -1718,8 +1578,6 @@ ask({"AnytimeRegressor.fit": fit_anytime},
     check("a table of numbers", X, "^X is no collection of recordings; give a"),
     check("a touch without a sensor", lacking("tdc"),
         r"^Trial 0 of X\['tdc'\] .*leave the trial out|has 0 time samples"),
-    check("NaN in a recording", lacking("tdc", replaced(TRIALS[0], np.nan)),
-        r"^Trial 0 of X\['tdc'\] contains NaN or infinity"),
     check("a column less", TOUCHES[["pac"]], "^X has no column 'tdc', which"),
     check("no pipeline", estimator=LogisticRegression(),
         says="^estimator is a LogisticRegression; give a Pipeline whose first"),
@@ -1748,8 +1606,6 @@ ask(of_touches("predict_proba") | of_touches("predict") |
     of_touches("predict_when_done"),
     check("other channels than in fit", lacking("pac", TRIALS[0][:, :7]),
         r"^Trial 0 of X\['pac'\] has 7 channels"),
-    check("a number for a recording", lacking("pac", 3.0),
-        r"^Trial 0 of X\['pac'\] is 3.0, not an array"),
     check("a list", TRIALS, "^X has no column 'pac', which sampling_rates names"))
 ask(of_touches("predict_proba_over_time"),
     check("times that are no list", TOUCHES, 3, "^times has shape \\(\\); give a list"),
@@ -1765,8 +1621,6 @@ ask(of_a_touch("update"),
     check("an unknown sensor", {"mic": TRIALS[0]}, "^samples names the sensor 'mic'"),
     check("other channels than in fit", {"pac": np.ones((3, 4))},
         r"^samples\['pac'\] has shape \(3, 4\), but one sample had the shape \(19,\)"),
-    check("a sensor without samples", {"pac": None},
-        r"^samples\['pac'\] is not an array of numbers; .* leave out a sensor"),
     check("text", {"pac": ["a"] * 19}, r"^samples\['pac'\] is not an array of numbers"))
 RULES = {
     "ExpectedGain": (streaming.ExpectedGain, settings("price", -1, "high")),
