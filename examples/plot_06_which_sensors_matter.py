@@ -54,13 +54,10 @@ print(f"{n_models} models in {time.perf_counter() - started:.0f} s.\n")
 
 # %%
 # The ranked probability score (RPS) is lower for better predictions, so a positive
-# difference means that the sensor helps. Two tests check the differences. By the
-# paper's test over random starts, three differences are significant, even that of
-# temperature (tdc), without which the model is better, because training ends at nearly
-# the same weights each time. The test over objects asks whether another set of objects
-# would show the same; vibration (pac) and the electrodes are significant. A sensor that
-# adds nothing may still tell much about hardness, if other sensors tell the same.
-columns = ["held_out", "full", "holdout", "difference", "p_starts", "p_objects"]
+# difference means that the sensor helps. A test over objects asks whether it would help
+# on another set of objects too; vibration (pac) and the electrodes are significant. A
+# sensor that adds nothing may still tell much about hardness, if other sensors tell the same.
+columns = ["held_out", "full", "holdout", "difference", "p_objects"]
 summary = contribution_summary(scores, metric="rps")
 print(summary[columns].to_string(index=False, float_format="{:.3f}".format), "\n")
 

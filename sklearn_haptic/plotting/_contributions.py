@@ -29,9 +29,7 @@ class SensorContributionsDisplay(Display):
 
     Use :meth:`from_scores` to create a display. Points are mean differences to the full
     model over random starts, with error bars of one standard deviation; above zero, the
-    sensor helps. An asterisk marks p < .05 over starts. A dagger marks p < .05 over
-    objects if the sensor helps, a double dagger if it harms; only these two hold for
-    objects that were not yet touched.
+    sensor helps. A dagger marks a sensor that helps with p < .05 over objects.
 
     Parameters
     ----------
@@ -50,7 +48,7 @@ class SensorContributionsDisplay(Display):
     points_ : matplotlib ErrorbarContainer
         The points and their error bars, group by group.
     marks_ : list of matplotlib Annotation
-        The asterisks and daggers of each row of ``summary``.
+        The daggers of each row of ``summary``.
 
     See Also
     --------
@@ -154,14 +152,10 @@ class SensorContributionsDisplay(Display):
         ]
         ax.margins(y=0.15)
         ax.set_xlim(-0.6, x.max() + 0.6)
-        over = {
-            "p_starts": "p < .05: ∗ over starts",
-            "p_objects": "over objects † (helps) or ‡ (harms)",
-        }
-        known = ", ".join(text for name, text in over.items() if name in summary)
+        known = "   († helps: p < .05 over objects)" * ("p_objects" in summary)
         score, *unit = _SCORE_LABELS.get(self.metric, (self.metric,))
         ax.set(
-            xlabel=f"sensor left out   ({known})",
+            xlabel=f"sensor left out{known}",
             ylabel=", ".join(
                 [f"{score} without the sensor\nless {score} with all", *unit]
             ),
@@ -179,12 +173,10 @@ class SensorContributionsDisplay(Display):
 
 
 def _marks(summary):
-    """Asterisks and daggers of each row of a summary of contributions."""
-    marks = np.where(summary["p_starts"] < 0.05, "∗", "")
-    if "p_objects" in summary:
-        dagger = np.where(summary["difference"] > 0, "†", "‡")
-        marks = np.char.add(marks, np.where(summary["p_objects"] < 0.05, dagger, ""))
-    return marks.tolist()
+    """Daggers of each row of a summary of contributions."""
+    if "p_objects" not in summary:
+        return [""] * len(summary)
+    return np.where(summary["p_objects"] < 0.05, "†", "").tolist()
 
 
 def _group_names(values):
