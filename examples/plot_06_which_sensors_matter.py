@@ -56,7 +56,8 @@ print(f"{n_models} models in {time.perf_counter() - started:.0f} s.\n")
 # The ranked probability score (RPS) is lower for better predictions, so a positive
 # difference means that the sensor helps. A test over objects asks whether it would help
 # on another set of objects too; vibration (pac) and the electrodes are significant. A
-# sensor that adds nothing may still tell much about hardness, if other sensors tell the same.
+# sensor that adds nothing may still tell much about hardness, if other sensors tell the
+# same.
 columns = ["held_out", "full", "holdout", "difference", "p_objects"]
 summary = contribution_summary(scores, metric="rps")
 print(summary[columns].to_string(index=False, float_format="{:.3f}".format), "\n")
