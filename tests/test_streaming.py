@@ -22,6 +22,7 @@ from short_touches import (
     make_model,
     statistics,
 )
+from sklearn.base import clone
 from sklearn.decomposition import PCA
 from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline, make_union
@@ -217,6 +218,47 @@ def test_a_sensor_that_never_works_is_missing(of_codes):
     assert touch.ignored == {"fast": 0, "slow": len(dead)}
     expected = as_recorded(of_codes, {"fast": x["fast"], "slow": []})
     np.testing.assert_allclose(touch.predict_proba(), expected, atol=1e-12)
+
+
+def test_a_touch_without_a_good_sample_comes_to_an_end(of_codes):
+    touch = of_codes.start()
+    for _ in range(100):
+        assert not touch.done
+        nothing = {
+            sensor: np.full((int(rate / 10), 2), np.nan)
+            for sensor, rate in RATES.items()
+        }
+        if touch.update(nothing).done:
+            break
+    assert touch.seconds == 0
+    np.testing.assert_array_equal(touch.predict_proba(), of_codes.shares_)
+    assert sum(touch.ignored.values()) > 0
+
+
+def test_a_touch_belongs_to_the_model_at_its_start(of_codes):
+    model = clone(of_codes).fit(TOUCHES, COUNTS, groups=OBJECTS)
+    touch, x = model.start(), TOUCHES.iloc[4]
+    half = {sensor: x[sensor][: len(x[sensor]) // 2] for sensor in RATES}
+    rest = {sensor: x[sensor][len(x[sensor]) // 2 :] for sensor in RATES}
+    touch.update(half)
+    model.set_params(durations=[0.5, 0.7]).fit(TOUCHES, COUNTS[::-1], groups=OBJECTS)
+    np.testing.assert_allclose(
+        touch.update(rest).predict_proba(), as_recorded(of_codes, x), atol=1e-12
+    )
+
+
+def test_ties_of_coarse_signals_do_not_depend_on_what_comes_together():
+    rng = np.random.default_rng(0)
+    touches = [rng.integers(-1, 2, (200, 2)).astype(float) for _ in range(20)]
+    model = make_model(
+        make_pipeline(*coded("fast"), HEAD), durations=[0.5, 1], sampling_rates=100
+    ).fit(touches, COUNTS[:20])
+    expected = model.predict_proba(touches)
+    for touch, proba in zip(touches, expected):
+        new = model.start()
+        for sample in touch:
+            new.update(sample)
+        np.testing.assert_allclose(new.predict_proba(), proba, rtol=0, atol=1e-12)
 
 
 def test_electrodes_adjectives_and_one_unnamed_sensor():

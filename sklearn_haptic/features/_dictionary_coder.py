@@ -29,8 +29,7 @@ from ..utils._sklearn import (
     one_blas_thread,
 )
 from ..utils._validation import check_numbers, check_table
-from ._ksvd import initial_atoms, ksvd
-from ._product import product
+from ._ksvd import initial_atoms, ksvd, residual_of
 from ._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows
 
 
@@ -141,7 +140,7 @@ def learn_dictionary(
             callback=callback,
         )
     support, coefs = batch_omp(signals, atoms, n_nonzero_coefs, scale=scale)
-    residual = signals - product(dense_codes(support, coefs, len(atoms)), atoms)
+    residual = residual_of(signals, support, coefs, atoms)
     error = row_norms(residual.reshape(1, -1))[0] / np.sqrt(residual.size)
     return atoms, len(errors), error
 

@@ -13,6 +13,12 @@ from ._sparse_coding import batch_omp, dense_codes, rounding_level, row_norms, u
 _MAX_COHERENCE = 0.99
 _MIN_USERS = 4
 
+# The power of two up to which squares of signals neither overflow nor underflow.
+_MAX_EXPONENT = 32
+
+# Signals whose codes are dense at a time.
+_CHUNK_SIZE = 2**16
+
 # Iterations over which the error must fall by the fraction `tol` to go on.
 _PATIENCE = 5
 
@@ -84,15 +90,19 @@ def ksvd(
     (array([[0.6, 0.8]]), np.float64(0.0))
     """
     # Scaling by a power of two brings squares into range and changes no digit.
-    exponent = int(np.frexp(np.abs(signals).max(initial=0))[1])
-    signals = np.ldexp(signals, -exponent)
-    scale = None if scale is None else np.ldexp(scale, -exponent)
+    largest = max(signals.max(initial=0), -signals.min(initial=0))
+    exponent = int(np.frexp(largest)[1])
+    if abs(exponent) > _MAX_EXPONENT:
+        signals = np.ldexp(signals, -exponent)
+        scale = None if scale is None else np.ldexp(scale, -exponent)
+    else:
+        exponent = 0
     atoms = atoms.astype(signals.dtype)
     informative = _informative(signals, scale)
     errors = []
     for _ in range(max_iter):
         support, coefs = batch_omp(signals, atoms, n_nonzero_coefs, scale=scale)
-        residual = signals - product(dense_codes(support, coefs, len(atoms)), atoms)
+        residual = residual_of(signals, support, coefs, atoms)
         users = _users_of_atoms(support, coefs, len(atoms))
         available = informative.copy()
         replaced = set()
@@ -114,6 +124,16 @@ def ksvd(
         atoms, np.abs(atoms).argmax(axis=1, keepdims=True), axis=1
     )
     return np.where(largest < 0, -atoms, atoms), np.ldexp(errors, exponent)
+
+
+def residual_of(signals, support, coefs, atoms):
+    """Return what codes over atoms leave of signals, computed some at a time."""
+    residual = np.empty_like(signals)
+    for begin in range(0, len(signals), _CHUNK_SIZE):
+        rows = slice(begin, begin + _CHUNK_SIZE)
+        codes = dense_codes(support[:, rows], coefs[:, rows], len(atoms))
+        residual[rows] = signals[rows] - product(codes, atoms)
+    return residual
 
 
 def initial_atoms(signals, n_atoms, rng, *, scale=None):

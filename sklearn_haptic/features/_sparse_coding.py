@@ -246,12 +246,15 @@ def _pursue(buffers, gram, pairs, thresholds, support, coefs):
 def _argmax(values):
     """Return the row index and the value of the first maximum of each column.
 
-    This equals argmax over axis 0, but is faster because it reduces along rows.
+    This is argmax over axis 0, but faster because it reduces along rows, and values
+    that are equal but for rounding count as equal, so that the choice of an atom does
+    not depend on the signals that are coded together.
     """
     n_rows = len(values)
     peak = values.max(axis=0)
+    least = peak * (1 - rounding_level(values.dtype))
     countdown = np.arange(n_rows, 0, -1, dtype=np.min_scalar_type(n_rows))
-    at_peak = (values == peak).view(np.uint8)
+    at_peak = (values >= least).view(np.uint8)
     highest = (at_peak * countdown[:, None]).max(axis=0)
     return n_rows - highest.astype(np.intp), peak
 

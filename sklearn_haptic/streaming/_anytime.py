@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from numbers import Real
 from typing import Self
 
@@ -476,7 +477,8 @@ class AnytimeRegressor(
             A touch without samples.
         """
         check_is_fitted(self)
-        return TouchInProgress(self, check_limits(limits, self.sensors_))
+        # A touch belongs to the model as it is now, also if that is fitted again.
+        return TouchInProgress(copy(self), check_limits(limits, self.sensors_))
 
     def __sklearn_is_fitted__(self):
         return hasattr(self, "stopping_")  # which is set last

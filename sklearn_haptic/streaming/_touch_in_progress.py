@@ -34,7 +34,8 @@ class TouchInProgress:
         How much of the touch has been felt, by all sensors that are not left behind.
     ignored : dict of str to int
         Of each sensor, how many samples had values that are not finite or are at the
-        limits. The last good value of the channel stands for each.
+        limits. The last good value of the channel stands for each. A sensor with a
+        channel that has none is missing.
     done : bool
         Whether to stop: the model's rule says so, or the longest duration is complete.
 
@@ -75,6 +76,7 @@ class TouchInProgress:
         model = self._model
         needed = dict(zip(model.sensors_, model._needed.T))
         self._n_samples = np.zeros(len(model.sensors_), dtype=np.intp)
+        self._n_arrived = np.zeros(len(model.sensors_), dtype=np.intp)
         self._menders = {}
         for sensor, shape in model.sample_shapes_.items():
             low, high = self._limits.get(sensor, (-np.inf, np.inf))
@@ -136,6 +138,7 @@ class TouchInProgress:
             sensor: self._check_stamps(new, sensor) for sensor, new in samples.items()
         }
         for sensor, new in checked.items():
+            self._n_arrived[sensors.index(sensor)] += len(new)
             new = self._menders[sensor].mend(new)
             self._n_samples[sensors.index(sensor)] += len(new)
             for i, pool in self._pools.items():
@@ -190,7 +193,8 @@ class TouchInProgress:
             self._path.append(self._predict_at(len(self._path)))
             path = np.stack(self._path)[np.newaxis]
             self._stopped = bool(self._model._stops(path)[0])
-        return self._stopped
+        # Samples that wait for a channel without a good value will never be felt.
+        return self._stopped or bool((self._n_arrived >= self._model._needed[-1]).all())
 
     @one_blas_thread
     def predict_proba(self) -> NDArray[np.float64]:
