@@ -322,9 +322,10 @@ def of_sensors(name, folder, only, _):
     for described, undescribed, trials, channels, y, splits in sets:
         made = classes(described, undescribed, trials, channels)
         for left_out, (groups, folds) in splits.items():
+            cv = list(folds.split(y, groups=groups))
             scores = {
-                label: cross_val_score(with_ridge(f), X, y, groups=groups, cv=folds)
-                for label, (f, X) in made.items()
+                label: cross_val_score(with_ridge(features), X, y, cv=cv)
+                for label, (features, X) in made.items()
             }
             best = max(list(made)[-3:], key=lambda label: scores[label].mean())
             for label, each in scores.items():
