@@ -416,7 +416,7 @@ def kept_answers(answers, person, wrong):
     objects = np.broadcast_to(np.arange(len(person))[:, None], person.shape)
     rows = answers.reshape(-1, answers.shape[-1])
     result = outlying_raters(rows, objects.ravel(), person.ravel())
-    found = result.raters[result.outlying]
+    found = result.index[result["outlying"]].to_numpy()
     # The earth mover's distance of an answer to the others about the same object.
     apart = np.abs(answers[:, :, None] - answers[:, None])
     distance = apart.sum(axis=2) / (answers.shape[1] - 1)
