@@ -56,7 +56,7 @@ def machine(*packages):
         try:
             said.append(f"{name} {version(name)}")
         except PackageNotFoundError:
-            said.append(f"{name} as it is here")
+            said.append(f"no {name}")
     print(f"{', '.join(said)}; {date.today()}\n", flush=True)
 
 
