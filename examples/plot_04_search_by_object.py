@@ -21,6 +21,7 @@ import time
 
 import matplotlib.pyplot as plt
 import numpy as np
+from sklearn import config_context
 from sklearn.decomposition import PCA
 from sklearn.model_selection import (
     GridSearchCV,
@@ -160,16 +161,16 @@ plt.show()
 # pipeline, which is cross-validated like any estimator. The search also needs the
 # objects, to split by them.
 started = time.perf_counter()
-nested = cross_validate(
-    make_pipeline(features, search.set_params(cv=GroupKFold(3))),
-    corpus.trials,
-    counts,
-    groups=objects,
-    cv=GroupKFold(5, shuffle=True, random_state=0),
-    scoring=neg_rps_scorer,
-    params={"gridsearchcv__groups": objects},
-    return_estimator=True,
-)
+with config_context(enable_metadata_routing=True):
+    nested = cross_validate(
+        make_pipeline(features, search.set_params(cv=GroupKFold(3))),
+        corpus.trials,
+        counts,
+        cv=GroupKFold(5, shuffle=True, random_state=0),
+        scoring=neg_rps_scorer,
+        params={"groups": objects},
+        return_estimator=True,
+    )
 honest = -nested["test_score"]
 print(f"Five searches in {time.perf_counter() - started:.0f} s")
 for pipeline, score in zip(nested["estimator"], honest):

@@ -77,12 +77,12 @@ plt.show()
 # is compared with the paper's search over five penalties, by MAE^M on validation
 # objects. The paper also searches five numbers of hidden units, which is left out here.
 #
-# The paper's network stops early, by its error on validation objects. `set_config` and
-# `set_fit_request` pass the objects of the touches to `fit`, also in a search.
+# The paper's network stops early, by its error on validation objects. `set_config`
+# passes the objects of the touches to `fit`, also in a search.
 set_config(enable_metadata_routing=True)
 paper = DistributionalOrdinalRegressor(
     **PAPER_2020, levels=corpus.levels, random_state=0
-).set_fit_request(groups=True)
+)
 searched = GridSearchCV(
     paper,
     {"estimator__alpha": [0.001, 0.01, 0.1, 1.0, 10.0]},

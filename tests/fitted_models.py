@@ -165,6 +165,14 @@ MODELS = {
 def fitted(name):
     """The model of a name; not to be changed."""
     model, X, y = MODELS[name]
-    held_out = "stopped early" in name or name == "blend"
-    groups = {"groups": np.arange(len(y))} if held_out else {}
-    return clone(model).fit(X, y, **groups)
+    return clone(model).fit(X, y, **groups_of(name))
+
+
+def groups_of(name):
+    """Arguments of the fit of the model of a name: objects, if it needs them."""
+    model, _, y = MODELS[name]
+    early = getattr(model, "early_stopping", False)
+    needs = isinstance(
+        model, (DistributionBlend, TouchPool, NoveltyGuard, AnytimeRegressor)
+    )
+    return {"groups": np.arange(len(y))} if early or needs else {}

@@ -39,6 +39,8 @@ from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import log_score, ranked_probability_score
 from sklearn_haptic.streaming._heads import best_power
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*fit was given no groups")
+
 
 @pytest.fixture(scope="module")
 def model():

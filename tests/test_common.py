@@ -128,7 +128,7 @@ def test_every_public_estimator_is_here():
 # Their columns have no names of sensors, and their words no order.
 @pytest.mark.filterwarnings("ignore:y has words, which have no order of their own")
 @pytest.mark.filterwarnings("ignore:X has no column names to tell sensors by")
-@pytest.mark.filterwarnings("ignore:The weights are learned on held-out single trials")
+@pytest.mark.filterwarnings("ignore:.*fit was given no groups")
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
 @parametrize_with_checks([*TRANSFORMERS, *PREDICTORS])
 def test_common_checks(estimator, check):
@@ -138,7 +138,7 @@ def test_common_checks(estimator, check):
 # Some of these checks fit on a data frame and transform an array, or the reverse.
 @pytest.mark.filterwarnings("ignore:X (has|does not have valid) feature names")
 @pytest.mark.filterwarnings("ignore:X has no column names to tell sensors by")
-@pytest.mark.filterwarnings("ignore:The weights are learned on held-out single trials")
+@pytest.mark.filterwarnings("ignore:.*fit was given no groups")
 @pytest.mark.parametrize(("estimator", "name"), BEYOND_THE_SUITE, ids=str)
 def test_checks_beyond_the_common_suite(estimator, name):
     getattr(estimator_checks, name)(type(estimator).__name__, estimator)

@@ -316,11 +316,12 @@ def test_groups_are_those_of_the_folds_of_a_search():
     np.testing.assert_array_equal(folds[0], objects)
 
 
-def test_groups_are_refused_by_an_estimator_that_takes_none():
+def test_groups_are_checked_and_change_nothing_where_none_are_needed():
     X, y = crowd()
     model = ContinuousRatingsRegressor(DummyDistribution())
-    with pytest.raises(ValueError, match=r"DummyDistribution\(\) takes none; leave"):
-        model.fit(X, y, groups=np.arange(len(X)))
+    alone = model.fit(X, y).predict_cdf(X)
+    model.fit(X, y, groups=np.arange(len(X)))
+    np.testing.assert_array_equal(model.predict_cdf(X), alone)
     with pytest.raises(ValueError, match="groups has no object in trial 2"):
         ContinuousRatingsRegressor().fit(X, y, groups=[1, 2, None, *range(27)])
 

@@ -20,6 +20,7 @@ from sklearn_haptic.models._conditioning import EvenedFeatures
 from sklearn_haptic.models._early_stopping import validation_error
 from sklearn_haptic.models._network import Network
 from sklearn_haptic.models._observations import single_ratings
+from sklearn_haptic.utils._folds import NO_GROUPS
 
 STOPPING = NNPOM(3, early_stopping=True, n_iter_no_change=20, random_state=0)
 FUSION = SensorFusionNNPOM({"a": [0, 1], "b": [2]}, STOPPING, STOPPING, random_state=0)
@@ -48,13 +49,12 @@ def touches(n_objects=20, n_trials=4, seed=0):
 @pytest.mark.parametrize("model", MODELS, ids=IDS)
 def test_it_warns_without_groups(model, recwarn):
     X, counts, objects = touches()
-    name = type(model).__name__
-    with pytest.warns(UserWarning, match="holds out single trials") as caught:
+    with pytest.warns(UserWarning, match="fit was given no groups") as caught:
         clone(model).fit(X, counts)
     (warning,) = caught
     assert warning.filename == __file__
     assert "sklearn.set_config(enable_metadata_routing=True)" in str(warning.message)
-    assert f"{name}(...).set_fit_request(groups=True)" in str(warning.message)
+    assert str(warning.message) == f"{type(model).__name__}: {NO_GROUPS}"
     clone(model).fit(X, counts, groups=objects)
     clone(model).fit(X, counts, groups=range(len(X)))
     if isinstance(model, DistributionalOrdinalRegressor):
@@ -70,7 +70,7 @@ def test_the_papers_search_warns():
         cv=GroupKFold(2),
     )
     search.set_params(estimator__estimator__max_iter=20)
-    with pytest.warns(UserWarning, match="holds out single trials"):
+    with pytest.warns(UserWarning, match="fit was given no groups"):
         search.fit(X, counts, groups=objects)
 
 
@@ -102,11 +102,11 @@ class Witness(BaseEstimator):
 
 
 @pytest.mark.parametrize("in_pipeline", [False, True])
-def test_two_lines_bring_the_groups_into_a_search(in_pipeline, recwarn):
+def test_a_line_brings_the_groups_into_a_search(in_pipeline, recwarn):
     _, counts, objects = touches()
     X = objects[:, None].astype(float)
     with sklearn.config_context(enable_metadata_routing=True):
-        model = DistributionalOrdinalRegressor(Witness()).set_fit_request(groups=True)
+        model = DistributionalOrdinalRegressor(Witness())
         grid = {"estimator__alpha": [1.0, 2.0]}
         if in_pipeline:
             model = make_pipeline(
@@ -126,7 +126,7 @@ def test_without_them_the_objects_are_torn():
     _, counts, objects = touches()
     Witness.seen.clear()
     model = DistributionalOrdinalRegressor(Witness(), random_state=0)
-    with pytest.warns(UserWarning, match="holds out single trials"):
+    with pytest.warns(UserWarning, match="fit was given no groups"):
         GridSearchCV(model, {"estimator__alpha": [1.0]}, cv=GroupKFold(4)).fit(
             objects[:, None], counts, groups=objects
         )

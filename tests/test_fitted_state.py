@@ -7,7 +7,7 @@ import mord
 import numpy as np
 import pandas as pd
 import pytest
-from fitted_models import MODELS, fitted
+from fitted_models import MODELS, fitted, groups_of
 from sklearn.base import clone
 from sklearn.ensemble import RandomForestRegressor
 from sklearn.exceptions import NotFittedError
@@ -262,9 +262,7 @@ def outcome(model, X):
 @pytest.mark.parametrize("name", OWN)
 def test_a_fit_that_does_not_end_leaves_the_old_model_or_none(name):
     model, X, y = MODELS[name]
-    held_out = {"groups": np.arange(len(y))} if "stopped" in name else {}
-    if name in ("blend", "touches of any length", "pool of touches", "guard"):
-        held_out = {"groups": np.arange(len(y)) // 2}
+    held_out = groups_of(name)
     model = clone(fitted(name)).fit(X, y, **held_out)
     before = outcome(model, X)
     other = X.iloc[::-1] if hasattr(X, "iloc") else X[::-1]

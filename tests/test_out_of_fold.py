@@ -75,8 +75,9 @@ def take(values, rows):
 
 
 def whole_objects(objects, n_folds):
-    """Folds of whole objects, as GroupKFold deals them out."""
-    for train, test in GroupKFold(n_folds).split(objects, groups=objects):
+    """Folds of whole objects, dealt out in the order of their first trials."""
+    numbers = pd.factorize(np.asarray(objects))[0]
+    for train, test in GroupKFold(n_folds).split(objects, groups=numbers):
         assert set(np.take(objects, train)).isdisjoint(np.take(objects, test))
         yield train, test
 
@@ -209,9 +210,7 @@ def test_scikit_learn_would_train_on_ranks():
 
 class TestFolds:
     def test_groups_are_kept_together_by_default(self):
-        expected = cross_val_predict_proba(
-            REGRESSOR, X, COUNTS, groups=OBJECTS, cv=GroupKFold(5)
-        )
+        expected = by_hand(REGRESSOR, X, COUNTS, whole_objects(OBJECTS, 5))
         for options in ({"groups": OBJECTS}, {"groups": OBJECTS, "cv": np.int64(5)}):
             predicted = cross_val_predict_proba(REGRESSOR, X, COUNTS, **options)
             np.testing.assert_array_equal(predicted, expected)
@@ -343,7 +342,7 @@ class TestLevels:
                 return super().predict_proba(X)
 
         folds = [(np.arange(20), np.arange(20, 36)), (np.arange(20, 36), np.arange(20))]
-        with pytest.raises(ValueError, match="The folds have different levels"):
+        with pytest.raises(ValueError, match="A fold has the levels"):
             cross_val_predict_proba(Odd(), X, COUNTS, cv=folds)
 
 
@@ -408,12 +407,7 @@ class TestParams:
         folds = whole_objects(OBJECTS, 3)
         expected = by_hand(model, X, COUNTS, folds, groups=OBJECTS)
         with config_context(enable_metadata_routing=routing):
-            params = {} if routing else {"groups": OBJECTS}
-            if routing:
-                model.set_fit_request(groups=True)
-            predicted = cross_val_predict_proba(
-                model, X, COUNTS, groups=OBJECTS, cv=3, params=params
-            )
+            predicted = cross_val_predict_proba(model, X, COUNTS, groups=OBJECTS, cv=3)
         np.testing.assert_array_equal(predicted, expected)
 
 
@@ -423,9 +417,7 @@ def test_a_search_predicts_the_objects_held_out_of_it():
         cv = GroupKFold(n_folds)
         return GridSearchCV(REGRESSOR, grid, scoring=neg_rps_scorer, cv=cv)
 
-    predicted = cross_val_predict_proba(
-        search(2), X, COUNTS, groups=OBJECTS, cv=3, params={"groups": OBJECTS}
-    )
+    predicted = cross_val_predict_proba(search(2), X, COUNTS, groups=OBJECTS, cv=3)
     folds = whole_objects(OBJECTS, 3)
     expected = by_hand(search(2), X, COUNTS, folds, groups=OBJECTS)
     np.testing.assert_array_equal(predicted, expected)

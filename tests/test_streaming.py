@@ -37,6 +37,8 @@ from sklearn_haptic import (
 )
 from sklearn_haptic.streaming import CertaintyThreshold
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*fit was given no groups")
+
 
 def both_statistics(table):
     return np.hstack([statistics(table[sensor]) for sensor in table])

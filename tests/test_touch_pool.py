@@ -33,6 +33,8 @@ from sklearn_haptic.ensembles._pool_moments import (
 from sklearn_haptic.metrics import dispersion, ranked_probability_score
 from sklearn_haptic.model_selection import cross_val_predict_proba
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*fit was given no groups")
+
 N_LEVELS = 4
 MEMBERS = [("a", NNPOM(0), ["a0", "a1"]), ("b", NNPOM(0), ["b"])]
 

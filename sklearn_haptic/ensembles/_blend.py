@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from numbers import Integral
 from typing import Any, Literal, Self
@@ -10,15 +9,13 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn import get_config
-from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
-from sklearn.model_selection import GroupKFold
+from sklearn.base import BaseEstimator, MetaEstimatorMixin
 from sklearn.utils import indexable
 from sklearn.utils.metadata_routing import (
     MetadataRouter,
     MethodMapping,
     process_routing,
 )
-from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import (
     check_consistent_length,
     check_is_fitted,
@@ -30,26 +27,29 @@ from ..models._baselines import DummyDistribution
 from ..models._ordinal import OrdinalClassifierMixin
 from ..models._shared_features import refuse_adjectives
 from ..ratings._checks import check_adjectives
-from ..ratings._distributions import cdf
-from ..utils._folds import make_splitter
+from ..ratings._distributions import cdf, raised
+from ..utils._folds import TakesGroups, groups_for, warn_of_no_groups
 from ..utils._sklearn import (
     CrossValidator,
     DocumentedEstimator,
     StrOptions,
     Trials,
     _BaseComposition,
-    _check_method_params,
     _fit_context,
-    _safe_indexing,
 )
 from ..utils._validation import check_groups, check_weights
-from ._blend_weights import cautious_exponent, cautious_weights, powered
+from ._blend_weights import cautious_exponent, cautious_weights
+from ._out_of_fold import Task, check_members, make_folds, run_tasks, warn_of_frozen
 
 MARGINAL = "marginal"
 
 
 class DistributionBlend(
-    DocumentedEstimator, MetaEstimatorMixin, OrdinalClassifierMixin, _BaseComposition
+    DocumentedEstimator,
+    TakesGroups,
+    MetaEstimatorMixin,
+    OrdinalClassifierMixin,
+    _BaseComposition,
 ):
     """Classifier that predicts the mean of the distributions of several models.
 
@@ -106,9 +106,9 @@ class DistributionBlend(
 
     Notes
     -----
-    Without metadata routing, `sample_weight` goes to all members and `groups` to none.
-    With it, both go to the members that request them, for instance to a search that
-    chooses a penalty by folds of whole objects. The blend itself requests `groups`.
+    Without metadata routing, `sample_weight` goes to all members, and `groups` to those
+    that request them, for instance to a search that chooses a penalty by folds of whole
+    objects. With it, both go to the members that request them.
 
     Examples
     --------
@@ -132,8 +132,6 @@ class DistributionBlend(
     array([[1. , 0. ],
            [0.1, 0.9]])
     """
-
-    __metadata_request__fit = {"groups": True}  # noqa: RUF012
 
     _parameter_constraints = {  # noqa: RUF012
         "estimators": [list],
@@ -221,19 +219,21 @@ class DistributionBlend(
             sample_weight = check_weights(sample_weight, X)
         members = self._check_members()
         params = self._route(sample_weight, groups)
+        # Counts of a single level would be taken for ratings.
+        y = counts if len(levels) > 1 else np.repeat(levels, len(counts))
         share, exponent, scores = _equal(len(members)), 1.0, []
         if self.weights == "learned":
             if groups is None:
-                self._warn_of_trials()
+                warn_of_no_groups(self)
+            warn_of_frozen(members.values())
             share, exponent, scores = self._learn(
-                members, X, counts, levels, sample_weight, groups, params
+                members, X, y, counts, levels, sample_weight, groups, params
             )
         used = [name for name, w in zip(members, share) if w > 0]
-        fitted = Parallel(n_jobs=self.n_jobs)(
-            delayed(_fit)(name, members[name], X, counts, levels, params[name])
-            for name in used
-        )
-        self.estimators_ = dict(zip(used, fitted))
+        every = np.arange(len(counts)), np.arange(0)
+        tasks = [Task(name, members[name], X, y, every, params[name]) for name in used]
+        fitted = run_tasks(tasks, levels, n_jobs=self.n_jobs)
+        self.estimators_ = {name: model for name, (model, _) in zip(used, fitted)}
         self.weights_ = dict(zip(members, share.tolist()))
         self.exponent_ = exponent
         self.rps_ = dict(zip(members, scores))
@@ -258,27 +258,21 @@ class DistributionBlend(
             self.weights_[name] * member.predict_proba(X)
             for name, member in self.estimators_.items()
         )
-        return powered(mean, self.exponent_)
+        return raised(mean, self.exponent_)
 
     def _check_members(self):
         """Return the members by name, the marginal last."""
-        try:
-            names, _ = zip(*self.estimators)
-        except (TypeError, ValueError):
-            raise ValueError(
-                f"estimators={self.estimators!r} must be a list of one or more "
-                "(name, estimator) tuples."
-            ) from None
+        names = check_members(self.estimators, "(name, estimator)")
         self._validate_names([*names, MARGINAL])
         return dict(self.estimators) | {MARGINAL: DummyDistribution()}
 
     def _route(self, sample_weight, groups):
         """Return the arguments of each member's ``fit``."""
         given = {} if sample_weight is None else {"sample_weight": sample_weight}
+        params = {MARGINAL: given}
         if get_config()["enable_metadata_routing"]:
             routed = process_routing(self, "fit", groups=groups, **given)
-            params = {name: routed[name].fit for name, _ in self.estimators}
-            return params | {MARGINAL: given}
+            return params | {name: routed[name].fit for name, _ in self.estimators}
         for name, member in self.estimators:
             if given and not has_fit_parameter(member, "sample_weight"):
                 raise ValueError(
@@ -286,19 +280,19 @@ class DistributionBlend(
                     "metadata routing and say by set_fit_request which members request "
                     "it."
                 )
-        return {name: given for name in [*dict(self.estimators), MARGINAL]}
+            params[name] = given | groups_for(member, groups)
+        return params
 
-    def _learn(self, members, X, counts, levels, sample_weight, groups, params):
+    def _learn(self, members, X, y, counts, levels, sample_weight, groups, params):
         """Return weights, the exponent, and each member's score on held-out trials."""
-        objects = np.arange(len(counts)) if groups is None else groups
-        names, objects = np.unique(objects, return_inverse=True)
         weight = check_weights(sample_weight, X)
-        folds = self._folds(X, counts, groups, names, objects, weight)
-        proba = Parallel(n_jobs=self.n_jobs)(
-            delayed(_predict_fold)(name, member, X, counts, levels, params[name], fold)
+        folds, objects = make_folds(self, X, y, groups, weight)
+        tasks = [
+            Task(name, member, X, y, fold, params[name])
             for name, member in members.items()
             for fold in folds
-        )
+        ]
+        proba = [each for _, each in run_tasks(tasks, levels, n_jobs=self.n_jobs)]
         tested = np.concatenate([test for _, test in folds])
         proba = np.reshape(np.concatenate(proba), (len(members), len(tested), -1))
         true = cdf(counts[tested])[:, :-1]
@@ -313,78 +307,7 @@ class DistributionBlend(
         scores = (departure**2).sum(axis=2).T + (true * (1 - true)).sum(axis=1)
         return share, exponent, np.average(scores, axis=1, weights=weight).tolist()
 
-    def _folds(self, X, y, groups, names, objects, weight):
-        """Return the folds as indices; refuse those that part an object."""
-        used = np.flatnonzero(weight)
-        n_objects = len(np.unique(objects[used]))
-        if n_objects < 2:
-            raise ValueError(
-                "The weights are learned on held-out objects, but there is 1 sample or "
-                "object; give more, or set weights='equal'."
-            )
-        if self.cv is None or isinstance(self.cv, Integral):
-            splitter = GroupKFold(min(5, n_objects) if self.cv is None else self.cv)
-            split = splitter.split(used, groups=objects[used])
-            folds = [(used[i], used[j]) for i, j in split]
-        else:
-            trials = np.arange(len(objects))
-            split = make_splitter(self, y, objects, self.cv).split(X, y, groups)
-            folds = [(trials[i], trials[j]) for i, j in split]
-        if not any(weight[test].any() for _, test in folds):
-            raise ValueError(
-                "cv tests no trial, or only trials of weight 0; give folds that test "
-                "others."
-            )
-        for train, test in folds:
-            both = np.intersect1d(objects[train], objects[test])
-            if len(both):
-                name = names.tolist()[both[0]]
-                raise ValueError(
-                    f"cv trains on {name!r} in the fold that tests it; keep whole "
-                    "objects on one side, as GroupKFold does."
-                )
-        return folds
-
-    def _warn_of_trials(self):
-        name = type(self).__name__
-        warnings.warn(
-            "The weights are learned on held-out single trials, since fit was given no "
-            "groups: trials of an object may be on both sides, which favours members "
-            "that know objects by heart. Call fit(..., groups=objects), in a Pipeline "
-            "fit(..., model__groups=objects) by the name of its step, with "
-            "range(n_trials) if each trial is of another object. Searches and "
-            f"cross-validation pass them on to {name} after "
-            "sklearn.set_config(enable_metadata_routing=True).",
-            UserWarning,
-            stacklevel=5,  # beyond this, fit, and its decorators
-        )
-
 
 def _equal(n_members):
     """Equal weights of all members but the last, the marginal."""
     return np.append(np.full(n_members - 1, 1 / (n_members - 1)), 0)
-
-
-def _fit(name, member, X, counts, levels, params):
-    """Return a clone of a member, fitted and found to have the levels of the blend."""
-    # Counts of a single level would be taken for ratings.
-    y = counts if len(levels) > 1 else np.repeat(levels, len(counts))
-    member = clone(member).fit(X, y, **params)
-    known = getattr(member, "classes_", None)
-    of_counts = np.arange(1, len(levels) + 1)
-    if not any(np.array_equal(known, each) for each in (of_counts, levels)):
-        raise ValueError(
-            f"The member {name!r} was fitted to counts of {levels.tolist()}, but "
-            f"predicts {known}; give a classifier that takes counts and these levels."
-        )
-    return member
-
-
-def _predict_fold(name, member, X, counts, levels, params, fold):
-    """Predict the test trials of a fold by a member fitted to its training trials."""
-    train, test = fold
-    params = _check_method_params(X, params, indices=train)
-    X_train, X_test = _safe_indexing(X, train), _safe_indexing(X, test)
-    return _fit(name, member, X_train, counts[train], levels, params).predict_proba(
-        X_test
-    )

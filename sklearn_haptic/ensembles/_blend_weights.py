@@ -8,7 +8,7 @@ convex quadratic function of the weights.
 import numpy as np
 from scipy.optimize import nnls
 
-from ..ratings._distributions import cdf
+from ..ratings._distributions import cdf, raised
 
 _STEPS = 101
 _EXPONENTS = 2 ** np.linspace(-2, 2, 13)  # the one in the middle is 1
@@ -97,22 +97,6 @@ def _is_within_error(excess, weight, objects):
     return mean <= np.sqrt(total[total > 0] @ deviation**2) / n_objects
 
 
-def powered(proba, exponent):
-    """Raise distributions to a power: one above 1 sharpens, one below 1 broadens.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from sklearn_haptic.ensembles._blend_weights import powered
-    >>> powered(np.array([[0.5, 0.25, 0.25]]), 2.0).round(2)
-    array([[0.67, 0.17, 0.17]])
-    """
-    if exponent == 1:
-        return proba
-    share = proba**exponent
-    return share / share.sum(axis=1, keepdims=True)
-
-
 def cautious_exponent(proba, below, weight, objects):
     """Return the exponent nearest to 1 within one standard error of the best.
 
@@ -135,7 +119,7 @@ def cautious_exponent(proba, below, weight, objects):
     if _are_few(objects, weight):
         return 1.0
     scores = [
-        ((cdf(powered(proba, exponent))[:, :-1] - below) ** 2).sum(axis=1)
+        ((cdf(raised(proba, exponent))[:, :-1] - below) ** 2).sum(axis=1)
         for exponent in _EXPONENTS
     ]
     best = np.argmin([weight @ score for score in scores])

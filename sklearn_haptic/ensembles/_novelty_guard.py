@@ -1,47 +1,259 @@
-"""A model that says when a touch is unlike all that it learned from."""
+"""A model that says when a touch is unlike all that it learned from.
+
+A touch is as unlike others as its features are distant from the nearest touch of
+another object. The distances of the training touches, each from the other objects, say
+how unusual a distance is, and predictions out of fold how much to believe at each.
+
+A sensor that is dead, stuck, amplified or in the place of another one may have codes
+like those of a quiet touch. Its level, its power and its spectrum are unlike any, so
+that distances are those of signals, too.
+"""
 
 from __future__ import annotations
 
+import warnings
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
-from sklearn.pipeline import Pipeline
+from sklearn.compose import ColumnTransformer
+from sklearn.isotonic import IsotonicRegression
+from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils import gen_batches
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
+from ..features import SignalStatistics
 from ..models._perhaps_ordered import PerhapsOrderedMixin
-from ..utils._folds import check_folds_know, groups_for
+from ..recordings import RepairTrials
+from ..recordings._sequences import Sequences
+from ..recordings._trials import channel_names, check_trials, is_table, trial_columns
+from ..utils._folds import TakesGroups, groups_for, warn_of_no_groups
+from ..utils._pipeline_steps import flat_steps
 from ..utils._sklearn import (
     CrossValidator,
     DocumentedEstimator,
     HasMethods,
     Trials,
     _fit_context,
+    _safe_indexing,
 )
-from ..utils._validation import check_groups
-from ._held_out import (
-    at_classes,
+from ..utils._validation import check_groups, column_of
+from ._out_of_fold import (
+    Task,
+    check_folds_know,
     compared,
-    fit_fold,
     knows_order,
     make_folds,
     mean_without,
-    objects_of,
+    predict_at,
+    run_tasks,
     true_shares,
+    warn_of_frozen,
 )
-from ._novelty import belief_at, conformal_p_values, fit_belief, nearest_distances
-from ._signal_rows import (
-    behind_repairs,
-    columns_given,
-    fit_statistics,
-    rows_of,
-    signals_of,
-)
+
+# So few objects that no p-value falls below .05.
+_FEW_OBJECTS = 19
+# Distances that are computed at once.
+_BLOCK = 2**22
+# Beyond this, in units of the largest departure in training, all are equally far.
+_FAR = 1e100
+
+
+def nearest_distances(rows, train, objects=None, train_objects=None):
+    """Return the distance of each row from the nearest training row.
+
+    Parameters
+    ----------
+    rows : ndarray of shape (n_rows, n_features)
+    train : ndarray of shape (n_train, n_features)
+    objects : ndarray of shape (n_rows,), default=None
+        Objects of the rows, of which training rows are passed over.
+    train_objects : ndarray of shape (n_train,), default=None
+        Objects of the training rows.
+
+    Returns
+    -------
+    distance : ndarray of shape (n_rows,)
+        Root mean square difference over features.
+    """
+    rows, train = (np.asarray(each, dtype=np.float64) for each in (rows, train))
+    centre = train[0] + (train - train[0]).mean(axis=0)
+    unit = np.abs(train - centre).max(initial=0) or 1.0
+    points = (train - centre) / unit
+    half = np.einsum("ij,ij->i", points, points) / 2
+    distance = np.empty(len(rows))
+    for batch in gen_batches(len(rows), max(1, _BLOCK // len(train))):
+        with np.errstate(over="ignore"):
+            x = np.clip((rows[batch] - centre) / unit, -_FAR, _FAR)
+        far = half - x @ points.T  # half the square, but for what a row has in common
+        if objects is not None:
+            far[objects[batch, np.newaxis] == train_objects] = np.inf
+        # Squares of differences cancel nothing, and in their own unit do not overflow.
+        with np.errstate(over="ignore"):
+            departure = np.abs(rows[batch] - train[far.argmin(axis=1)])
+        largest = departure.max(axis=1, keepdims=True)
+        largest[largest == 0] = 1
+        share = np.where(np.isinf(largest), 1, departure / largest)
+        distance[batch] = largest[:, 0] * np.sqrt((share**2).mean(axis=1))
+    return distance
+
+
+def conformal_p_values(distance, known, objects):
+    """Return the share of objects at least as far away, the new one among them.
+
+    Each object counts by the share of its touches that are. Were an object drawn like
+    the training objects, its p-value would be at most p with a probability of about p.
+
+    Parameters
+    ----------
+    distance : ndarray of shape (n_rows,)
+    known : ndarray of shape (n_train,)
+        Distance of each training touch from the other objects.
+    objects : ndarray of int of shape (n_train,)
+        Number of the object of each training touch, from 0.
+
+    Returns
+    -------
+    p : ndarray of shape (n_rows,)
+        From 1 / (number of objects + 1) to 1.
+    """
+    weight = 1 / np.bincount(objects)[objects]
+    order = np.argsort(known)
+    beyond = np.append(np.cumsum(weight[order][::-1])[::-1], 0.0)
+    n_objects = objects.max() + 1
+    place = np.searchsorted(known[order], distance, side="left")
+    return (1 + beyond[place]) / (n_objects + 1)
+
+
+def fit_belief(departure, from_marginal, distance, weight):
+    r"""Learn how much to believe predictions, as a falling function of the distance.
+
+    If m is the marginal's CDF minus the true one, and d the predicted minus the
+    marginal's, belief w has the score :math:`\|m + wd\|^2`. It is least at
+    :math:`-m^T d / \|d\|^2`, and by :math:`\|d\|^2` times the squared difference worse
+    elsewhere, so that a weighted isotonic regression is the best falling function.
+
+    Parameters
+    ----------
+    departure : ndarray of shape (n_trials, n_thresholds)
+        The marginal minus the truth, out of fold.
+    from_marginal : ndarray of shape (n_trials, n_thresholds)
+        The prediction minus the marginal, out of fold.
+    distance, weight : ndarray of shape (n_trials,)
+
+    Returns
+    -------
+    belief : IsotonicRegression
+        From distances to weights from 0 to 1.
+    """
+    square = np.einsum("tk,tk->t", from_marginal, from_marginal)
+    product = np.einsum("tk,tk->t", from_marginal, departure)
+    best = np.divide(-product, square, out=np.ones_like(square), where=square > 0)
+    belief = IsotonicRegression(
+        y_min=0, y_max=1, increasing=False, out_of_bounds="clip"
+    )
+    weight = weight * square if square.any() else weight  # a model of the mean alone
+    return belief.fit(distance, best, sample_weight=weight)
+
+
+def belief_at(belief, distance):
+    """Return the belief at distances; beyond the furthest it falls in proportion."""
+    furthest = belief.X_max_
+    beyond = np.divide(
+        furthest, distance, out=np.ones_like(distance), where=distance > furthest
+    )
+    return belief.predict(distance) * beyond
+
+
+def behind_repairs(pipeline, X):
+    """Return touches as repaired by the first steps, and the step behind these."""
+    steps = [step for _, step in flat_steps(pipeline)]
+    while len(steps) > 1 and isinstance(steps[0], RepairTrials):
+        X = steps.pop(0).transform(X)
+    return X, steps[0]
+
+
+def columns_given(step, X):
+    """Return the columns that a fitted step is given; None for all there is."""
+    if not isinstance(step, ColumnTransformer):
+        if not hasattr(X, "columns") or is_table(X):
+            return None
+        recorded = trial_columns(X)
+        return [i for i, name in enumerate(X.columns) if name in recorded]
+    used = [columns for _, each, columns in step.transformers_ if each != "drop"]
+    return [
+        c for columns in used for c in (columns if _several(columns) else [columns])
+    ]
+
+
+def _several(columns):
+    return not isinstance(columns, (str, int, slice)) and np.ndim(columns) > 0
+
+
+def signals_of(X, columns, names=None):
+    """Return the recordings in some columns, and the names of their channels.
+
+    Parameters
+    ----------
+    X : collection of trials, or table with trials in its columns
+    columns : list or None
+        Columns to take; None takes X.
+    names : list of (list or None), default=None
+        The names of the channels in `fit`, in whose order they are put.
+
+    Returns
+    -------
+    signals : list of (list of ndarray of shape (n_times_i, n_channels) or None)
+        Images as channels. None in place of what are no recordings.
+    names : list of (list or None)
+    """
+    parts = [X] if columns is None else [_part(X, each) for each in columns]
+    names = [channel_names(part) for part in parts] if names is None else names
+    signals = [
+        None if isinstance(part, Sequences) or is_table(part) else _flat(part, each)
+        for part, each in zip(parts, names)
+    ]
+    return signals, names
+
+
+def _part(X, column):
+    part = _safe_indexing(X, column, axis=1)
+    return column_of(part, 0) if len(part.shape) > 1 else part
+
+
+def _flat(part, names):
+    trials = check_trials(part, ndims=(2, 3), names=names)
+    return [each.reshape(len(each), -1) for each in trials]
+
+
+def fit_statistics(signals):
+    """Return what turns the recordings of each sensor into standardised statistics."""
+    return [
+        None
+        if trials is None
+        else make_pipeline(SignalStatistics(), StandardScaler()).fit(trials)
+        for trials in signals
+    ]
+
+
+def rows_of(signals, statistics):
+    """Return the statistics of all sensors, None if there are no recordings."""
+    rows = [
+        each.transform(trials)
+        for trials, each in zip(signals, statistics)
+        if each is not None
+    ]
+    return np.hstack(rows).astype(np.float64) if rows else None
 
 
 class NoveltyGuard(
-    DocumentedEstimator, MetaEstimatorMixin, PerhapsOrderedMixin, BaseEstimator
+    DocumentedEstimator,
+    TakesGroups,
+    MetaEstimatorMixin,
+    PerhapsOrderedMixin,
+    BaseEstimator,
 ):
     """Say how unlike the training touches a touch is, and believe the model less then.
 
@@ -86,8 +298,9 @@ class NoveltyGuard(
     -----
     The p-values are conformal: for a touch of an object drawn like the training
     objects, p is at most .05 with a probability of about .05. They are no smaller than
-    1 / (number of objects + 1). If objects of a family are alike, the family is what a
-    new object should be compared with; give the families as `groups`.
+    1 / (number of objects + 1), so that `fit` warns of fewer than 19. If objects of a
+    family are alike, the family is what a new object should be compared with; give the
+    families as `groups`.
 
     The features are fitted once to all training touches, also for the predictions out
     of fold. Steps that learn from the ratings make them too good.
@@ -132,9 +345,9 @@ class NoveltyGuard(
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
             Counts of ratings or labels, whatever the estimator takes.
         groups : array-like of shape (n_trials,), default=None
-            The object, or the family of objects, of each touch. By default each touch
-            is of another object. If `y` names the objects themselves, give what divides
-            their touches, such as runs.
+            The object, or the family of objects, of each touch. Without them `fit`
+            warns, and takes each touch for another object. If `y` names the objects
+            themselves, give what divides their touches, such as runs.
 
         Returns
         -------
@@ -145,7 +358,8 @@ class NoveltyGuard(
         ------
         ValueError
             If the estimator is no Pipeline of features and a classifier, there are
-            fewer than two objects, or each class is in one group.
+            fewer than two objects, a fold trains on an object that it tests, or each
+            class is in one group.
         """
         if not isinstance(self.estimator, Pipeline) or len(self.estimator) < 2:
             raise ValueError(
@@ -155,58 +369,60 @@ class NoveltyGuard(
         true, classes = true_shares(y, type(self).__name__)
         check_consistent_length(X, true)
         groups = check_groups(groups, X)
-        objects = objects_of(groups, len(true))
-        if objects.max() == 0:
-            raise ValueError(
-                "Touches are compared with those of other objects, but there is 1 "
-                "sample or object; give more."
-            )
+        if groups is None:
+            warn_of_no_groups(self)
+        warn_of_frozen([self.estimator])
+        folds, objects = make_folds(self, X, y, groups)
+        self._warn_of_few_objects(objects.max() + 1)
         fitted = clone(self.estimator)
         *_, (name, last) = fitted.steps
         rows = np.asarray(fitted[:-1].fit_transform(X, y))
         repaired, first = behind_repairs(fitted, X)
-        columns = columns_given(first)
-        signals, self._channel_names = signals_of(repaired, columns)
+        columns = columns_given(first, repaired)
+        signals, channels = signals_of(repaired, columns)
         statistics = fit_statistics(signals)
         signal_rows = rows_of(signals, statistics)
-        every = np.ones(len(true), dtype=bool)
-        folds = make_folds(self, rows, y, groups, objects)
+        every = np.arange(len(true)), np.arange(0)
+        params = groups_for(last, objects)
+        *done, (last, _) = run_tasks(
+            [Task(name, last, rows, y, fold, params) for fold in [*folds, every]],
+            classes,
+        )
+        fitted.steps[-1] = name, last
         proba = np.full(true.shape, np.nan)
-        for fold in folds:
-            _, _, proba[fold[1]] = fit_fold(
-                (name, last), rows, y, objects, every, fold, classes
-            )
-        last.fit(rows, y, **groups_for(last, objects))
-        self._ordered = np.ndim(y) == 2 or knows_order(last)
-        if not self._ordered:
+        for (_, test), (_, predicted) in zip(folds, done):
+            proba[test] = predicted
+        ordered = np.ndim(y) == 2 or knows_order(last)
+        if not ordered:
             check_folds_know(y, folds)
-        self._rows, self._objects = rows, objects
-        self._columns, self._statistics = columns, statistics
-        self._signal_rows, self._unit = signal_rows, 1.0
-        self.distances_ = nearest_distances(rows, rows, objects, objects)
+        distances, unit = nearest_distances(rows, rows, objects, objects), 1.0
         if signal_rows is not None:
             of_signals = nearest_distances(signal_rows, signal_rows, objects, objects)
-            middle = np.median(self.distances_), np.median(of_signals)
-            self._unit = float(middle[0] / middle[1]) if min(middle) > 0 else 1.0
-            self.distances_ = np.maximum(self.distances_, self._unit * of_signals)
-        self._learn_belief(proba, true, mean_without(true, folds))
+            middle = np.median(distances), np.median(of_signals)
+            unit = float(middle[0] / middle[1]) if min(middle) > 0 else 1.0
+            distances = np.maximum(distances, unit * of_signals)
+        marginal, truth, proba = (
+            compared(each, ordered) for each in (mean_without(true, folds), true, proba)
+        )
+        weight = 1 / np.bincount(objects)[objects]
+        self.belief_ = fit_belief(marginal - truth, proba - marginal, distances, weight)
+        self.distances_ = distances
+        self._ordered, self._channel_names, self._columns = ordered, channels, columns
+        self._rows, self._objects, self._statistics = rows, objects, statistics
+        self._signal_rows, self._unit = signal_rows, unit
         self.classes_ = classes
         self.shares_ = true.mean(axis=0)
         self.estimator_ = fitted
         return self
 
-    def _learn_belief(self, proba, true, marginal):
-        tested = np.isfinite(proba).all(axis=1)
-        proba, true, marginal = (
-            compared(each[tested], self._ordered) for each in (proba, true, marginal)
-        )
-        objects = self._objects[tested]
-        self.belief_ = fit_belief(
-            marginal - true,
-            proba - marginal,
-            self.distances_[tested],
-            1 / np.bincount(objects)[objects],
-        )
+    def _warn_of_few_objects(self, n_objects):
+        if n_objects < _FEW_OBJECTS:
+            warnings.warn(
+                f"No p-value is below 1/{n_objects + 1}, since there are {n_objects} "
+                f"objects; give {_FEW_OBJECTS} or more for values of .05.",
+                UserWarning,
+                stacklevel=5,  # beyond this, fit, and its decorators
+            )
 
     def _rows_of(self, X):
         check_is_fitted(self)
@@ -267,7 +483,7 @@ class NoveltyGuard(
             Share of each level, or probability of each class; rows sum to 1.
         """
         rows = self._rows_of(X)
-        proba = at_classes(self.estimator_[-1], rows, self.classes_)
+        proba = predict_at(self.estimator_[-1], rows, self.classes_)
         distance = self._distances(X, rows)
         belief = belief_at(self.belief_, distance)[:, np.newaxis]
         return belief * proba + (1 - belief) * self.shares_

@@ -9,13 +9,17 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, MetaEstimatorMixin
-from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from ..models._perhaps_ordered import PerhapsOrderedMixin
 from ..models._regressed import proper_shares
 from ..ratings._distributions import shares
-from ..utils._folds import check_folds_know
+from ..utils._folds import (
+    TakesGroups,
+    groups_for,
+    number_objects,
+    warn_of_no_groups,
+)
 from ..utils._sklearn import (
     CrossValidator,
     DocumentedEstimator,
@@ -25,15 +29,18 @@ from ..utils._sklearn import (
     _safe_indexing,
 )
 from ..utils._validation import check_groups, check_names, column_of, has_no_samples
-from ._held_out import (
-    at_classes,
+from ._out_of_fold import (
+    Task,
+    check_folds_know,
+    check_members,
     compared,
-    fit_fold,
     knows_order,
     make_folds,
     mean_without,
-    objects_of,
+    predict_at,
+    run_tasks,
     true_shares,
+    warn_of_frozen,
 )
 from ._pool_moments import (
     Moments,
@@ -51,7 +58,11 @@ MARGINAL = "marginal"
 
 
 class TouchPool(
-    DocumentedEstimator, MetaEstimatorMixin, PerhapsOrderedMixin, _BaseComposition
+    DocumentedEstimator,
+    TakesGroups,
+    MetaEstimatorMixin,
+    PerhapsOrderedMixin,
+    _BaseComposition,
 ):
     """Pool the predictions of several models over the touches of an object.
 
@@ -191,9 +202,9 @@ class TouchPool(
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
             Counts of ratings or labels, whatever the members take.
         groups : array-like of shape (n_trials,), default=None
-            The object of each row. Rows of one object are touches of it. By default
-            each row is of another object. If `y` names the objects themselves, give
-            what divides their touches, such as runs.
+            The object of each row. Rows of one object are touches of it. Without them
+            `fit` warns, and takes each row for another object. If `y` names the objects
+            themselves, give what divides their touches, such as runs.
 
         Returns
         -------
@@ -203,17 +214,20 @@ class TouchPool(
         Raises
         ------
         ValueError
-            If the estimators are no such tuples, their names are not distinct, a column
-            of a member is missing in all rows of a fold, or each class is in one group.
+            If the estimators are no such tuples, their names are not distinct, a fold
+            trains on an object that it tests, a column of a member is missing in all
+            rows of a fold, or each class is in one group.
         """
-        self._check_estimators()
+        names = check_members(self.estimators, "(name, estimator, columns)")
+        self._validate_names([*names, MARGINAL])
         true, classes = true_shares(y, type(self).__name__)
         check_consistent_length(X, true)
         groups = check_groups(groups, X)
-        there = self._there(X)
-        objects = objects_of(groups, len(there))
-        folds = self._folds(X, y, groups, objects)
-        fitted, oof = self._fit_members(X, y, objects, there, folds, classes)
+        if groups is None:
+            warn_of_no_groups(self)
+        warn_of_frozen(estimator for _, estimator, _ in self.estimators)
+        folds, objects = make_folds(self, X, y, groups)
+        fitted, oof = self._fit_members(X, y, objects, folds, classes)
         marginal = mean_without(true, folds)[:, np.newaxis]
         ordered = np.ndim(y) == 2 or all(map(knows_order, fitted.values()))
         if not ordered:
@@ -227,50 +241,32 @@ class TouchPool(
         self.shares_ = true.mean(axis=0)
         self.oof_proba_ = oof
         self.estimators_ = fitted
+        self._columns = [columns for *_, columns in self.estimators]
         return self
 
-    def _check_estimators(self):
-        try:
-            names, _, _ = zip(*self.estimators)
-        except (TypeError, ValueError):
-            raise ValueError(
-                f"estimators={self.estimators!r} must be a list of one or more "
-                "(name, estimator, columns) tuples."
-            ) from None
-        self._validate_names([*names, MARGINAL])
-
-    def _folds(self, X, y, groups, objects):
-        """Return the folds as indices; the members are fitted to the last one's too."""
-        if objects.max() == 0:
-            raise ValueError(
-                "The weights are learned on held-out objects, but there is 1 sample or "
-                "object; give more."
-            )
-        return make_folds(self, X, y, groups, objects)
-
-    def _there(self, X):
-        """Whether each row has all columns of each member."""
-        return np.column_stack(
-            [_has_values(_columns(X, columns)) for *_, columns in self.estimators]
-        )
-
-    def _fit_members(self, X, y, objects, there, folds, classes):
+    def _fit_members(self, X, y, objects, folds, classes):
         """Return the members fitted to all rows, and predictions out of fold."""
-        every = np.arange(len(there)), np.arange(0)
-        parts = [_columns(X, columns) for *_, columns in self.estimators]
-        fits = Parallel(n_jobs=self.n_jobs)(
-            delayed(fit_fold)(member, part, y, objects, here, fold, classes)
-            for member, part, here in zip(self._members, parts, there.T)
-            for fold in [*folds, every]
-        )
-        oof = np.full((*there.shape, len(classes)), np.nan)
-        fitted = {}
-        for i, (name, _) in enumerate(self._members):
-            of_member = fits[i * (len(folds) + 1) :][: len(folds) + 1]
-            fitted[name] = of_member[-1][0]
-            for _, test, proba in of_member[:-1]:
-                oof[test, i] = proba
-        return fitted, oof
+        every = np.arange(len(objects)), np.arange(0)
+        tasks, places = [], []
+        for i, (name, estimator, columns) in enumerate(self.estimators):
+            part = _columns(X, columns)
+            there = _has_values(part)
+            params = groups_for(estimator, objects)
+            for fold in [*folds, every]:
+                train, test = (rows[there[rows]] for rows in fold)
+                if len(train) == 0:
+                    raise ValueError(
+                        f"No training row has all columns of the member {name!r}; give "
+                        "rows that have them, in every fold, or leave the member out."
+                    )
+                tasks.append(Task(name, estimator, part, y, (train, test), params))
+                places.append((test, i))
+        done = run_tasks(tasks, classes, n_jobs=self.n_jobs)
+        oof = np.full((len(objects), len(self.estimators), len(classes)), np.nan)
+        for place, (_, proba) in zip(places, done):
+            oof[place] = proba
+        fitted = [model for model, _ in done[len(folds) :: len(folds) + 1]]
+        return {name: model for (name, *_), model in zip(self.estimators, fitted)}, oof
 
     def predict_proba(
         self, X: Trials, groups: ArrayLike | None = None
@@ -293,20 +289,21 @@ class TouchPool(
         """
         check_is_fitted(self)
         groups = check_groups(groups, X)
-        there = self._there(X)
+        parts = [_columns(X, columns) for columns in self._columns]
+        there = np.column_stack([_has_values(part) for part in parts])
         proba = np.zeros((*there.shape, len(self.classes_)))
-        for i, (name, _, columns) in enumerate(self.estimators):
+        for i, (member, part) in enumerate(zip(self.estimators_.values(), parts)):
             rows = np.flatnonzero(there[:, i])
             if len(rows):
-                part = _safe_indexing(_columns(X, columns), rows)
-                proba[rows, i] = at_classes(self.estimators_[name], part, self.classes_)
+                part = _safe_indexing(part, rows)
+                proba[rows, i] = predict_at(member, part, self.classes_)
         return self._pool(proba, there, groups)
 
     def _pool(self, proba, there, groups):
         """Return the weighted means of the members' predictions, of shape (n, k)."""
         if not len(there):
             return np.empty((0, len(self.classes_)))
-        objects = objects_of(groups, len(there))
+        objects = number_objects(groups, len(there))
         n_touches = np.zeros((objects.max() + 1, there.shape[1]))
         total = np.zeros((*n_touches.shape, proba.shape[2]))
         np.add.at(n_touches, objects, there)

@@ -19,9 +19,9 @@ combines them.
 from ._contribution_summary import contribution_summary
 from ._contributions import sensor_contributions
 from ._cost import neg_seconds_scorer
+from ._cross_val_predict_proba import cross_val_predict_proba
 from ._frontier import cheapest_within_one_se, speed_accuracy_frontier
 from ._model_report import model_report
-from ._out_of_fold import cross_val_predict_proba
 from ._subsets import sensor_subsets
 
 __all__ = [

@@ -10,11 +10,18 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.stats import t as student
-from sklearn.base import BaseEstimator, clone
-from sklearn.frozen import FrozenEstimator
+from sklearn.base import BaseEstimator
 from sklearn.utils import Bunch, indexable
 from sklearn.utils.parallel import Parallel, delayed
 
+from ..ensembles._out_of_fold import (
+    FROZEN,
+    check_folds,
+    fit_fold,
+    in_order,
+    is_frozen,
+    predict_fold,
+)
 from ..metrics import dispersion, noise_ceiling
 from ..metrics._trial_scores import score_trials
 from ..models import DummyDistribution
@@ -32,7 +39,7 @@ from ..utils._sklearn import (
 )
 from ..utils._validation import check_groups, count, is_text
 from ._cost import predictor, seconds_per_trial, timed
-from ._out_of_fold import check_folds, fit_fold, in_order, join_folds, predict_fold
+from ._cross_val_predict_proba import join_folds
 
 _GUESSES = ("marginal", "barycentre")
 _ERRORS = ("rps", "emd", "macro_mae", "log_score")
@@ -215,7 +222,7 @@ def model_report(
     )
     method = "predict" if classes else "predict_proba"
     outcomes = Parallel(n_jobs=n_jobs)(
-        delayed(_fit_and_time)(clone(model), X, each, *fold, for_fit, method)
+        delayed(_fit_and_time)(model, X, each, *fold, for_fit, method)
         for each in ratings
         for fold in folds
     )
@@ -227,9 +234,7 @@ def model_report(
         seconds_per_touch=float(seconds[1]),
     )
     unit = "group" if classes else "object"
-    parts = [model, *model.get_params().values()]
-    frozen = any(isinstance(part, FrozenEstimator) for part in parts)
-    report["summary"] = _summary(report, folds, groups, unit, frozen)
+    report["summary"] = _summary(report, folds, groups, unit, is_frozen(model))
     return report
 
 
@@ -290,10 +295,10 @@ def _has_classes(model, y, name):
 
 def _fit_and_time(model, X, y, train, test, params, method):
     """Return the predictions of a fold, their levels, and both times in seconds."""
-    _, to_learn = timed(fit_fold, model, X, y, train, params)
+    fitted, to_learn = timed(fit_fold, model, X, y, train, params)
     X_test = _safe_indexing(X, test)
-    outcome = predict_fold(model, X_test, method)
-    return *outcome, to_learn, seconds_per_trial(predictor(model), X_test)
+    outcome = predict_fold(fitted, X_test, method)
+    return *outcome, to_learn, seconds_per_trial(predictor(fitted), X_test)
 
 
 def _compare_ratings(name, y, outcomes, folds, tested):
@@ -413,10 +418,7 @@ def _summary(report, folds, groups, unit, frozen):
     else:
         text += f"No test {unit} was touched in training."
     if frozen:
-        text += (
-            f" What is frozen had learned before: if from test {unit}s too, the model "
-            f"is worse on new {unit}s than it looks."
-        )
+        text += f" {FROZEN}"
     return text
 
 

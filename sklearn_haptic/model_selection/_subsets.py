@@ -61,9 +61,8 @@ def sensor_subsets(
     y : array-like of shape (n_trials,) or (n_trials, n_levels)
         Labels, or how many people gave each level.
     groups : array-like of shape (n_trials,), default=None
-        The object of each trial, for the splitter. With metadata routing enabled, also
-        for ``fit`` of those steps behind the sensors that request it, such as a network
-        that stops early.
+        The object of each trial, for the splitter, and for ``fit`` of the last step if
+        it requests them, such as a network that stops early.
     cv : int, splitter or iterable, default=None
         The folds. An int, or None for 5, is a number of folds: of whole objects if
         ``groups`` are given, else as in

@@ -16,14 +16,13 @@ from sklearn.utils.validation import (
     check_consistent_length,
     check_is_fitted,
     column_or_1d,
-    has_fit_parameter,
     validate_data,
 )
 
 from ..metrics import crps
 from ..ratings._continuous import cdf_at, check_answers, quantile_at
+from ..utils._folds import TakesGroups, groups_for
 from ..utils._sklearn import (
-    BaseSearchCV,
     DocumentedEstimator,
     HasMethods,
     Interval,
@@ -71,22 +70,19 @@ def count_in_cells(answers, edges):
 
 def _for_last(model, given):
     """Name arguments of `fit` as a model wants them: a Pipeline for its last step."""
-    last, prefix = model, ""
-    while isinstance(last, Pipeline):
-        name, last = last.steps[-1]
+    prefix = ""
+    while isinstance(model, Pipeline) and not get_config()["enable_metadata_routing"]:
+        name, model = model.steps[-1]
         prefix += f"{name}__"
-    takes_groups = isinstance(last, BaseSearchCV) or has_fit_parameter(last, "groups")
-    if "groups" in given and not takes_groups:
-        raise ValueError(
-            f"groups are given, but the estimator {last!r} takes none; leave them out."
-        )
-    if get_config()["enable_metadata_routing"]:
-        return given
     return {prefix + key: value for key, value in given.items()}
 
 
 class ContinuousRatingsRegressor(
-    DocumentedEstimator, MetaEstimatorMixin, RegressorMixin, BaseEstimator
+    DocumentedEstimator,
+    TakesGroups,
+    MetaEstimatorMixin,
+    RegressorMixin,
+    BaseEstimator,
 ):
     """Regressor that predicts the distribution of a crowd's continuous ratings.
 
@@ -150,9 +146,6 @@ class ContinuousRatingsRegressor(
            [0.  , 0.1 , 0.43]])
     """
 
-    # Not requested by default, since groups may be passed for the splitter alone.
-    __metadata_request__fit = {"groups": False}  # noqa: RUF012
-
     _parameter_constraints = {  # noqa: RUF012
         "estimator": [HasMethods(["fit", "predict_proba"]), None],
         "grid": [StrOptions({"quantile", "even"}), "array-like"],
@@ -197,8 +190,9 @@ class ContinuousRatingsRegressor(
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial, if ``estimator`` takes weights.
         groups : array-like of shape (n_trials,), default=None
-            The object of each trial, passed on to ``estimator``: to early stopping, to
-            the weights of a :class:`DistributionBlend`, or to the folds of a search.
+            The object of each trial, passed on to ``estimator`` if it requests them:
+            for early stopping, the weights of a :class:`DistributionBlend`, or the
+            folds of a search.
 
         Returns
         -------
@@ -208,7 +202,7 @@ class ContinuousRatingsRegressor(
         Raises
         ------
         ValueError
-            If the ratings do not fit the grid, or ``estimator`` takes no groups.
+            If the ratings do not fit the grid.
         """
         # Not `y` itself: lists of answers are no array.
         required = None if y is None else "no_validation"
@@ -216,14 +210,14 @@ class ContinuousRatingsRegressor(
         answers = check_answers(y)
         check_consistent_length(X, answers)
         weight = check_weights(sample_weight, answers)
-        self.grid_ = self._make_grid(answers, weight)
+        grid = self._make_grid(answers, weight)
         model: Any = self.estimator
         model = DistributionalOrdinalRegressor() if model is None else clone(model)
-        counts = count_in_cells(answers, self.grid_)
         given = {} if sample_weight is None else {"sample_weight": weight}
-        if groups is not None:
-            given["groups"] = check_groups(groups, answers)
-        self.estimator_: Any = model.fit(X, counts, **_for_last(model, given))
+        params = groups_for(model, check_groups(groups, answers))
+        params |= _for_last(model, given)
+        self.estimator_: Any = model.fit(X, count_in_cells(answers, grid), **params)
+        self.grid_ = grid
         return self
 
     def _make_grid(self, answers, weight):

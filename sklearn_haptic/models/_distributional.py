@@ -23,6 +23,7 @@ from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from ..ratings._checks import check_adjectives, validate_rated_trials, weighted
 from ..ratings._distributions import level_at, quantile_grid
+from ..utils._folds import TakesGroups
 from ..utils._sklearn import (
     DocumentedEstimator,
     HasMethods,
@@ -58,6 +59,7 @@ from ._shared_features import has_latent_response, seed_estimator, share_feature
 
 class DistributionalOrdinalRegressor(
     DocumentedEstimator,
+    TakesGroups,
     CallbackSupportMixin,
     MetaEstimatorMixin,
     OrdinalClassifierMixin,
@@ -181,9 +183,6 @@ class DistributionalOrdinalRegressor(
            [4, 5, 5]])
     """
 
-    # Not requested by default, since groups may be passed for the splitter alone.
-    __metadata_request__fit = {"groups": False}  # noqa: RUF012
-
     _parameter_constraints = {  # noqa: RUF012
         "estimator": [HasMethods(["fit", "predict"]), None],
         "n_duplicates": [Interval(Integral, 1, None, closed="left")],
@@ -249,9 +248,6 @@ class DistributionalOrdinalRegressor(
         groups : array-like of shape (n_trials,), default=None
             The object of each trial, so that an estimator with
             ``early_stopping=True`` validates on whole objects; without them it warns.
-            In a search or cross-validation they reach `fit` after
-            ``sklearn.set_config(enable_metadata_routing=True)`` and
-            ``DistributionalOrdinalRegressor(...).set_fit_request(groups=True)``.
         X_val : array-like of shape (n_val_trials, n_features), default=None
             Validation trials of an estimator with ``early_stopping=True``; by default
             it validates on a share of those in ``X``.

@@ -1,11 +1,9 @@
 """Early stopping: which trials validate, by what error, and when to stop."""
 
-import warnings
-
 import numpy as np
 
 from ..ratings._distributions import macro_error
-from ..utils._folds import validation_split
+from ..utils._folds import validation_split, warn_of_no_groups
 from ._observations import of_each_adjective
 
 _VALIDATION_INTERVAL = 10  # iterations between two looks at the validation error
@@ -21,17 +19,7 @@ def hold_out_trials(estimator, n_trials, groups, fraction, random_state):
     """
     split = validation_split(n_trials, groups, fraction, random_state)
     if groups is None:
-        name = type(estimator).__name__
-        warnings.warn(
-            "Early stopping holds out single trials, since fit was given no groups: "
-            "trials of an object may be on both sides, and then it stops too late. "
-            "Call fit(..., groups=objects), with range(n_trials) if each trial is of "
-            "another object. Searches and cross-validation pass groups on after\n"
-            "    sklearn.set_config(enable_metadata_routing=True)\n"
-            f"    {name}(...).set_fit_request(groups=True)",
-            UserWarning,
-            stacklevel=5,  # beyond this, fit, and its decorators
-        )
+        warn_of_no_groups(estimator, stacklevel=6)
     return split
 
 

@@ -21,6 +21,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from ..ratings._checks import validate_rated_trials
+from ..utils._folds import TakesGroups
 from ..utils._sklearn import (
     DocumentedEstimator,
     FloatArray,
@@ -122,6 +123,7 @@ def n_units(network):
 
 class SensorFusionNNPOM(
     DocumentedEstimator,
+    TakesGroups,
     CallbackSupportMixin,
     MetaEstimatorMixin,
     OrdinalClassifierMixin,
@@ -211,9 +213,6 @@ class SensorFusionNNPOM(
     True
     """
 
-    # Not requested by default, since groups may be passed for the splitter alone.
-    __metadata_request__fit = {"groups": False}  # noqa: RUF012
-
     _parameter_constraints = {  # noqa: RUF012
         "sensors": [dict, None],
         "estimator": [_NETWORK, dict, None],
@@ -260,10 +259,7 @@ class SensorFusionNNPOM(
             Weight of each trial, as in :meth:`NNPOM.fit`.
         groups : array-like of shape (n_trials,), default=None
             The object of each trial, so that early stopping validates on whole objects,
-            the same for all networks; without them it warns. In a search or
-            cross-validation they reach `fit` after
-            ``sklearn.set_config(enable_metadata_routing=True)`` and
-            ``SensorFusionNNPOM(...).set_fit_request(groups=True)``.
+            the same for all networks; without them it warns.
 
         Returns
         -------

@@ -15,6 +15,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from ..ratings._checks import validate_rated_trials
+from ..utils._folds import TakesGroups
 from ..utils._sklearn import (
     DocumentedEstimator,
     FloatArray,
@@ -45,7 +46,11 @@ from ._solvers import SOLVERS
 
 
 class NNPOM(
-    DocumentedEstimator, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstimator
+    DocumentedEstimator,
+    TakesGroups,
+    CallbackSupportMixin,
+    OrdinalClassifierMixin,
+    BaseEstimator,
 ):
     """Proportional-odds ordinal regression on one layer of logistic units.
 
@@ -166,9 +171,6 @@ class NNPOM(
     array([1, 3])
     """
 
-    # Splitters take groups too: passing them does not mean that fit wants them.
-    __metadata_request__fit = {"groups": False}  # noqa: RUF012
-
     _parameter_constraints = {  # noqa: RUF012
         "n_hidden": [Interval(Integral, 0, None, closed="left")],
         "alpha": [Interval(Real, 0, None, closed="left")],
@@ -239,9 +241,7 @@ class NNPOM(
             ``alpha`` by it.
         groups : array-like of shape (n_trials,), default=None
             The object of each trial. Early stopping validates on whole objects, and
-            warns without groups. In a search or cross-validation they reach `fit`
-            after ``sklearn.set_config(enable_metadata_routing=True)`` and
-            ``NNPOM(...).set_fit_request(groups=True)``.
+            warns without groups.
 
         Returns
         -------

@@ -22,6 +22,21 @@ def cdf(counts):
     return below / below[..., -1:]
 
 
+def raised(proba, power):
+    """Raise distributions to a power: one above 1 sharpens, one below 1 flattens.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.ratings._distributions import raised
+    >>> raised(np.array([0.5, 0.25, 0.25]), 2.0).round(2)
+    array([0.67, 0.17, 0.17])
+    """
+    if power == 1:
+        return proba
+    return shares((proba / proba.max(axis=-1, keepdims=True)) ** power)
+
+
 def quantile_grid(n_quantiles):
     """Return evenly spaced positions strictly inside (0, 1): 0.01 … 0.99 for 99."""
     return np.arange(1, n_quantiles + 1) / (n_quantiles + 1)

@@ -17,10 +17,17 @@ from sklearn.utils.validation import (
     has_fit_parameter,
 )
 
+from ..ensembles._out_of_fold import (
+    check_folds_know,
+    make_folds,
+    predict_at,
+    run_tasks,
+    warn_of_frozen,
+)
 from ..models._perhaps_ordered import PerhapsOrderedMixin
 from ..ratings._checks import check_adjectives
-from ..ratings._distributions import shares
-from ..utils._folds import check_folds_know, make_splitter
+from ..ratings._distributions import raised, shares
+from ..utils._folds import TakesGroups, warn_of_no_groups
 from ..utils._pipeline_steps import flat_steps
 from ..utils._sklearn import (
     CrossValidator,
@@ -33,14 +40,22 @@ from ..utils._sklearn import (
 )
 from ..utils._validation import check_groups, check_numbers
 from ._branches import fit_features, used_sensors
-from ._heads import best_power, fit_heads, predict_head, predict_out_of_fold, temper
-from ._prefixes import durations_complete, samples_in
-from ._recorded_touches import ONLY_SENSOR, check_touches
+from ._heads import best_power, fit_head, head_tasks
+from ._recorded_touches import (
+    ONLY_SENSOR,
+    check_touches,
+    durations_complete,
+    samples_in,
+)
 from ._touch_in_progress import TouchInProgress, check_limits
 
 
 class AnytimeRegressor(
-    DocumentedEstimator, PerhapsOrderedMixin, MetaEstimatorMixin, BaseEstimator
+    DocumentedEstimator,
+    TakesGroups,
+    PerhapsOrderedMixin,
+    MetaEstimatorMixin,
+    BaseEstimator,
 ):
     """Predict from touches of any length, by a pipeline fitted to prefixes.
 
@@ -182,9 +197,9 @@ class AnytimeRegressor(
             several adjectives, of shape (n_trials, n_adjectives, n_levels).
         groups : array-like of shape (n_trials,), default=None
             The object of each touch, so that predictions out of fold are for objects
-            never touched, and for a last step that requests groups. By default each
-            touch is of another object. If `y` names the objects themselves, give what
-            divides their touches, such as runs.
+            never touched, and for a last step that requests groups. Without them `fit`
+            warns, and takes each touch for another object. If `y` names the objects
+            themselves, give what divides their touches, such as runs.
 
         Returns
         -------
@@ -195,7 +210,8 @@ class AnytimeRegressor(
         ------
         ValueError
             If durations or rates are unusable, a training touch lacks a sensor, too few
-            touches are as long as a duration, or each class is in one group.
+            touches are as long as a duration, a fold trains on an object that it tests,
+            or each class is in one group.
         """
         steps = self._check_estimator()
         durations = _check_durations(self.durations)
@@ -204,6 +220,10 @@ class AnytimeRegressor(
         touches = check_touches(X, {s: rates[s] for s in self.sensors_})
         check_consistent_length(X, y)
         groups = check_groups(groups, X)
+        if groups is None:
+            warn_of_no_groups(self, stacklevel=7)
+        warn_of_frozen([self.estimator])
+        folds, objects = make_folds(self, X, y, groups)
         self._channel_names = touches.channels
         self._rates = np.array([rates[sensor] for sensor in self.sensors_])
         self.sample_shapes_ = {
@@ -217,20 +237,23 @@ class AnytimeRegressor(
         self._check_reached(reached)
         self._branches, n_steps = fit_features(steps, touches, y)
         rows = self._fit_rows(touches, reached)
-        head = steps[n_steps:]
-        objects = np.arange(len(touches)) if groups is None else groups
-        self.heads_ = fit_heads(head, rows, reached, y, objects, self.sharing)
+        head = Pipeline(steps[n_steps:])
+        data = head, rows, reached, y, objects, self.sharing
+        every = np.arange(len(touches)), np.arange(0)
+        fitted = run_tasks(head_tasks(*data, [every]), None, fit=fit_head)
+        self.heads_ = [each for each, _ in fitted]
         self.classes_ = max((each.classes_ for each in self.heads_), key=len)
         self._ordered = hasattr(self.heads_[0][-1], "levels_")
         true = self._shares(y)
         self.shares_ = shares(true.sum(axis=0))
-        splitter = make_splitter(head[-1][1], y, groups, self.cv)
-        folds = list(splitter.split(X, y, groups))
         if not self._ordered:
             check_folds_know(y, folds)
-        self.oof_proba_ = predict_out_of_fold(
-            head, rows, reached, y, objects, self.sharing, self.classes_, folds
-        )
+        self.oof_proba_ = np.full((*reached.shape, *self.shares_.shape), np.nan)
+        tasks = [each for each in head_tasks(*data, folds) if len(each.fold[1])]
+        done = run_tasks(tasks, self.classes_, fit=fit_head)
+        for task, (_, proba) in zip(tasks, done):
+            k, touch = np.divmod(task.fold[1], len(touches))
+            self.oof_proba_[touch, k] = proba
         self.powers_ = _calibrate(self.oof_proba_, true)
         stopping = None
         if self.stopping is not None:
@@ -320,9 +343,9 @@ class AnytimeRegressor(
             for columns, (_, features) in zip(self._columns, of_duration):
                 if features is not None:
                     means[columns] = features.mean(axis=0)
-        rows = [np.empty((len(reached), ends[-1]), dtype) for _ in each]
+        rows = np.empty((len(each), len(reached), ends[-1]), dtype)
         for k in each:
-            rows[k][which[k]] = self._rows(blocks[k], k)
+            rows[k, which[k]] = self._rows(blocks[k], k)
         return rows
 
     def _rows(self, blocks, k):
@@ -340,8 +363,8 @@ class AnytimeRegressor(
         return shares(check_adjectives(y, self.classes_)[0])
 
     def _predict_rows(self, rows, k):
-        proba = predict_head(self.heads_[k], rows, self.classes_)
-        return temper(proba, self.powers_[k])
+        proba = predict_at(self.heads_[k], rows, self.classes_)
+        return raised(proba, self.powers_[k])
 
     def _predict_at(self, touches, which, k):
         """Predict some touches from their prefixes of the k-th duration."""
@@ -492,13 +515,13 @@ class AnytimeRegressor(
 
 
 def _calibrate(proba, true):
-    """Temper predictions out of fold, in place; return the power of each duration."""
+    """Calibrate predictions, in place; return the power of each duration."""
     powers = np.ones(proba.shape[1])
     tested = np.isfinite(proba).all(axis=tuple(range(2, proba.ndim)))
     for k, here in enumerate(tested.T):
         if here.any():
             powers[k] = best_power(proba[here, k], true[here])
-            proba[here, k] = temper(proba[here, k], powers[k])
+            proba[here, k] = raised(proba[here, k], powers[k])
     return powers
 
 

@@ -14,8 +14,12 @@ from ..utils._sklearn import one_blas_thread
 from ..utils._validation import check_regular
 from ._arriving_samples import KeptSamples, MendedSamples, PooledCodes
 from ._branches import as_rows
-from ._prefixes import durations_complete, seconds_felt
-from ._recorded_touches import ONLY_SENSOR, Touches
+from ._recorded_touches import (
+    ONLY_SENSOR,
+    Touches,
+    durations_complete,
+    seconds_felt,
+)
 
 
 class TouchInProgress:

@@ -1,8 +1,10 @@
 """Folds of trials, by whole objects where these are known, and what they are given."""
 
+import warnings
 from numbers import Integral
 
 import numpy as np
+import pandas as pd
 from sklearn import get_config
 from sklearn.base import is_classifier
 from sklearn.model_selection import GroupKFold, GroupShuffleSplit, check_cv
@@ -13,6 +15,61 @@ from sklearn.utils.metadata_routing import (
     get_routing_for_object,
     process_routing,
 )
+
+from ._sklearn import BaseSearchCV
+
+NO_GROUPS = (
+    "fit was given no groups, so it takes each trial for another object, and trials of "
+    "one object may be learned from and held out at once: call fit(..., "
+    "groups=objects), in a Pipeline fit(..., model__groups=objects) by the name of its "
+    "step, with range(n_trials) if each trial is of another object; searches and "
+    "cross-validation of scikit-learn pass groups on after "
+    "sklearn.set_config(enable_metadata_routing=True)."
+)
+
+
+class TakesGroups:
+    """Mixin of estimators whose ``fit`` needs the objects: it requests `groups`."""
+
+    __metadata_request__fit = {"groups": True}  # noqa: RUF012
+
+
+def warn_of_no_groups(estimator, *, stacklevel=5):
+    """Warn that an estimator holds out single trials.
+
+    Its ``fit`` calls this; by default the user is beyond two decorators of it.
+    """
+    name = type(estimator).__name__
+    warnings.warn(f"{name}: {NO_GROUPS}", UserWarning, stacklevel=stacklevel)
+
+
+def number_objects(groups, n_trials):
+    """Return the number of each trial's object, in the order of their first trials.
+
+    Without groups each trial is of another object. Names of objects change nothing.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.utils._folds import number_objects
+    >>> number_objects(["cork", "foam", "cork"], 3)
+    array([0, 1, 0])
+    """
+    if groups is None:
+        return np.arange(n_trials)
+    return pd.factorize(np.asarray(groups))[0]
+
+
+class ObjectKFold(GroupKFold):
+    """Folds of whole objects, of which names do not matter and sizes are balanced.
+
+    Objects of equal size are dealt in the order of their first trials.
+    """
+
+    def split(self, X, y=None, groups=None):
+        """Return an iterator of the training and test trials of each fold."""
+        if groups is not None:
+            groups = number_objects(groups, len(groups))
+        return super().split(X, y, groups)
 
 
 def make_splitter(estimator, y, groups=None, cv=None):
@@ -27,47 +84,34 @@ def make_splitter(estimator, y, groups=None, cv=None):
     >>> from sklearn_haptic.utils._folds import make_splitter
     >>> y, objects = [1, 1, 2, 2], ["cork", "cork", "foam", "foam"]
     >>> make_splitter(LogisticRegression(), y, objects, 2)
-    GroupKFold(n_splits=2, random_state=None, shuffle=False)
+    ObjectKFold(n_splits=2, random_state=None, shuffle=False)
     >>> make_splitter(LogisticRegression(), y, None, 2)
     StratifiedKFold(n_splits=2, random_state=None, shuffle=False)
     """
     if groups is not None and (cv is None or isinstance(cv, Integral)):
-        return GroupKFold(5 if cv is None else cv)
+        return ObjectKFold(5 if cv is None else cv)
     return check_cv(cv, y, classifier=is_classifier(estimator))
-
-
-def check_folds_know(y, folds):
-    """Refuse labels without an order of which no fold trains on any that it tests.
-
-    Examples
-    --------
-    >>> from sklearn_haptic.utils._folds import check_folds_know
-    >>> check_folds_know(["cork", "cork", "foam"], [([0, 2], [1]), ([1], [0, 2])])
-    """
-    y = np.asarray(y)
-    if not any(np.isin(y[test], y[train]).any() for train, test in folds):
-        raise ValueError(
-            "No fold trains on a class that it tests; give several touches of each "
-            "class, and groups that divide each class, such as runs."
-        )
 
 
 def route(estimator, splitter, groups, params):
     """Return the arguments of the splitter's ``split`` and of the estimator's ``fit``.
 
-    Groups are for the splitter and `params`, a dict, for ``fit``; with metadata
-    routing, both are for whichever requests them.
+    Groups are for the splitter, and for ``fit`` as by `groups_for`; `params`, a dict,
+    for ``fit``. With metadata routing, both are for whichever requests them.
 
     Examples
     --------
+    >>> from sklearn.dummy import DummyClassifier
     >>> from sklearn.model_selection import GroupKFold
     >>> from sklearn_haptic import NNPOM
     >>> from sklearn_haptic.utils._folds import route
-    >>> route(NNPOM(), GroupKFold(2), ["cork", "foam"], {})
+    >>> route(DummyClassifier(), GroupKFold(2), ["cork", "foam"], {})
     ({'groups': ['cork', 'foam']}, {})
+    >>> route(NNPOM(), GroupKFold(2), ["cork", "foam"], {})[1]
+    {'groups': ['cork', 'foam']}
     """
     if not get_config()["enable_metadata_routing"]:
-        return {"groups": groups}, params
+        return {"groups": groups}, groups_for(estimator, groups) | params
     if groups is not None:
         params = {**params, "groups": groups}
     router = MetadataRouter(owner="cross-validation")
@@ -84,24 +128,41 @@ def route(estimator, splitter, groups, params):
 def groups_for(estimator, groups):
     """Return the arguments that tell an estimator's ``fit`` the groups it requests.
 
+    Without metadata routing, the last step of a pipeline is told by its name, and the
+    estimator in a search only if it is in such a step: the search keeps ``groups`` for
+    its splitter.
+
     Examples
     --------
-    >>> from sklearn_haptic import NNPOM, make_haptic_pipeline
+    >>> from sklearn.linear_model import LogisticRegression
+    >>> from sklearn_haptic import make_haptic_pipeline
     >>> from sklearn_haptic.utils._folds import groups_for
-    >>> groups_for(NNPOM(), ["cork", "foam"])
+    >>> groups_for(LogisticRegression(), ["cork", "foam"])
     {}
     >>> groups_for(make_haptic_pipeline(preset="accurate"), ["cork", "foam"])
     {'model__groups': ['cork', 'foam']}
     """
-    if isinstance(estimator, Pipeline) and not get_config()["enable_metadata_routing"]:
-        name, last = estimator.steps[-1]
-        params = groups_for(last, groups)
-        return {f"{name}__{param}": value for param, value in params.items()}
+    if groups is None:
+        return {}
+    if not get_config()["enable_metadata_routing"]:
+        if isinstance(estimator, Pipeline):
+            name, last = estimator.steps[-1]
+            params = groups_for(last, groups)
+            return {f"{name}__{param}": value for param, value in params.items()}
+        if isinstance(estimator, BaseSearchCV):
+            params = groups_for(estimator.estimator, groups)
+            params.pop("groups", None)
+            splitter = check_cv(estimator.cv)
+            return params | _requested(splitter, "split", groups)
+    return _requested(estimator, "fit", groups)
+
+
+def _requested(consumer, method, groups):
     try:
-        routing = get_routing_for_object(estimator)
+        routing = get_routing_for_object(consumer)
     except NotImplementedError:  # by AdaBoost, which takes no metadata
         return {}
-    return dict.fromkeys(routing.consumes("fit", ["groups"]), groups)
+    return dict.fromkeys(routing.consumes(method, ["groups"]), groups)
 
 
 def validation_split(n_trials, groups, fraction, random_state):
@@ -112,7 +173,8 @@ def validation_split(n_trials, groups, fraction, random_state):
     would be left to train on, a ValueError says so.
     """
     units = "trial" if groups is None else "object"
-    n_units = n_trials if groups is None else len(np.unique(groups))
+    groups = number_objects(groups, n_trials)
+    n_units = len(np.unique(groups))
     if np.ceil(fraction * n_units) >= n_units:
         raise ValueError(
             f"Early stopping holds out {fraction:.3g} of the {units}s, at least one, "
@@ -120,6 +182,5 @@ def validation_split(n_trials, groups, fraction, random_state):
             f"to train on; give more {units}s, a smaller validation_fraction, or set "
             "early_stopping=False."
         )
-    groups = np.arange(n_trials) if groups is None else groups
     splitter = GroupShuffleSplit(1, test_size=fraction, random_state=random_state)
     return next(splitter.split(np.empty(n_trials), groups=groups))

@@ -8,10 +8,18 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import BaseEstimator, clone
+from sklearn.base import BaseEstimator
 from sklearn.utils import indexable
 from sklearn.utils.parallel import Parallel, delayed
 
+from ..ensembles._out_of_fold import (
+    at_classes,
+    check_folds,
+    fit_fold,
+    in_order,
+    predict_fold,
+    warn_of_frozen,
+)
 from ..ratings._checks import check_ratings
 from ..ratings._distributions import cdf
 from ..ratings._levels import in_named_order
@@ -21,7 +29,6 @@ from ..utils._sklearn import (
     HasMethods,
     StrOptions,
     Trials,
-    _check_method_params,
     _num_samples,
     _safe_indexing,
     validate_params,
@@ -71,7 +78,8 @@ def cross_val_predict_proba(
             (n_trials, n_adjectives, n_levels)
         Labels, how many people gave each level, or such counts of several adjectives.
     groups : array-like of shape (n_trials,), default=None
-        The object of each trial, for the splitter.
+        The object of each trial, for the splitter, and for ``fit`` of an estimator, or
+        of the last step of a Pipeline, that requests them.
     cv : int, splitter or iterable of (train, test), default=None
         The folds, which test each trial once. An int, or None for 5, is a number of
         folds: of whole objects if ``groups`` are given, else as in
@@ -83,10 +91,10 @@ def cross_val_predict_proba(
     n_jobs : int, default=None
         Number of jobs, each of which fits and predicts one fold.
     params : dict, default=None
-        Arguments of the estimator's ``fit``, such as ``{"groups": objects}`` for early
-        stopping on whole objects. Of values that are as long as ``X``, those of the
-        training trials are passed. With metadata routing enabled, ``params`` and
-        ``groups`` go to whichever of the splitter and ``fit`` requests them.
+        Further arguments of the estimator's ``fit``. Of values that are as long as
+        ``X``, those of the training trials are passed. With metadata routing enabled,
+        ``params`` and ``groups`` go to whichever of the splitter and ``fit`` requests
+        them.
 
     Returns
     -------
@@ -140,9 +148,9 @@ def cross_val_predict_proba(
     splitter = make_splitter(estimator, y, groups, cv)
     for_split, for_fit = route(estimator, splitter, groups, params)
     folds = check_folds(splitter.split(X, y, **for_split), _num_samples(X))
+    warn_of_frozen([estimator])
     outcomes = Parallel(n_jobs=n_jobs)(
-        delayed(_predict_fold)(clone(estimator), X, y, *fold, for_fit, method)
-        for fold in folds
+        delayed(_run_fold)(estimator, X, y, *fold, for_fit, method) for fold in folds
     )
     if method == "predict":
         return in_order([predicted for predicted, _ in outcomes], folds)
@@ -150,79 +158,10 @@ def cross_val_predict_proba(
     return cdf(result) if method == "predict_cdf" else result
 
 
-def check_folds(folds, n_trials, least=1):
-    """Return the folds as indices; refuse those that do not test each trial once.
-
-    With `least=0`, trials may be tested not at all.
-    """
-    trials = np.arange(n_trials)
-    folds = [(trials[train], trials[test]) for train, test in folds]
-    if not folds or not all(len(part) for fold in folds for part in fold):
-        raise ValueError(
-            "cv has no folds, or one without training or test trials; give each fold "
-            "some of both."
-        )
-    n_tests = np.zeros(n_trials, dtype=int)
-    for train, test in folds:
-        np.add.at(n_tests, test, 1)
-        both = np.isin(test, train)
-        if both.any():
-            raise ValueError(
-                f"cv trains on trial {test[both.argmax()]} in the fold that tests it; "
-                "leave the test trials out of the training trials."
-            )
-    wrong = (n_tests > 1) | (n_tests < least)
-    if wrong.any():
-        trial = wrong.argmax()
-        raise ValueError(
-            f"cv tests trial {trial} {n_tests[trial]} times; choose a splitter that "
-            "tests each trial exactly once, such as GroupKFold, KFold or "
-            "LeaveOneGroupOut."
-        )
-    return folds
-
-
-def _predict_fold(model, X, y, train, test, params, method):
-    """Fit to the training trials; return the predictions and, if any, the levels."""
-    fit_fold(model, X, y, train, params)
+def _run_fold(estimator, X, y, train, test, params, method):
+    """Fit to the training trials; return the predictions and the model's levels."""
+    model = fit_fold(estimator, X, y, train, params)
     return predict_fold(model, _safe_indexing(X, test), method)
-
-
-def fit_fold(model, X, y, train, params):
-    """Fit to the training trials, with their part of the arguments of ``fit``."""
-    params = _check_method_params(X, params, indices=train)
-    model.fit(_safe_indexing(X, train), _safe_indexing(y, train), **params)
-
-
-def predict_fold(model, X_test, method="predict_proba"):
-    """Return the predictions of a fitted model and, if it predicts any, the levels."""
-    if method == "predict":
-        return model.predict(X_test), None
-    if not hasattr(model, "predict_proba"):
-        raise ValueError(
-            f"{type(model).__name__} has no predict_proba, from which method="
-            f"{method!r} is computed; set method='predict', or give a classifier."
-        )
-    proba = model.predict_proba(X_test)
-    if isinstance(proba, list):
-        raise ValueError(
-            f"{type(model).__name__} took each column of y for labels of its own, and "
-            "predicts a list of arrays; give it to a DistributionalOrdinalRegressor as "
-            "estimator, which takes counts."
-        )
-    if not hasattr(model, "classes_"):
-        raise ValueError(
-            f"{type(model).__name__} has no classes_, which say what the columns of "
-            "its predictions are; set them in fit, lowest level first."
-        )
-    shape, n_trials = np.shape(proba), _num_samples(X_test)
-    if shape[:1] + shape[-1:] != (n_trials, len(model.classes_)):
-        raise ValueError(
-            f"{type(model).__name__} predicts an array of shape {shape} for "
-            f"{n_trials} trials and {len(model.classes_)} levels; return one row per "
-            "trial and one column per level."
-        )
-    return proba, model.classes_
 
 
 def join_folds(y, outcomes, folds):
@@ -235,14 +174,10 @@ def join_folds(y, outcomes, folds):
     levels : ndarray of shape (n_levels,)
     """
     levels = _levels_of_all(y, [classes for _, classes in outcomes])
-    proba = in_order([_at_levels(levels, *outcome) for outcome in outcomes], folds)
+    proba = in_order(
+        [at_classes(each, known, levels) for each, known in outcomes], folds
+    )
     return in_named_order(proba, levels, y)
-
-
-def in_order(predicted, folds):
-    """Join what the folds predict, in ascending order of their test trials."""
-    order = np.argsort(np.concatenate([test for _, test in folds]))
-    return np.concatenate(predicted)[order]
 
 
 def _levels_of_all(y, classes):
@@ -251,16 +186,3 @@ def _levels_of_all(y, classes):
     if np.ndim(y) == 1 and not np.isin(y, levels).all():
         levels = check_ratings(y)[1]
     return levels
-
-
-def _at_levels(levels, proba, classes):
-    """Add columns of probability 0 for levels that a fold's training trials lack."""
-    place = {level: i for i, level in enumerate(levels.tolist())}
-    if not {*classes.tolist()} <= place.keys():
-        raise ValueError(
-            f"The folds have different levels, {classes.tolist()} and "
-            f"{levels.tolist()}; give the estimator all levels, lowest first."
-        )
-    full = np.zeros((*proba.shape[:-1], len(levels)), dtype=proba.dtype)
-    full[..., [place[each] for each in classes.tolist()]] = proba
-    return full

@@ -1,0 +1,378 @@
+"""Predictions of trials by models that were fitted without their objects.
+
+All that learns or judges by such predictions comes through here: folds are made and
+checked, models are fitted to them and told the objects, and what they predict is put
+at the same classes.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Integral
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.base import clone
+from sklearn.frozen import FrozenEstimator
+from sklearn.model_selection import check_cv
+from sklearn.pipeline import Pipeline
+from sklearn.utils.parallel import Parallel, delayed
+
+from ..models._shared_features import refuse_adjectives
+from ..ratings._checks import check_adjectives
+from ..ratings._distributions import cdf, shares
+from ..utils._folds import ObjectKFold, number_objects
+from ..utils._sklearn import _check_method_params, _num_samples, _safe_indexing
+
+Fold = tuple[NDArray[np.intp], NDArray[np.intp]]
+
+FROZEN = (
+    "What is frozen had learned before: if from test objects too, the model is worse "
+    "on new objects than it looks."
+)
+
+
+# Folds -------------------------------------------------------------------------
+
+
+def make_folds(estimator, X, y, groups, weight=None):
+    """Return the folds of an estimator's ``cv``, which keep objects whole.
+
+    Parameters
+    ----------
+    estimator : estimator object
+        It has a parameter ``cv``; a number makes at most one fold per object.
+    X, y : array-like of length n_trials
+    groups : ndarray of shape (n_trials,) or None
+        Without groups, the trials of each label are dealt to the folds in turn.
+    weight : ndarray of shape (n_trials,), default=None
+        Trials of weight 0 are in no fold that is made here, and need not be tested.
+
+    Returns
+    -------
+    folds : list of (ndarray of int, ndarray of int)
+    objects : ndarray of int of shape (n_trials,)
+        The number of each trial's object.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two objects, a fold trains on an object that it tests,
+        or the folds do not test each trial once.
+    """
+    n_trials, cv = _num_samples(X), estimator.cv
+    objects = number_objects(groups, n_trials)
+    used = np.flatnonzero(np.ones(n_trials) if weight is None else weight)
+    n_objects = len(np.unique(objects[used]))
+    if n_objects < 2:
+        raise ValueError(
+            f"{type(estimator).__name__} learns from held-out objects, but there is 1 "
+            "sample or object; give more."
+        )
+    if cv is not None and not isinstance(cv, Integral):
+        split = check_cv(cv).split(X, y, groups)
+        least = np.isin(np.arange(n_trials), used)
+        return check_folds(split, n_trials, least, objects, groups), objects
+    n_folds = min(5 if cv is None else cv, n_objects)
+    if groups is None and np.ndim(y) == 1:
+        _, label = np.unique(np.asarray(y)[used], return_inverse=True)
+        fold = np.empty(len(used), dtype=np.intp)
+        fold[np.argsort(label, kind="stable")] = np.arange(len(used)) % n_folds
+        split = [(fold != k, fold == k) for k in range(n_folds)]
+    else:
+        split = ObjectKFold(n_folds).split(used, groups=objects[used])
+    return [(used[train], used[test]) for train, test in split], objects
+
+
+def check_folds(folds, n_trials, least=1, objects=None, names=None):
+    """Return the folds as indices; refuse those that leak or are incomplete.
+
+    Parameters
+    ----------
+    folds : iterable of (train, test)
+    n_trials : int
+    least : int or array-like of shape (n_trials,), default=1
+        How often each trial is tested at least; at most it is once.
+    objects : ndarray of int of shape (n_trials,), default=None
+        What a fold must not both train on and test; by default the trials.
+    names : ndarray of shape (n_trials,), default=None
+        The names of the objects, for the message.
+    """
+    trials = np.arange(n_trials)
+    objects = trials if objects is None else objects
+    folds = [(trials[train], trials[test]) for train, test in folds]
+    if not folds or not all(len(part) for fold in folds for part in fold):
+        raise ValueError(
+            "cv has no folds, or one without training or test trials; give each fold "
+            "some of both."
+        )
+    n_tests = np.zeros(n_trials, dtype=int)
+    for train, test in folds:
+        np.add.at(n_tests, test, 1)
+        both = np.isin(objects[test], objects[train])
+        if both.any():
+            trial = test[both.argmax()]
+            what = f"trial {trial}" if names is None else repr(names.tolist()[trial])
+            raise ValueError(
+                f"cv trains on {what} in the fold that tests it; keep whole objects "
+                "on one side."
+            )
+    wrong = (n_tests > 1) | (n_tests < least)
+    if wrong.any():
+        trial = wrong.argmax()
+        raise ValueError(
+            f"cv tests trial {trial} {n_tests[trial]} times; choose a splitter that "
+            "tests each trial exactly once, such as GroupKFold, KFold or "
+            "LeaveOneGroupOut."
+        )
+    return folds
+
+
+def check_folds_know(y, folds):
+    """Refuse labels without an order of which no fold trains on any that it tests.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.ensembles._out_of_fold import check_folds_know
+    >>> check_folds_know(["cork", "cork", "foam"], [([0, 2], [1]), ([1], [0, 2])])
+    """
+    y = np.asarray(y)
+    if not any(np.isin(y[test], y[train]).any() for train, test in folds):
+        raise ValueError(
+            "No fold trains on a class that it tests; give several touches of each "
+            "class, and groups that divide each class, such as runs."
+        )
+
+
+def is_frozen(estimator):
+    """Whether an estimator is, or has, a model that learned before and stays so."""
+    parts = [estimator, *estimator.get_params().values()]
+    return any(
+        isinstance(part, FrozenEstimator) and hasattr(part, "predict") for part in parts
+    )
+
+
+def warn_of_frozen(estimators):
+    """Warn of models whose predictions are of no fold."""
+    if any(map(is_frozen, estimators)):
+        warnings.warn(FROZEN, UserWarning, stacklevel=2)
+
+
+# Models ------------------------------------------------------------------------
+
+
+def check_members(members, form):
+    """Return the names of members, which are tuples of a name and an estimator first.
+
+    A ValueError says that they are not such a list, of the `form` given, or that one is
+    no estimator.
+    """
+    try:
+        names, estimators, *_ = zip(*members)
+        if len({len(member) for member in members} | {form.count(",") + 1}) > 1:
+            raise ValueError
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"estimators={members!r} must be a list of one or more {form} tuples."
+        ) from None
+    for name, estimator in zip(names, estimators):
+        if not hasattr(estimator, "fit"):
+            raise ValueError(
+                f"The member {name!r} is {estimator!r}; give an estimator, or leave "
+                "the member out."
+            )
+    return list(names)
+
+
+class Task(NamedTuple):
+    """A model to fit to some trials, and to predict others.
+
+    Attributes
+    ----------
+    name : str
+        Its name in messages.
+    estimator : estimator object
+        It is cloned.
+    X, y : array-like of length n_trials
+    fold : tuple of (ndarray of int, ndarray of int)
+        Training and test trials; there may be no test trials.
+    params : mapping
+        Arguments of ``fit``; of those of length n_trials it gets its part.
+    """
+
+    name: str
+    estimator: Any
+    X: Any
+    y: Any
+    fold: Fold
+    params: Mapping[str, Any]
+
+
+def fit_clone(estimator, X, y, **params):
+    """Return a fitted clone of an estimator."""
+    return clone(estimator).fit(X, y, **params)
+
+
+def run_tasks(
+    tasks: Sequence[Task],
+    classes: np.ndarray | None,
+    *,
+    n_jobs: int | None = None,
+    keep: bool = False,
+    fit: Callable[..., Any] = fit_clone,
+) -> list[tuple[Any, np.ndarray]]:
+    """Fit the models of some tasks, and predict their test trials.
+
+    Parameters
+    ----------
+    tasks : list of Task
+    classes : ndarray of shape (n_classes,), or None
+        What the columns of predictions are; None if no task has test trials.
+    n_jobs : int, default=None
+    keep : bool, default=False
+        Whether to return the models of tasks that have test trials, too.
+    fit : callable, default=fit_clone
+        Called with an estimator, X, y and the arguments of ``fit``.
+
+    Returns
+    -------
+    done : list of (model or None, ndarray of shape (n_test, ..., n_classes) or None)
+    """
+    return Parallel(n_jobs=n_jobs)(
+        delayed(_run)(task, classes, keep, fit) for task in tasks
+    )
+
+
+def _run(task, classes, keep, fit):
+    train, test = task.fold
+    model = fit_fold(task.estimator, task.X, task.y, train, task.params, fit, task.name)
+    of_counts = np.ndim(task.y) == 2
+    if classes is None:
+        return model, None
+    if len(test) == 0:
+        nothing = np.empty((0, len(model.classes_)))
+        return model, at_classes(nothing, model.classes_, classes, task.name, of_counts)
+    predicted = predict_fold(model, _safe_indexing(task.X, test), name=task.name)
+    proba = at_classes(*predicted, classes, task.name, of_counts)
+    return model if keep else None, proba
+
+
+def fit_fold(estimator, X, y, train, params, fit=fit_clone, name=None):
+    """Return a clone of an estimator, fitted to the training trials."""
+    params = _check_method_params(X, params, indices=train)
+    X, y = _safe_indexing(X, train), _safe_indexing(y, train)
+    try:
+        return fit(estimator, X, y, **params)
+    except ValueError as error:
+        if np.ndim(y) < 2 or "1d array" not in str(error):
+            raise
+        raise ValueError(
+            f"{_who(estimator, name)} takes labels, but no counts; give it to a "
+            "DistributionalOrdinalRegressor as estimator, which does."
+        ) from error
+
+
+def predict_at(model, X, classes):
+    """Predict shares of all classes, by a model of a task."""
+    return at_classes(*predict_fold(model, X), classes, of_counts=True)
+
+
+def predict_fold(model, X_test, method="predict_proba", name=None):
+    """Return the predictions of a fitted model and, if it predicts any, the levels."""
+    if method == "predict":
+        return model.predict(X_test), None
+    who, n_trials = _who(model, name), _num_samples(X_test)
+    if not hasattr(model, "predict_proba"):
+        raise ValueError(
+            f"{who} has no predict_proba, from which method={method!r} is computed; "
+            "set method='predict', or give a classifier."
+        )
+    proba = model.predict_proba(X_test)
+    if isinstance(proba, list):
+        raise ValueError(
+            f"{who} took each column of y for labels of its own, and predicts a list "
+            "of arrays; give it to a DistributionalOrdinalRegressor as estimator, "
+            "which takes counts."
+        )
+    if not hasattr(model, "classes_"):
+        raise ValueError(
+            f"{who} has no classes_, which say what the columns of its predictions "
+            "are; set them in fit, lowest level first."
+        )
+    shape = np.shape(proba)
+    if shape[:1] + shape[-1:] != (n_trials, len(model.classes_)):
+        raise ValueError(
+            f"{who} predicts an array of shape {shape} for {n_trials} trials and "
+            f"{len(model.classes_)} levels; return one row per trial and one column "
+            "per level."
+        )
+    return proba, model.classes_
+
+
+def at_classes(proba, known, classes, name=None, of_counts=False):
+    """Put probabilities of known classes at all classes; others get none.
+
+    A model of counts knows all, or classes 1, 2, … of columns without labels.
+    """
+    known, every = known.tolist(), classes.tolist()
+    if of_counts and known == [*range(1, len(every) + 1)]:
+        known = every
+    place = {each: i for i, each in enumerate(every)}
+    if not {*known} <= place.keys() or (of_counts and known != every):
+        raise ValueError(
+            f"{'A fold' if name is None else f'The member {name!r}'} has the levels "
+            f"{known}, but {every} are required; give the estimator all levels, lowest "
+            "first."
+        )
+    full = np.zeros((*proba.shape[:-1], len(every)), dtype=proba.dtype)
+    full[..., [place[each] for each in known]] = proba
+    return full
+
+
+# What predictions are compared with ---------------------------------------------
+
+
+def mean_without(true, folds):
+    """Return for each trial the mean of the training rows of the fold that tests it."""
+    marginal = np.full(true.shape, np.nan)
+    for train, test in folds:
+        marginal[test] = true[train].mean(axis=0)
+    return marginal
+
+
+def true_shares(y, name):
+    """Return labels or counts as shares of the levels, and the levels.
+
+    The estimator `name` refuses the ratings of several adjectives. Words may be labels
+    without an order; a member that needs one says so.
+    """
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "y has words")
+        counts, classes = check_adjectives(y)
+    if counts.ndim == 3:
+        refuse_adjectives(name)
+    return shares(counts), classes
+
+
+def knows_order(estimator):
+    """Whether a fitted classifier, or the last step of a pipeline, has levels."""
+    last = estimator[-1] if isinstance(estimator, Pipeline) else estimator
+    return hasattr(last, "levels_")
+
+
+def compared(proba, ordered):
+    """Return what the score compares: CDFs, or probabilities without an order."""
+    return cdf(proba)[..., :-1] if ordered else proba
+
+
+def in_order(predicted, folds):
+    """Join what the folds predict, in ascending order of their test trials."""
+    order = np.argsort(np.concatenate([test for _, test in folds]))
+    return np.concatenate(predicted)[order]
+
+
+def _who(model, name):
+    kind = type(model).__name__
+    return kind if name is None else f"The member {name!r}, a {kind},"

@@ -1,0 +1,285 @@
+"""Folds, and predictions out of fold: one policy for all that learns by them."""
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn import config_context
+from sklearn.base import clone
+from sklearn.compose import ColumnTransformer
+from sklearn.frozen import FrozenEstimator
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import GridSearchCV, GroupKFold, KFold
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from told_groups import Told
+
+from sklearn_haptic import (
+    NNPOM,
+    AnytimeRegressor,
+    ContinuousRatingsRegressor,
+    DistributionalOrdinalRegressor,
+    DistributionBlend,
+    NoveltyGuard,
+    SensorFusionNNPOM,
+    TemporalMaxPool,
+    TouchPool,
+)
+from sklearn_haptic.ensembles._out_of_fold import (
+    Task,
+    at_classes,
+    check_folds,
+    make_folds,
+    run_tasks,
+)
+from sklearn_haptic.model_selection import (
+    cross_val_predict_proba,
+    model_report,
+    sensor_subsets,
+)
+from sklearn_haptic.utils._folds import (
+    NO_GROUPS,
+    ObjectKFold,
+    groups_for,
+    number_objects,
+)
+
+RNG = np.random.default_rng(0)
+OBJECTS = np.repeat(np.arange(20), 3)
+X = RNG.normal(size=(60, 2)) + OBJECTS[:, np.newaxis] / 5
+COUNTS = RNG.multinomial(9, [0.2, 0.5, 0.3], size=20)[OBJECTS]
+TRIALS = [np.tile(row, (8, 1)) for row in X]
+
+LINEAR = NNPOM(0)
+# What learns from predictions out of fold, and what it learns from.
+LEARNERS = {
+    "blend": (DistributionBlend([("linear", LINEAR)]), X),
+    "pool": (TouchPool([("linear", LINEAR, [0, 1])]), X),
+    "guard": (NoveltyGuard(make_pipeline(StandardScaler(), LINEAR)), X),
+    "anytime": (
+        AnytimeRegressor(
+            make_pipeline(TemporalMaxPool(), LINEAR),
+            durations=[0.5],
+            sampling_rates=10,
+            sharing=0,
+        ),
+        TRIALS,
+    ),
+}
+STOPPING = NNPOM(0, early_stopping=True, random_state=0)
+STOPPED = {
+    "network": STOPPING,
+    "fusion": SensorFusionNNPOM({"a": [0], "b": [1]}, NNPOM(1), STOPPING),
+    "regressor": DistributionalOrdinalRegressor(STOPPING),
+}
+
+
+def part(X, rows):
+    return [X[i] for i in rows] if isinstance(X, list) else X[rows]
+
+
+# Folds ---------------------------------------------------------------------------
+
+
+def test_names_of_objects_change_no_fold():
+    names = RNG.permutation([f"object {i}" for i in range(20)])
+    folds = list(ObjectKFold(4).split(X, groups=OBJECTS))
+    renamed = list(ObjectKFold(4).split(X, groups=names[OBJECTS]))
+    for (train, test), (same_train, same_test) in zip(folds, renamed, strict=True):
+        np.testing.assert_array_equal(train, same_train)
+        np.testing.assert_array_equal(test, same_test)
+        assert not {*OBJECTS[train]} & {*OBJECTS[test]}
+        assert len(test) == 15
+    np.testing.assert_array_equal(number_objects(["b", "a", "b", "c"], 4), [0, 1, 0, 2])
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_names_of_objects_change_no_prediction(learner):
+    model, X = LEARNERS[learner]
+    names = np.array(RNG.permutation([f"object {i}" for i in range(20)]))
+    proba = [
+        clone(model).fit(X, COUNTS, groups=groups).predict_proba(X)
+        for groups in (OBJECTS, names[OBJECTS], -OBJECTS)
+    ]
+    np.testing.assert_array_equal(proba[0], proba[1])
+    np.testing.assert_array_equal(proba[0], proba[2])
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+@pytest.mark.parametrize(
+    ("cv", "message"),
+    [
+        ([(range(60), range(60))], "cv trains on 0 in the fold that tests it"),
+        (list(KFold(7).split(X)), "in the fold that tests it; keep whole objects"),
+        ([(range(30), range(30, 60))], "cv tests trial 0 0 times"),
+        ([(range(30), range(30, 60))] * 2, r"cv tests trial \d+ [02] times"),
+        ([], "cv has no folds"),
+    ],
+)
+def test_folds_that_leak_or_are_incomplete_are_refused(learner, cv, message):
+    model, X = LEARNERS[learner]
+    with pytest.raises(ValueError, match=message):
+        clone(model).set_params(cv=cv).fit(X, COUNTS, groups=OBJECTS)
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_one_object_is_too_few(learner):
+    model, X = LEARNERS[learner]
+    with pytest.raises(ValueError, match="learns from held-out objects, but there is"):
+        clone(model).fit(part(X, range(3)), COUNTS[:3], groups=[1, 1, 1])
+
+
+def test_folds_of_labels_without_groups_have_all_labels():
+    y = np.repeat(["cork", "foam", "tile"], 20)
+    model = TouchPool([("a", LINEAR, [0])], cv=4)
+    folds, objects = make_folds(model, X, y, None)
+    np.testing.assert_array_equal(objects, np.arange(60))
+    for _, test in check_folds(folds, 60):
+        assert [(y[test] == name).sum() for name in np.unique(y)] == [5, 5, 5]
+
+
+# Groups --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [*LEARNERS, *STOPPED])
+def test_a_fit_that_needs_objects_says_so_in_one_sentence(name):
+    model, trials = LEARNERS[name] if name in LEARNERS else (STOPPED[name], X)
+    with pytest.warns(UserWarning, match="fit was given no groups") as caught:
+        clone(model).fit(trials, COUNTS)
+    (warning,) = caught
+    assert str(warning.message) == f"{type(model).__name__}: {NO_GROUPS}"
+    assert warning.filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        clone(model).fit(trials, COUNTS, groups=OBJECTS)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [model for model, _ in LEARNERS.values()]
+    + [*STOPPED.values(), ContinuousRatingsRegressor(), LINEAR],
+    ids=lambda model: type(model).__name__,
+)
+def test_groups_are_requested_by_default(model):
+    assert [*groups_for(model, OBJECTS)] == ["groups"]
+    with config_context(enable_metadata_routing=True):
+        assert [*groups_for(make_pipeline(model), OBJECTS)] == ["groups"]
+
+
+def search(model, grid):
+    return GridSearchCV(model, grid, cv=GroupKFold(2))
+
+
+def test_groups_reach_what_asks_wherever_it_is():
+    """Blends, pipelines and searches, with nothing but `groups`."""
+    told = Told(strategy="prior")
+    labels = np.arange(60) % 3
+    blend = DistributionBlend([("linear", search(LINEAR, {"alpha": [1.0, 9.0]}))])
+    inner = search(make_pipeline(StandardScaler(), told), {"told__strategy": ["prior"]})
+    assert {*groups_for(inner, OBJECTS)} == {"groups", "told__groups"}
+    for model, y in [
+        (make_pipeline(StandardScaler(), told), labels),
+        (inner, labels),
+        (make_pipeline(StandardScaler(), blend), COUNTS),
+        (make_pipeline(StandardScaler(), STOPPING), COUNTS),
+        (TouchPool([("stops", make_pipeline(STOPPING), [0])]), COUNTS),
+    ]:
+        proba = cross_val_predict_proba(model, X, y, groups=OBJECTS, cv=2)
+        assert proba.shape == (60, 3)
+        with config_context(enable_metadata_routing=True):
+            routed = cross_val_predict_proba(model, X, y, groups=OBJECTS, cv=2)
+        np.testing.assert_array_equal(proba, routed)
+    report = model_report(
+        make_pipeline(StandardScaler(), blend), X, COUNTS, groups=OBJECTS, cv=2
+    )
+    assert len(report.tested) == 60
+
+
+def test_groups_reach_the_last_step_behind_sensors():
+    table = pd.DataFrame(X, columns=["a", "b"])
+    sensors = ColumnTransformer([(s, StandardScaler(), [s]) for s in "ab"])
+    results = sensor_subsets(
+        make_pipeline(sensors, STOPPING), table, COUNTS, groups=OBJECTS, cv=2
+    )
+    assert len(results["params"]) == 3
+
+
+# Models --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("learner", ["blend", "pool", "guard", "anytime"])
+def test_models_that_learned_before_are_named(learner):
+    model, trials = LEARNERS[learner]
+    frozen = FrozenEstimator(clone(LINEAR).fit(X, COUNTS))
+    params = {
+        "blend": {"linear": frozen},
+        "pool": {"linear": frozen},
+        "guard": {"estimator__nnpom": frozen},
+        "anytime": {"estimator__nnpom": frozen},
+    }
+    if learner == "anytime":
+        rows = TemporalMaxPool().fit_transform(TRIALS)
+        frozen.estimator.fit(rows, COUNTS)
+    model = clone(model).set_params(**params[learner])
+    with pytest.warns(UserWarning, match="^What is frozen had learned before"):
+        model.fit(trials, COUNTS, groups=OBJECTS)
+
+
+def test_a_frozen_model_out_of_fold_is_named():
+    frozen = FrozenEstimator(clone(LINEAR).fit(X, COUNTS))
+    with pytest.warns(UserWarning, match="^What is frozen had learned before"):
+        cross_val_predict_proba(frozen, X, COUNTS, groups=OBJECTS, cv=2)
+
+
+@pytest.mark.parametrize("odd", ["drop", None, 3])
+@pytest.mark.parametrize("learner", ["blend", "pool"])
+def test_members_that_are_none_are_refused(learner, odd):
+    model, trials = LEARNERS[learner]
+    columns = [[0]] if learner == "pool" else []
+    model = clone(model).set_params(
+        estimators=[("a", LINEAR, *columns), ("b", odd, *columns)]
+    )
+    with pytest.raises(ValueError, match=f"The member 'b' is {odd!r}; give an estim"):
+        model.fit(trials, COUNTS, groups=OBJECTS)
+
+
+@pytest.mark.parametrize("member", [LogisticRegression(), KNeighborsClassifier()])
+@pytest.mark.parametrize("learner", ["blend", "pool"])
+def test_members_that_take_no_counts_are_refused(learner, member):
+    model, trials = LEARNERS[learner]
+    columns = [[0]] if learner == "pool" else []
+    model = clone(model).set_params(estimators=[("b", member, *columns)])
+    with pytest.raises(ValueError, match=r"^The member 'b', a .* takes? .*counts|own"):
+        model.fit(trials, COUNTS, groups=OBJECTS)
+
+
+@pytest.mark.parametrize("learner", ["blend", "pool"])
+def test_members_of_reversed_levels_are_refused(learner):
+    """Columns without labels ascend, so that these would be exchanged."""
+    model, trials = LEARNERS[learner]
+    model = clone(model).set_params(linear__levels=[3, 2, 1])
+    with pytest.raises(ValueError, match=r"'linear' has the levels \[3, 2, 1\], but"):
+        model.fit(trials, COUNTS, groups=OBJECTS)
+
+
+def test_models_of_folds_are_kept():
+    y = np.arange(60) % 3
+    folds = list(GroupKFold(3).split(X, groups=OBJECTS))
+    tasks = [Task("a", LogisticRegression(), X, y, fold, {}) for fold in folds]
+    kept = run_tasks(tasks, np.arange(3), keep=True)
+    lost = run_tasks(tasks, np.arange(3))
+    for (model, proba), (none, same), (train, test) in zip(kept, lost, folds):
+        alone = LogisticRegression().fit(X[train], y[train])
+        np.testing.assert_array_equal(model.coef_, alone.coef_)
+        np.testing.assert_array_equal(proba, alone.predict_proba(X[test]))
+        np.testing.assert_array_equal(proba, same)
+        assert none is None
+
+
+def test_classes_are_put_in_place():
+    proba = np.array([[[0.25, 0.75]]])
+    known, classes = np.array(["foam", "cork"]), np.array(["cork", "tile", "foam"])
+    placed = at_classes(proba, known, classes)
+    np.testing.assert_array_equal(placed, [[[0.75, 0, 0.25]]])
