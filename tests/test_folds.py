@@ -68,10 +68,10 @@ LEARNERS = {
         TRIALS,
     ),
 }
-STOPPING = NNPOM(0, early_stopping=True, random_state=0)
+STOPPING = NNPOM(1, max_iter=30, early_stopping=True, random_state=0)
 STOPPED = {
     "network": STOPPING,
-    "fusion": SensorFusionNNPOM({"a": [0], "b": [1]}, NNPOM(1), STOPPING),
+    "fusion": SensorFusionNNPOM({"a": [0], "b": [1]}, STOPPING, STOPPING),
     "regressor": DistributionalOrdinalRegressor(STOPPING),
 }
 

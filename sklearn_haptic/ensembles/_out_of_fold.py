@@ -276,7 +276,10 @@ def fit_fold(estimator, X, y, train, params, fit=fit_clone, name=None):
 
 def predict_at(model, X, classes):
     """Predict shares of all classes, by a model of a task."""
-    return at_classes(*predict_fold(model, X), classes, of_counts=True)
+    proba, known = predict_fold(model, X)
+    if not np.isin(known, classes).all():  # those of columns without labels
+        known = classes
+    return at_classes(proba, known, classes)
 
 
 def predict_fold(model, X_test, method="predict_proba", name=None):
