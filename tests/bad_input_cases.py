@@ -552,6 +552,8 @@ ask(fitting(STHMP, X=TRIALS, y=None),
     check("channels that are no multiple of the electrodes",
         [trial[:, :18] for trial in TRIALS],
         "X has 18 channels, which is no multiple of the 19 electrodes .*; select"),
+    check("images, and a layout of electrodes", [np.ones((8, 5, 5))] * 2,
+        NO_IMAGES + r"n_channels\); .* reshape\(len\(trial\), -1\)"),
     check("electrodes, and layout=None", layout=None, says=NO_IMAGES + "height"),
     check("patches larger than the images", patch_size=(9, 9),
         says=r"^patch_size=\(9, 9\) does not fit images of .*; use smaller patches"),
@@ -803,7 +805,9 @@ EMPTY = "^ratings holds no values at all; at least one is required"
 ALWAYS_THE_SAME = check(
     "an adjective always rated the same", replaced(X, 1.0, (slice(None), 0)),
     "^All ratings of 'x0' in the rows that have 'x1' too are equal, .*; leave one of")
-ask(SCORES, OTHER_LEVELS, arg="y_true")
+ask(SCORES, OTHER_LEVELS,
+    check("labels of fewer levels", y_true=np.minimum(LABELS, 2),
+        says="and levels if nobody chose"), arg="y_true")
 ask(direct(metrics.macro_mae, y_true=COUNTS, y_proba=PROBA),
     *settings("n_quantiles", 0))
 RATED_AT = direct(metrics.macro_mae_at_positions,

@@ -569,23 +569,3 @@ def test_atoms_of_a_size_that_codes_cannot_have(dtype, size, message):
     model = KSVDTransformer(1, 1, dict_init=atoms, max_iter=0, remove_mean=False)
     with pytest.raises(ValueError, match=message):
         model.fit(X)
-
-
-@pytest.mark.parametrize("step", ["ksvd", "sthmp", "pool"])
-@pytest.mark.parametrize(
-    "change, message",
-    [
-        (lambda trial: trial[:0], "Trial 1 of X has 0 time samples, but at least"),
-        (
-            lambda trial: trial[:, :0],
-            r"Trial 1 of X has shape \(31, 0\), which holds no",
-        ),
-        (lambda trial: trial * 1j, r"Trial 1 of X is not an array .*\(complex values"),
-        (lambda trial: trial * np.inf, "Trial 1 of X contains NaN or infinity"),
-    ],
-    ids=["empty", "no channels", "complex", "infinite"],
-)
-def test_trials_without_usable_numbers(step, change, message):
-    good, other = recordings(38)
-    with pytest.raises(ValueError, match=message):
-        clone(STEPS[step]).fit([good, change(other + 1.0)])

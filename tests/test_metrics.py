@@ -10,7 +10,7 @@ from scipy.stats import entropy, multinomial, wasserstein_distance
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.datasets import make_classification
 from sklearn.linear_model import LogisticRegression
-from sklearn.metrics import log_loss, mean_absolute_error, recall_score
+from sklearn.metrics import log_loss, mean_absolute_error
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -92,24 +92,6 @@ def test_macro_mae_equals_exact_arithmetic(n_quantiles):
     )
 
 
-def test_macro_mae_is_the_class_averaged_error_of_scikit_learn():
-    # With levels 0 and 1 an absolute error is a missed rating: macro MAE is
-    # one minus the macro-averaged recall.
-    p = np.arange(1, 100) / 100
-    for low, predicted in [(3, 0.5), (6, 0.1), (11, 0.77)]:
-        true = (p > low / 12).astype(int)
-        rating = (p > predicted).astype(int)
-        score = macro_mae([[low, 12 - low]], [[predicted, 1 - predicted]])
-        assert score == pytest.approx(1 - recall_score(true, rating, average="macro"))
-
-
-def test_macro_mae_by_hand():
-    # A quarter rates 1 (p = .01 to .25), the rest 2; the prediction is always 2.
-    assert macro_mae([[1, 3, 0]], [[0, 1, 0]]) == 0.5
-    # True rating always 2; of 99 positions 50 are predicted 1 and 49 are right.
-    assert macro_mae([[0, 4, 0]], [[0.5, 0.5, 0]]) == pytest.approx(50 / 99)
-
-
 def test_macro_mae_of_a_certain_rating_is_the_mean_absolute_error():
     true, predicted = np.array([1, 5, 2, 3]), np.array([1, 2, 3, 5])
     score = macro_mae(true, np.eye(5)[predicted - 1], levels=LEVELS)
@@ -138,14 +120,6 @@ def test_macro_mae_is_not_proper():
 
 
 # Ranked probability score, earth mover's distance, log score
-
-
-def test_rps_by_hand():
-    # (.2 - 1)^2 + (.5 - 1)^2 for the rating 1, (.2)^2 + (.5 - 1)^2 for the rating 2.
-    proba = [[0.2, 0.3, 0.5]]
-    assert ranked_probability_score([[1, 0, 0]], proba) == pytest.approx(0.89)
-    assert ranked_probability_score([[0, 1, 0]], proba) == pytest.approx(0.29)
-    assert ranked_probability_score([[1, 1, 0]], proba) == pytest.approx(0.59)
 
 
 def test_rps_equals_scoringrules():
@@ -320,40 +294,6 @@ def test_single_precision_and_rounded_probabilities_pass(metric, crowd):
     np.testing.assert_allclose(
         metric(counts, proba.astype(np.float32)), metric(counts, proba), rtol=1e-5
     )
-
-
-@pytest.mark.parametrize("metric", METRICS)
-@pytest.mark.parametrize(
-    "counts, proba, message",
-    [
-        ([[1, 1], [1, 1]], [[0.5, 0.5], [0.5, 0.6]], "no distribution in trial 1"),
-        ([[1, 1]], [[-0.5, 1.5]], "no distribution in trial 0"),
-        ([[1, 1]], [[np.nan, 1]], "y_proba contains NaN"),
-        ([[1, 1]], [[0.2, 0.3, 0.5]], "y_proba has 3 columns, but y_true has 2"),
-        ([[1, 1]], [[0.5, 0.5], [0.5, 0.5]], "y_true has 1 trials, but y_proba has 2"),
-        ([[0, 0]], [[0.5, 0.5]], "y_true has no ratings in trial 0"),
-        ([1, 2, 1], [[0.2, 0.3, 0.5]] * 3, "and levels if nobody chose"),
-    ],
-)
-def test_errors(metric, counts, proba, message):
-    with pytest.raises(ValueError, match=message):
-        metric(counts, proba)
-
-
-@pytest.mark.parametrize("metric", METRICS)
-def test_weight_and_level_errors(metric):
-    counts, proba = [[1, 1], [1, 0]], [[0.5, 0.5], [0.5, 0.5]]
-    with pytest.raises(ValueError, match="Negative values"):
-        metric(counts, proba, sample_weight=[1, -1])
-    with pytest.raises(ValueError, match=r"rating .*3.* in trial 1"):
-        metric([1, 3], proba, levels=[1, 2])
-
-
-def test_parameters_are_checked():
-    with pytest.raises(ValueError, match="n_quantiles"):
-        macro_mae([[1, 1]], [[0.5, 0.5]], n_quantiles=0)
-    with pytest.raises(ValueError, match="n_bins"):
-        pit_histogram([[1, 1]], [[0.5, 0.5]], 0)
 
 
 # Scorers
@@ -562,7 +502,7 @@ def test_noise_ceiling_of_people_who_agree_is_zero():
         assert ceiling.truth.tolist() == ceiling.raters.tolist() == [0, 0]
 
 
-@pytest.mark.parametrize("n_trials", [1, 5_000, 100_000])
+@pytest.mark.parametrize("n_trials", [1, 5_000])
 def test_noise_ceiling_by_size(n_trials):
     counts = np.tile([[2, 1, 1]], (n_trials, 1))
     expected = 4 / 3 * (2 / 4 * 2 / 4 + 3 / 4 * 1 / 4)

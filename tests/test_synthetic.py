@@ -139,19 +139,6 @@ def test_names_and_ids_like_those_of_the_real_corpus():
     }
 
 
-def test_many_objects_have_distinct_ids():
-    corpus = make_haptic_corpus(
-        500, 1, "fast_slide", sensors=["tdc"], n_raters=1, random_state=0
-    )
-    assert len(np.unique(corpus.objects)) == 500
-
-
-@pytest.mark.parametrize("n_objects", [1, 2, 5])
-def test_few_objects(n_objects):
-    corpus = make_haptic_corpus(n_objects, 1, n_raters=1, sensors=["tac"])
-    assert len(corpus.trials) == n_objects
-
-
 def assert_same_cells(a, b):
     for left, right in zip(a.to_numpy().ravel(), b.to_numpy().ravel(), strict=True):
         np.testing.assert_array_equal(left, right)
@@ -210,21 +197,6 @@ def test_several_procedures_are_columns_of_the_same_trials():
         assert_same_cells(both.trials[own].set_axis(["tdc", "pac"], axis=1), one.trials)
         np.testing.assert_array_equal(both.objects, one.objects)
         np.testing.assert_array_equal(both.ratings["hard"], one.ratings["hard"])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"procedure": "poke"}, "'procedure' parameter"),
-        ({"sensors": ["pressure"]}, "pressure"),
-        ({"n_objects": 0}, "'n_objects' parameter"),
-        ({"n_trials": 0}, "'n_trials' parameter"),
-        ({"n_raters": 0}, "'n_raters' parameter"),
-    ],
-)
-def test_bad_arguments(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        make_haptic_corpus(**arguments)
 
 
 @pytest.mark.parametrize("n_objects, n_trials", [(1, 1), (1, 5000), (5000, 1)])
