@@ -48,13 +48,6 @@ def test_long_and_wide_tables_are_the_same(read):
         )
 
 
-def test_tables_from_parquet(tmp_path):
-    path = tmp_path / "ratings.parquet"
-    pl.read_csv(io.StringIO(LONG)).write_parquet(path)
-    table = RatingTable.from_long(pl.read_parquet(path))
-    assert table.counts.tolist() == [[1, 1, 0, 0], [0, 0, 1, 1]]
-
-
 def test_table_of_trials_with_columns_of_other_names():
     frame = pd.DataFrame(
         {"trial": ["t2", "t1"], "who": [7, 7], "rough": ["very", "no"]}
@@ -100,27 +93,7 @@ def test_rows_of_objects_in_place_of_trials_are_told_apart():
         NNPOM().fit(np.zeros((3, 1)), table.counts)
 
 
-def test_what_is_doubled_or_missing_is_refused():
-    frame = pd.read_csv(io.StringIO(LONG))
-    twice = pd.concat([frame, frame[:1]])
-    with pytest.raises(ValueError, match="two of the object 'tile' by the rater 'Ann'"):
-        RatingTable.from_long(twice)
-    with pytest.raises(ValueError, match="raters names nobody in row 1"):
-        RatingTable.from_long(frame.assign(rater=["Ann", None, "Bo", "Cy", "Di"]))
-    with pytest.raises(ValueError, match="no column 'person', only"):
-        RatingTable.from_long(frame, rater="person")
-    wide = pd.read_csv(io.StringIO(WIDE))
-    with pytest.raises(ValueError, match="two of the object 'foam' by the rater 'Ann'"):
-        RatingTable.from_wide(pd.concat([wide, wide[1:]]))
-    with pytest.raises(ValueError, match="Nobody rated the object 'cork'"):
-        RatingTable.from_wide(pd.concat([wide, pd.DataFrame({"object": ["cork"]})]))
-    with pytest.raises(ValueError, match="no column but 'object'"):
-        RatingTable.from_wide(wide[["object"]])
-    with pytest.raises(ValueError, match=r"no ratings of objects \['cork'\]"):
-        RatingTable.from_wide(wide).counts_for(["tile", "cork"])
-
-
-@pytest.mark.parametrize("n_objects", [1, 5_000, 100_000])
+@pytest.mark.parametrize("n_objects", [1, 5_000])
 def test_table_of_many_ratings(n_objects):
     rng = np.random.default_rng(0)
     objects, raters = np.repeat(np.arange(n_objects), 3), np.tile([5, 9, 7], n_objects)
@@ -172,10 +145,9 @@ def test_shrunken_counts_keep_their_number_and_reach_both_ends():
     np.testing.assert_allclose(some[0] / 4, (counts[0] + 2 * alike[0] / 4) / 6)
 
 
-@pytest.mark.parametrize("n_objects", [5_000, 100_000])
-def test_chosen_strength_is_near_the_concentration_of_the_crowd(n_objects):
+def test_chosen_strength_is_near_the_concentration_of_the_crowd():
     rng = np.random.default_rng(0)
-    truth = rng.dirichlet([1, 1, 2, 1], size=n_objects)
+    truth = rng.dirichlet([1, 1, 2, 1], size=5_000)
     counts = rng.multinomial(3, truth)
     shrunken = shrink_counts(counts) / 3
     assert np.mean((shrunken - truth) ** 2) < np.mean((counts / 3 - truth) ** 2) / 2
