@@ -14,6 +14,7 @@ from sklearn_haptic import (
     RegressedDistribution,
 )
 from sklearn_haptic.models import _newton_cg
+from sklearn_haptic.models._distributional import fit_linear_models, is_linear
 
 LEVELS = np.arange(5)
 
@@ -135,3 +136,46 @@ def test_a_fit_cut_short_says_so():
     X, counts = touches(60, 5)
     with pytest.warns(ConvergenceWarning, match="did not converge .2 iterations"):
         NNPOM(0, max_iter=2).fit(X, counts)
+
+
+@pytest.mark.parametrize("shape", [(80, 30), (300, 280)])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_many_fits_at_once_are_the_fits_one_by_one(shape, dtype):
+    """Penalties, folds as weights, adjectives with levels of their own."""
+    X, counts = touches(*shape, dtype)
+    _, others = touches(*shape, seed=1)
+    others[:, 0], others[:, 4] = 0, others[:, 4] + 1  # nobody chose the lowest
+    certain = np.tile([0, 0, 12, 0, 0], (len(X), 1))
+    fold = np.arange(len(X)) % 3
+    weight = np.random.default_rng(2).uniform(0.5, 2, len(X))
+    cases = [
+        (DistributionalOrdinalRegressor(NNPOM(0, alpha, tol=1e-8)), rated, each)
+        for alpha in (0.3, 30.0)
+        for rated in (counts, others)
+        for each in (weight, weight * (fold != 0), 1.0 * (fold != 1))
+    ]
+    cases.append((DistributionalOrdinalRegressor(), certain, weight))
+    cases.append((DistributionalOrdinalRegressor(n_duplicates=5), counts, weight))
+    assert all(is_linear(model) for model, *_ in cases)
+    fits = fit_linear_models(
+        [model for model, *_ in cases],
+        X,
+        np.array([rated for _, rated, _ in cases]),
+        np.array([each for *_, each in cases]),
+        LEVELS + 1,
+    )
+    for (model, rated, each), together in zip(cases, fits):
+        alone = clone(model).set_params(levels=LEVELS + 1).fit(X, rated, each)
+        np.testing.assert_allclose(
+            together.predict_proba(X),
+            alone.predict_proba(X),
+            rtol=0,
+            atol=1e-6 if dtype == np.float64 else 1e-4,
+        )
+        assert together.estimator_.loss_ == pytest.approx(alone.estimator_.loss_)
+
+
+def test_what_is_linear():
+    assert not is_linear(NNPOM(0))
+    assert not is_linear(DistributionalOrdinalRegressor(NNPOM(3)))
+    assert not is_linear(RegressedDistribution())

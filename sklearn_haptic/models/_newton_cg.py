@@ -72,6 +72,18 @@ class LinearProblem(NamedTuple):
     alpha: float
     """Penalty of the squared weights of the features, and of the position."""
 
+    scale: bool
+    """Penalise the weights of features divided by the square root of their total
+    variance over the weighted trials."""
+
+    max_iter: int
+    """Largest number of Newton steps."""
+
+    tol: float
+    """The fit has converged once a step changes the latent responses by no more than
+    this (root mean square, weighted by curvature); a further step would change them by
+    about a tenth of it."""
+
 
 class LinearFit(NamedTuple):
     """A fitted model, in the units of the features."""
@@ -90,22 +102,13 @@ class LinearFit(NamedTuple):
 
 
 @one_blas_thread
-def fit_linear(X, problems, *, scale, max_iter, tol, on_iteration=None):
+def fit_linear(X, problems, on_iteration=None):
     """Fit linear proportional-odds models to the same features.
 
     Parameters
     ----------
     X : ndarray of float32 or float64 of shape (n_trials, n_features)
     problems : list of LinearProblem
-    scale : bool
-        Penalise the weights of features divided by the square root of their total
-        variance over the weighted trials.
-    max_iter : int
-        Largest number of Newton steps.
-    tol : float
-        A fit has converged once a step changes the latent responses by no more than
-        this (root mean square, weighted by curvature); a further step would change them
-        by about a tenth of it.
     on_iteration : callable, default=None
         Called after each step; the fit stops if it returns true.
 
@@ -116,41 +119,44 @@ def fit_linear(X, problems, *, scale, max_iter, tol, on_iteration=None):
     features = _Features(X, np.array([each.weight.sum(axis=1) for each in problems]))
     fits = []
     for problem, spread in zip(problems, features.spread):
-        size = (spread or 1.0) if scale else 1.0  # of the unit that alpha is for
+        size = (spread or 1.0) if problem.scale else 1.0  # of the unit alpha is for
         with np.errstate(over="ignore"):
             alpha = min(problem.alpha * (size / features.unit) ** 2, _LARGEST_PENALTY)
-        likelihood = _Likelihood(problem)
-        fits.append(_newton(likelihood, features, alpha, max_iter, tol, on_iteration))
+        fits.append(_newton(problem, features, alpha, on_iteration))
     return [features.in_given_units(*fitted) for fitted in _in_step(fits, features)]
 
 
 def _in_step(fits, features):
     """Run fits that ask for products with vectors; return what they return."""
-    results = [None] * len(fits)
-    asked = {i: next(fit) for i, fit in enumerate(fits)}
-    while asked:
-        back = features.back(np.array(list(asked.values())))
-        answers = zip(list(asked), back, features.forth(back))
+    results, answers = [None] * len(fits), dict.fromkeys(range(len(fits)))
+    while answers:
         asked = {}
-        for i, *answer in answers:
+        for i, answer in answers.items():
             try:
                 asked[i] = fits[i].send(answer)
             except StopIteration as stop:
                 results[i] = stop.value
+        if asked:
+            back = features.back(np.array(list(asked.values())))
+            answers = dict(zip(asked, zip(back, features.forth(back))))
+        else:
+            answers = {}
     return results
 
 
-def _newton(likelihood, features, alpha, max_iter, tol, on_iteration):
+def _newton(problem, features, alpha, on_iteration):
     """Minimise by Newton's method; yield vectors u and be sent X'u and XX'u.
 
     Return the weights of the features, those of the position and the thresholds, the
     cost, the cost after each step, and whether the fit converged.
     """
+    likelihood, tol = _Likelihood(problem), problem.tol
     coef, latent = np.zeros(features.rows.shape[1]), np.zeros(len(features.rows))
     common = likelihood.start()
-    cost, curve, last, converged = likelihood.cost(latent, common), [], np.inf, False
+    cost, curve, last = likelihood.cost(latent, common), [], np.inf
+    converged = likelihood.n_cuts == 0  # one level, which is always predicted
     slack = features.rounding**2
-    for _ in range(max_iter):
+    for _ in range(problem.max_iter):
         if cost < _NO_COST:  # weights without a penalty grow for ever
             break
         slope, common_slope, curvature = likelihood.derivatives(latent, common)

@@ -330,16 +330,24 @@ class NNPOM(
                 "to at least 1, or fit a model to each adjective."
             )
         with fit_task(self, X, max_subtasks=self.max_iter) as task:
-            network, self.loss_, self.loss_curve_, self.n_iter_ = self._minimise(
-                train, validation, len(levels), rng, task.on_iteration
-            )
-            output, thresholds = network.output, network.thresholds
-            if not several:
-                output, thresholds = output[:, 0], thresholds[0]
-            self.coefs_ = [network.coef, output] if self.n_hidden else [network.coef]
-            self.intercepts_, self.thresholds_ = network.bias, thresholds
-            self.levels_ = self.classes_ = levels
+            if self.n_hidden == 0:
+                fit_linear_networks([self], *train[:1], [train[1:]], levels, task)
+            else:
+                found = self._minimise(
+                    train, validation, len(levels), rng, task.on_iteration
+                )
+                self._take(*found, levels, several)
         return self
+
+    def _take(self, network, loss, loss_curve, n_iter, levels, several=False):
+        """Set what was fitted."""
+        self.loss_, self.loss_curve_, self.n_iter_ = loss, loss_curve, n_iter
+        output, thresholds = network.output, network.thresholds
+        if not several:
+            output, thresholds = output[:, 0], thresholds[0]
+        self.coefs_ = [network.coef, output] if self.n_hidden else [network.coef]
+        self.intercepts_, self.thresholds_ = network.bias, thresholds
+        self.levels_ = self.classes_ = levels
 
     @one_blas_thread
     def _minimise(self, train, validation, n_levels, rng, on_iteration):
@@ -349,8 +357,6 @@ class NNPOM(
         adjectives = rank_levels(positions, level, weight, n_levels)
         present = [each.present for each in adjectives]
         learned = [each for each in adjectives if len(each.present) > 1]
-        if learned and self.n_hidden == 0:
-            return self._fit_linear(X, learned[0], alpha, n_levels, on_iteration)
         n_inputs = X.shape[1] + (positions is not None)
         n_present = tuple(len(each.present) for each in learned)
         layout = Layout(n_inputs, self.n_hidden, n_present, GAPS[self.gaps])
@@ -379,23 +385,6 @@ class NNPOM(
         )
         params, n_iter = self._search(loss, features.apply(start), monitor)
         return network_of(params), float(loss(params)[0]), monitor.costs, n_iter
-
-    def _fit_linear(self, X, ratings, alpha, n_levels, on_iteration):
-        """Return what `_minimise` does, for the model without hidden units."""
-        (fitted,) = fit_linear(
-            X,
-            [LinearProblem(*ratings.observations, alpha)],
-            scale=self.scale_features,
-            max_iter=self.max_iter,
-            tol=self.tol,
-            on_iteration=on_iteration,
-        )
-        n_iter = len(fitted.loss_curve)
-        if not fitted.converged:
-            self._warn_of_no_convergence(n_iter)
-        between = thresholds_of_all_levels(fitted.thresholds, ratings.present, n_levels)
-        network = Network(fitted.coef, np.empty(0), np.empty((0, 1)), between[None])
-        return network, fitted.loss, fitted.loss_curve, n_iter
 
     def _warn_of_no_convergence(self, n_iter):
         warnings.warn(
@@ -546,3 +535,40 @@ class NNPOM(
         output = self.coefs_[1] if len(self.coefs_) > 1 else np.empty(0)
         output = output.reshape(len(self.intercepts_), len(thresholds))
         return Network(self.coefs_[0], self.intercepts_, output, thresholds)
+
+
+def fit_linear_networks(networks, X, observations, levels, task=None):
+    """Fit networks without hidden units to the same trials, all at once.
+
+    They share the products with the features, so that many fits take little more time
+    than few.
+
+    Parameters
+    ----------
+    networks : list of NNPOM
+        Without hidden units; they are fitted.
+    X : ndarray of shape (n_trials, n_features)
+    observations : list of tuple of (positions, level, weight)
+        What `NNPOM.fit_with_positions` takes for each of them.
+    levels : ndarray of shape (n_levels,)
+        The ordered levels.
+    task : FitTask, default=None
+        Whose callbacks are told of each iteration.
+    """
+    problems, ranked = [], []
+    for network, (positions, level, weight) in zip(networks, observations):
+        weight, alpha = scaled_to_unit_weight(weight, network.alpha)
+        ranked += rank_levels(positions, level, weight, len(levels))
+        options = network.scale_features, network.max_iter, network.tol
+        problems.append(LinearProblem(*ranked[-1].observations, alpha, *options))
+    on_iteration = None if task is None else task.on_iteration
+    fits = fit_linear(X, problems, on_iteration)
+    for network, ratings, fitted in zip(networks, ranked, fits):
+        n_iter = len(fitted.loss_curve)
+        if not fitted.converged:
+            network._warn_of_no_convergence(n_iter)
+        between = thresholds_of_all_levels(
+            fitted.thresholds, ratings.present, len(levels)
+        )
+        found = Network(fitted.coef, np.empty(0), np.empty((0, 1)), between[None])
+        network._take(found, fitted.loss, fitted.loss_curve, n_iter, levels)
