@@ -15,7 +15,7 @@ from sklearn_haptic import (
     TaxelGrid,
     make_haptic_pipeline,
 )
-from sklearn_haptic.recordings._faults import estimate_moments
+from sklearn_haptic.recordings._repair import estimate_moments
 
 MIXING = np.random.default_rng(0).normal(size=(2, 4))
 
@@ -95,7 +95,26 @@ def test_saturated_samples_stay_at_the_limit():
     assert set(repair.faults_["answer"]) == {"kept at the limit"}
 
 
-def test_dead_channels_are_those_of_linear_regression():
+@pytest.mark.parametrize("channels", [[0], [0, 1, 2, 3]])
+def test_a_trial_that_is_saturated_throughout_is_kept_at_the_limit(channels):
+    trials = [trial[:, channels] for trial in recordings()]
+    repair = RepairTrials(limits=(-9.0, 20.0)).fit(trials)
+    pressed = np.full((40, len(channels)), 20.0)
+    pressed[3] = np.nan
+    np.testing.assert_array_equal(
+        repair.transform([pressed])[0], np.full_like(pressed, 20.0)
+    )
+    assert {row[2] for row in faults_of(repair, [pressed])} <= {
+        "saturated",
+        "dropped frames",
+        "missing samples",
+    }
+    pressed[:, 0] = 3.0  # at no limit, as are the others if there are any
+    assert faults_of(repair, [pressed]) == [(0, "all", "dead sensor", 40)]
+
+
+@pytest.mark.parametrize("factor", [1e-155, 1, 1e155, 1e300])
+def test_dead_channels_are_those_of_linear_regression(factor):
     trials = [trial[:30] for trial in recordings()]
     rng = np.random.default_rng(0)
     trials = [trial + rng.normal(scale=0.3, size=trial.shape) for trial in trials]
@@ -105,8 +124,10 @@ def test_dead_channels_are_those_of_linear_regression():
     touch[:, [1, 3]] = 0.0, np.nan  # one stuck, one without any sample
     regression = LinearRegression().fit(samples[:, [0, 2]], samples[:, [1, 3]])
     expected = regression.predict(touch[:, [0, 2]])
+    repair = RepairTrials().fit([trial * factor for trial in trials])
+    touch *= factor
     repaired = repair.transform([touch])[0]
-    np.testing.assert_allclose(repaired[:, [1, 3]], expected, rtol=1e-9)
+    np.testing.assert_allclose(repaired[:, [1, 3]] / factor, expected, rtol=1e-9)
     np.testing.assert_array_equal(repaired[:, [0, 2]], touch[:, [0, 2]])
     assert faults_of(repair, [touch]) == [(0, 1, "dead", 30), (0, 3, "dead", 30)]
 
@@ -185,9 +206,10 @@ def test_three_sessions_lack_three_channels():
     trials = [trial.copy() for trial in whole]
     for i, trial in enumerate(trials):
         trial[:, i // 10] = np.nan
-    mean, covariance = estimate_moments(
+    mean, scale, correlation = estimate_moments(
         [np.nan_to_num(trial) for trial in trials], np.isnan(trials).all(axis=1)
     )
+    covariance = correlation * np.outer(scale, scale)
     of_pairs = pd.DataFrame(np.concatenate(trials)).cov()  # of each pair where it lives
     np.testing.assert_allclose(covariance, of_pairs, atol=0.15)
     assert np.linalg.eigvalsh(covariance).min() > -1e-9
@@ -202,7 +224,8 @@ def test_three_sessions_lack_three_channels():
 def test_moments_without_dead_channels_are_those_of_the_samples():
     trials = recordings()
     dead = np.zeros((len(trials), 4), dtype=bool)
-    mean, covariance = estimate_moments(trials, dead)
+    mean, scale, correlation = estimate_moments(trials, dead)
+    covariance = correlation * np.outer(scale, scale)
     samples = np.concatenate(trials)
     np.testing.assert_allclose(mean, samples.mean(axis=0), rtol=1e-12)
     np.testing.assert_allclose(covariance, np.cov(samples.T, ddof=0), atol=1e-12)

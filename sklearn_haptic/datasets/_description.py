@@ -15,8 +15,7 @@ from sklearn.utils.validation import check_consistent_length
 from ..ratings import interrater_agreement
 from ..ratings._checks import check_counts, match_levels
 from ..ratings._distributions import shares
-from ..recordings._faults import USUAL
-from ..recordings._repair import read_faulty
+from ..recordings._repair import USUAL, read_faulty
 from ..recordings._trials import trial_columns
 from ..utils._report import Report
 from ..utils._sklearn import Trials, validate_params

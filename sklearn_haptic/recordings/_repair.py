@@ -4,25 +4,324 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from numbers import Integral
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from ..utils._sklearn import (
     DocumentedEstimator,
+    FloatArray,
     Interval,
     Trials,
     _fit_context,
     _wrap_data_with_container,
 )
 from ..utils._validation import check_table, is_missing
-from ._faults import repair_trial, usual_trials
 from ._trials import ALONE, channel_names, check_trials, is_table, trial_columns
 
+USUAL = 0.9  # share of trials in which a channel that works varies
+_ALL = "all"  # the channel of a fault of them all
 _COLUMNS = ["trial", "sensor", "channel", "fault", "n_samples", "answer", "offset"]
+
+# Estimates of dead channels and of moments, in turn.
+_MAX_ITER, _CONVERGED = 100, 1e-7
+_RIDGE = 1e-8  # makes correlations of collinear channels invertible
+_ROUNDING = 1e-12  # channels that vary less, relative to their level, are constant
+
+
+class Usual(NamedTuple):
+    """What the recordings of a sensor are like.
+
+    Attributes
+    ----------
+    samples : tuple of (tuple of int, list or None)
+        Shape of one time sample, and names of the channels if they have any.
+    varies : ndarray of bool of shape (n_channels,)
+        Whether a channel varies within nine trials of ten or more.
+    mean, scale : ndarray of shape (n_channels,)
+    correlation : ndarray of shape (n_channels, n_channels)
+        Of the samples of all trials, as of :func:`estimate_moments`.
+    trial : ndarray of shape (n_times, n_channels)
+        The most typical trial.
+    """
+
+    samples: tuple[tuple[int, ...], list[Any] | None]
+    varies: NDArray[np.bool_]
+    mean: FloatArray
+    scale: FloatArray
+    correlation: FloatArray
+    trial: FloatArray
+
+
+def fill_samples(trial):
+    """Fill the NaN of each channel along straight lines in time.
+
+    Before the first known sample and after the last, the nearest one is repeated. A
+    channel without any known sample is 0. Return a copy.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.recordings._repair import fill_samples
+    >>> fill_samples(np.array([[np.nan, 1, np.nan, 3, np.nan]]).T).ravel()
+    array([1., 1., 2., 3., 3.])
+    """
+    filled = trial.copy()
+    times = np.arange(len(trial))
+    for column in filled.T:
+        known = ~np.isnan(column)
+        if not known.all():
+            column[~known] = (
+                np.interp(times[~known], times[known], column[known])
+                if known.any()
+                else 0
+            )
+    return filled
+
+
+def estimate_channels(trial, dead, mean, scale, correlation):
+    """Estimate dead channels from the others, by linear regression.
+
+    Parameters
+    ----------
+    trial : ndarray of shape (n_times, n_channels)
+        A trial.
+    dead : ndarray of bool of shape (n_channels,)
+        The channels to estimate.
+    mean, scale, correlation
+        Of the samples of working channels, see :func:`estimate_moments`.
+
+    Returns
+    -------
+    estimated : ndarray of shape (n_times, n_dead)
+        The regression of each dead channel on all others.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.recordings._repair import estimate_channels
+    >>> trial, dead = np.array([[0.0, 3.0], [0.0, 5.0]]), np.array([True, False])
+    >>> scale, correlation = np.array([2.0, 1.0]), np.ones((2, 2))
+    >>> estimate_channels(trial, dead, np.ones(2), scale, correlation)
+    array([[5.],
+           [9.]])
+    """
+    live = ~dead
+    among_live = correlation[np.ix_(live, live)]
+    weights = np.linalg.pinv(among_live, rcond=1e-12, hermitian=True)
+    weights = weights @ correlation[np.ix_(live, dead)]
+    departure = (trial[:, live] - mean[live]) / np.where(scale > 0, scale, 1)[live]
+    return departure @ weights * scale[dead] + mean[dead]
+
+
+def estimate_moments(trials, dead):
+    """Estimate the moments of channels that are dead in some trials.
+
+    They are those of maximum likelihood for normal samples, found by the EM algorithm:
+    dead channels are estimated from the others, and with them the moments, in turn.
+    (Covariances of each pair of channels, over the trials in which both live, do not
+    fit together if trials differ: their regression can be worse than none.)
+
+    Parameters
+    ----------
+    trials : list of ndarray of shape (n_times_i, n_channels)
+        Trials without NaN.
+    dead : ndarray of bool of shape (n_trials, n_channels)
+        The channels of each trial to leave out. One that is left out of all trials has
+        the mean and scale 0.
+
+    Returns
+    -------
+    mean, scale : ndarray of shape (n_channels,)
+        The scale is the standard deviation.
+    correlation : ndarray of shape (n_channels, n_channels)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.recordings._repair import estimate_moments
+    >>> trials = [np.array([[0.0, 1.0], [2.0, 5.0]]), np.array([[4.0, 0.0]])]
+    >>> mean, *_ = estimate_moments(trials, np.array([[False, False], [False, True]]))
+    >>> mean.round(5)  # the second is twice the first, plus one
+    array([2., 5.])
+    """
+    n_times = np.array([len(trial) for trial in trials])
+    n_alive = np.maximum(n_times @ ~dead, 1)
+    pairs = list(zip(trials, dead))
+    size = np.max([np.abs(t).max(axis=0) * ~gone for t, gone in pairs], axis=0)
+    size = np.where(size > 0, size, 1).astype(np.float64)  # so that no square overflows
+    mean = sum((t / size).sum(axis=0) * ~gone for t, gone in pairs) / n_alive
+    squares = sum(np.square(t / size - mean).sum(axis=0) * ~gone for t, gone in pairs)
+    scale = np.sqrt(squares / n_alive)
+    varies = scale > _ROUNDING * np.abs(mean)
+    scale[~varies] = 1
+    units = [(t / size - mean) / scale * (varies & ~gone) for t, gone in pairs]
+    shift, correlation = _maximise(units, dead)
+    deviation = np.sqrt(correlation.diagonal()) * varies
+    mean, scale = (mean + scale * varies * shift) * size, scale * deviation * size
+    deviation[deviation == 0] = 1
+    return mean, scale, correlation / np.outer(deviation, deviation)
+
+
+def _maximise(units, dead):
+    """Return the means and covariances of greatest likelihood, by the EM algorithm."""
+    sums = []  # of the samples of all trials in which the same channels are dead
+    for gone in np.unique(dead, axis=0):
+        rows = np.vstack([units[i] for i in np.flatnonzero((dead == gone).all(axis=1))])
+        sums.append((gone, len(rows), rows.sum(axis=0), rows.T @ rows))
+    n_times, n_channels = sum(map(len, units)), dead.shape[1]
+    shift, covariance = np.zeros(n_channels), np.eye(n_channels)
+    for gone, n, total, products in sums:
+        if n > n_channels and not gone.any():  # from which one dead channel is exact
+            shift = total / n
+            covariance = products / n - np.outer(shift, shift)
+    for _ in range(_MAX_ITER):
+        precision = np.linalg.inv(covariance + _RIDGE * np.eye(n_channels))
+        filled = [_filled(*each, shift, precision) for each in sums]
+        previous, shift = covariance, sum(total for total, _ in filled) / n_times
+        covariance = sum(products for _, products in filled) / n_times
+        covariance -= np.outer(shift, shift)
+        if np.abs(covariance - previous).max() <= _CONVERGED:
+            break
+    return shift, covariance
+
+
+def _filled(gone, n, total, products, shift, precision):
+    """Return the sums and products of samples whose dead channels are estimated."""
+    live, total, products = ~gone, total.copy(), products.copy()
+    unsure = np.linalg.inv(precision[np.ix_(gone, gone)])
+    weights = -precision[np.ix_(live, gone)] @ unsure
+    rest = shift[gone] - shift[live] @ weights
+    cross = products[np.ix_(live, live)] @ weights + np.outer(total[live], rest)
+    total[gone] = total[live] @ weights + n * rest
+    products[np.ix_(live, gone)], products[np.ix_(gone, live)] = cross, cross.T
+    both = weights.T @ cross + np.outer(rest, total[gone]) + n * unsure
+    products[np.ix_(gone, gone)] = both
+    return total, products
+
+
+def repair_trial(cell, usual, limits, rest):
+    """Repair a trial; return it and its faults.
+
+    Parameters
+    ----------
+    cell : ndarray of shape (n_times, n_channels) or None
+        A trial; None if the sensor is missing.
+    usual : Usual
+        What other trials are like.
+    limits, rest
+        See :class:`RepairTrials`.
+
+    Returns
+    -------
+    repaired : ndarray of shape (n_times, n_channels)
+        The trial without faults.
+    faults : list of tuple (channel, fault, n_samples, answer, offset)
+        What was wrong, and what was done about it.
+    """
+    if cell is None:
+        return _typical(usual, "missing sensor", 0)
+    dead = dead_channels(cell, usual.varies, limits)
+    if (dead & usual.varies).any() and dead[usual.varies].all():
+        return _typical(usual, "dead sensor", len(cell))
+    repaired, faults = repair_channels(cell, limits, rest)
+    if dead.any():
+        repaired[:, dead] = estimate_channels(
+            repaired, dead, usual.mean, usual.scale, usual.correlation
+        )
+        # Nothing else that is wrong with a dead channel has been repaired.
+        faults = [fault for fault in faults if fault[0] == _ALL or not dead[fault[0]]]
+        faults += [
+            (int(i), "dead", len(cell), "estimated from the other channels", np.nan)
+            for i in np.flatnonzero(dead)
+        ]
+    return repaired, faults
+
+
+def dead_channels(cell, usually, limits=None):
+    """Whether each channel has no sample, or is constant and `usually` varies.
+
+    A sensor that is saturated throughout is not dead.
+    """
+    rests = usually & ~_varies(cell) & (len(cell) > 1)
+    gone = np.isnan(cell).all(axis=0)
+    if limits is not None and (rests | gone)[usually].all():
+        within = (cell > limits[0]) & (cell < limits[1])
+        rests &= within[:, rests].any()
+    return rests | gone
+
+
+def _typical(usual, fault, n_samples):
+    """Return the most typical trial, and what it stands for."""
+    faults = [(_ALL, fault, n_samples, "typical trial", np.nan)]
+    return usual.trial.copy(), faults
+
+
+def repair_channels(cell, limits, rest):
+    """Do of :func:`repair_trial` what needs no other trials."""
+    faults = []
+    missing = np.isnan(cell)
+    dropped = missing.all(axis=1)
+    if cell.shape[1] > 1 and dropped.any():
+        faults.append((_ALL, "dropped frames", int(dropped.sum()), "interpolated"))
+        missing = missing & ~dropped[:, np.newaxis]
+    faults += _each(missing.sum(axis=0), "missing samples", "interpolated")
+    repaired = fill_samples(cell)
+    if limits is not None:
+        beyond = (cell <= limits[0]) | (cell >= limits[1])
+        faults += _each(beyond.sum(axis=0), "saturated", "kept at the limit")
+        repaired = repaired.clip(*limits)
+    faults = [(*fault, np.nan) for fault in faults]
+    if rest is not None:
+        offsets = np.median(repaired[:rest], axis=0)
+        repaired -= offsets
+        n_samples = min(rest, len(cell))
+        faults += [
+            (i, "rest level", n_samples, "subtracted", float(offset))
+            for i, offset in enumerate(offsets)
+        ]
+    return repaired, faults
+
+
+def usual_trials(cells, samples, limits, rest):
+    """Learn what the trials of a sensor are like, from those that have it."""
+    cells = [cell for cell in cells if cell is not None]
+    usually = np.mean([_varies(cell) for cell in cells], axis=0) >= USUAL
+    repaired = [repair_channels(cell, limits, rest)[0] for cell in cells]
+    dead = np.array([dead_channels(cell, usually, limits) for cell in cells])
+    some = np.flatnonzero(~dead.all(axis=1))  # the others tell nothing
+    repaired, dead = [repaired[i] for i in some], dead[some]
+    moments = estimate_moments(repaired, dead)
+    for trial, gone in zip(repaired, dead):
+        if gone.any():
+            trial[:, gone] = estimate_channels(trial, gone, *moments)
+    # A recording is better than an estimate, but one of few whole trials may be odd.
+    whole = ~(dead & ~dead.all(axis=0)).any(axis=1)
+    if whole.mean() >= 0.5:
+        repaired = [repaired[i] for i in np.flatnonzero(whole)]
+    size = np.max([np.abs(t).max(axis=0) for t in repaired], axis=0)
+    units = [t / np.where(size > 0, size, 1) for t in repaired]
+    levels = np.array([np.r_[t.mean(axis=0), t.std(axis=0)] for t in units])
+    spread = levels.std(axis=0)
+    spread[spread == 0] = 1
+    distances = np.abs((levels - np.median(levels, axis=0)) / spread).sum(axis=1)
+    typical = repaired[distances.argmin()]
+    return Usual(samples, usually, *moments, typical)
+
+
+def _varies(cell):
+    """Whether each channel has two different known samples."""
+    high = np.where(np.isnan(cell), -np.inf, cell).max(axis=0)
+    low = np.where(np.isnan(cell), np.inf, cell).min(axis=0)
+    return high > low
+
+
+def _each(counts, fault, answer):
+    return [(int(i), fault, int(counts[i]), answer) for i in np.flatnonzero(counts)]
 
 
 def _with_columns(X, columns):
@@ -124,34 +423,31 @@ class TrialRepair:
             If `limits` or `rest` cannot be, name a sensor that `X` has not, or no
             trial has a sensor.
         """
-        self.takes_trials_ = not is_table(X) or _all_missing(X)
-        if self.takes_trials_:
-            cells, samples = {}, {}
-            for name, column in trial_columns(X).items():
-                cells[name], samples[name] = read_faulty(column, name)
-            vars(self).pop("feature_names_in_", None)
-            if hasattr(X, "columns"):
-                self.feature_names_in_ = np.asarray(X.columns, dtype=object)
-                self.n_features_in_ = len(self.feature_names_in_)
+        takes_trials = not is_table(X) or _all_missing(X)
+        if takes_trials:
+            read = {name: read_faulty(c, name) for name, c in trial_columns(X).items()}
         else:
-            cells = {ALONE: self._rows(X, reset=True)}
-            samples = {ALONE: ((1,), None)}
-        for name, each in cells.items():
-            if all(cell is None for cell in each):
+            read = {ALONE: (self._rows(X, reset=True), ((1,), None))}
+        settings, usual = {}, {}
+        for name, (cells, samples) in read.items():
+            if all(cell is None for cell in cells):
                 where, mend = f"X[{name!r}]", "leave the sensor out"
                 if name == ALONE:
                     where, mend = "X", "give one trial or more that has some"
                 raise ValueError(f"{where} holds no samples at all; {mend}.")
-        self._settings = {
-            name: (_limits(self.limits, name, cells), _rest(self.rest, name, cells))
-            for name in cells
-        }
-        self._usual = {
-            name: usual_trials(each, samples[name], *self._settings[name])
-            for name, each in cells.items()
-        }
-        if self.takes_trials_ and not hasattr(X, "columns"):
-            self.n_features_in_ = len(self._usual[ALONE].mean)
+            settings[name] = (
+                _limits(self.limits, name, read),
+                _rest(self.rest, name, read),
+            )
+            usual[name] = usual_trials(cells, samples, *settings[name])
+        if takes_trials:
+            vars(self).pop("feature_names_in_", None)
+            if hasattr(X, "columns"):
+                self.feature_names_in_ = np.asarray(X.columns, dtype=object)
+                self.n_features_in_ = len(self.feature_names_in_)
+            else:
+                self.n_features_in_ = len(usual[ALONE].mean)
+        self.takes_trials_, self._settings, self._usual = takes_trials, settings, usual
         self._faults = self._rows_of_faults(X)
         return self
 
@@ -305,7 +601,8 @@ class RepairTrials(
                      constant in it, in a channel     by linear regression
                      that varies in nine trials of
                      ten
-    dead sensor      all such channels are dead       the most typical trial of `fit`
+    dead sensor      all such channels are dead, not  the most typical trial of `fit`
+                     saturated throughout
     missing sensor   None, NaN or no samples in       the most typical trial of `fit`
                      place of the trial
     rest level       `rest` is given                  the median of the first `rest`
