@@ -7,7 +7,6 @@ from scipy.stats import wilcoxon
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
-from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GroupKFold, KFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -179,27 +178,6 @@ def test_frozen_networks_stay_and_only_the_combined_network_restarts(touches):
     assert not np.array_equal(first.coefs_[0], second.coefs_[0])
 
 
-def test_any_number_of_jobs_gives_the_same_table(touches):
-    X, y, objects = touches
-    one, two = (
-        sensor_contributions(
-            make_regressor(),
-            X,
-            y,
-            groups=objects,
-            cv=2,
-            n_repeats=2,
-            random_state=0,
-            n_jobs=n_jobs,
-        )
-        for n_jobs in (1, 2)
-    )
-    pd.testing.assert_frame_equal(one, two, check_exact=True)
-    assert (
-        not one.loc[one["start"] == 0, "rps"].isin(one.query("start == 1")["rps"]).any()
-    )
-
-
 @pytest.mark.parametrize("output", ["pandas", "polars"])
 def test_pipeline_tells_sensors_by_names_and_learns_nothing_of_test_trials(
     touches, output
@@ -290,31 +268,6 @@ def test_validation_trials_are_passed_on(touches):
     np.testing.assert_allclose(
         models["none"].predict_proba(X), by_hand.predict_proba(X), rtol=1e-9
     )
-
-
-@pytest.mark.parametrize(
-    "model, ends_in",
-    [
-        (LogisticRegression(), "ends in a LogisticRegression; "),
-        (DistributionalOrdinalRegressor(NNPOM()), "Regressor of a NNPOM"),
-        (make_pipeline(StandardScaler(), LogisticRegression()), "a LogisticRegression"),
-    ],
-)
-def test_other_models_are_sent_to_sensor_subsets(model, ends_in, touches):
-    X, y, _ = touches
-    with pytest.raises(TypeError, match=rf"{ends_in}.*use sensor_subsets"):
-        sensor_contributions(model, X, y)
-
-
-def test_errors_of_the_model(touches):
-    X, y, _ = touches
-    with pytest.raises(ValueError, match="held_out='pac' already"):
-        sensor_contributions(make_regressor(held_out="pac"), X, y)
-    model = make_regressor(sensors={"none": [0, 1], "tdc": [2]})
-    with pytest.raises(ValueError, match="A sensor is called 'none'"):
-        sensor_contributions(model, X, y)
-    with pytest.raises(ValueError, match="'n_repeats'"):
-        sensor_contributions(make_regressor(), X, y, n_repeats=0)
 
 
 # Its summary --------------------------------------------------------------------------
@@ -436,41 +389,6 @@ def test_order_of_rows_does_not_matter(scores):
     pd.testing.assert_frame_equal(summary, expected)
 
 
-@pytest.mark.parametrize(
-    "spoil, message",
-    [
-        (lambda t: t.drop(columns="emd"), r"no column \['emd'\]"),
-        (lambda t: t.drop(columns="object"), r"no column \['object'\]"),
-        (lambda t: pd.concat([t, t]), "several rows with start=0, fold=0, object=A"),
-        (lambda t: t.iloc[:-1], "no row with held_out=tdc, start=2.*trial=2"),
-        (lambda t: t[t["held_out"] != "none"], r"held_out is \['pac', 'tdc'\]"),
-        (lambda t: t[t["held_out"] == "none"], "at least one holdout"),
-        (lambda t: t[t["start"] == 1], "scores has one start"),
-        (lambda t: t.assign(object=None), "no value in some rows of 'object'"),
-        (
-            lambda t: t.assign(emd=t["emd"].where(t["trial"] < 2, np.inf)),
-            "emd is not finite in the row with start=0, fold=0, object=B, trial=2, "
-            "held_out=none; .* decode='mixture'",
-        ),
-    ],
-)
-def test_errors_of_the_table(spoil, message):
-    with pytest.raises(ValueError, match=message):
-        contribution_summary(spoil(hand_made_table()), metric="emd")
-
-
-@pytest.mark.parametrize("by", ["material", "threshold"])
-def test_unknown_columns(by):
-    with pytest.raises(ValueError, match=f"no column .*'{by}'"):
-        contribution_summary(hand_made_table(), metric="emd", by=by)
-
-
-@pytest.mark.parametrize("by", ["start", ["object", "held_out"]])
-def test_by_what_is_compared(by):
-    with pytest.raises(ValueError, match=r"by has .*leave it out"):
-        contribution_summary(hand_made_table(), metric="emd", by=by)
-
-
 # What it finds ------------------------------------------------------------------------
 
 
@@ -483,23 +401,3 @@ def test_holdouts_find_the_sensor_that_tells_and_no_other(scores, metric):
     useless = summary.drop(index="pac")
     assert (useless["p_objects"] > 0.05).all()
     assert useless["difference"].abs().max() < summary.loc["pac", "difference"] / 10
-
-
-def test_a_sensor_may_tell_low_ratings_apart_but_not_high_ones():
-    """One sensor feels objects of low ratings only, another those of high ones."""
-    rng = np.random.default_rng(0)
-    feel = rng.uniform(-2.5, 2.5, size=60)
-    X = rng.normal(size=(60, 5))
-    X[:, 0], X[:, 2] = np.minimum(feel, 0), np.maximum(feel, 0)
-    weights = np.exp(-0.5 * (np.arange(5) - 2 - feel[:, None]) ** 2)
-    y = rng.multinomial(12, weights / weights.sum(axis=1, keepdims=True))
-    table = sensor_contributions(
-        make_regressor(), X, y, cv=3, n_repeats=2, random_state=0
-    )
-    summary = contribution_summary(table, by="threshold")
-    summary = summary.set_index(["held_out", "threshold"])
-    difference, p = summary["difference"], summary["p_objects"]
-    assert difference["pac", 1] > 5 * difference["pac", 4]
-    assert difference["pdc", 4] > 5 * difference["pdc", 1]
-    assert p["pac", 1] < 0.05
-    assert p["pdc", 4] < 0.05

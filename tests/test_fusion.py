@@ -1,8 +1,5 @@
 """Sensor networks and their combination: against networks put together by hand."""
 
-import pickle
-import re
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,7 +7,6 @@ from callback_recorder import Recorder
 from scipy.special import expit
 from sklearn.base import clone
 from sklearn.compose import make_column_transformer
-from sklearn.exceptions import ConvergenceWarning
 from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
@@ -18,7 +14,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNNPOM
-from sklearn_haptic.metrics import macro_mae, neg_rps_scorer
+from sklearn_haptic.metrics import neg_rps_scorer
 from sklearn_haptic.models._fusion import resolve_sensors
 from sklearn_haptic.models._quantile_positions import training_observations
 
@@ -299,30 +295,6 @@ def test_holdouts_train_on_the_trials_of_the_full_model():
     np.testing.assert_array_equal(again.predict_proba(X), full.predict_proba(X))
 
 
-@pytest.mark.slow
-def test_the_combined_network_stops_at_its_least_validation_error():
-    """The per-trial error of every tenth iterate is measured again by hand."""
-    X, counts, objects = touches(40)
-    train, held_out = objects < 32, objects >= 32
-    first = NNPOM(4, 1.0, random_state=0)
-    final = NNPOM(6, 1e-4, max_iter=10, tol=0, random_state=0, early_stopping=True)
-    model = DistributionalOrdinalRegressor(
-        SensorFusionNNPOM(SENSORS, first, final), decode="quantile", rule="argmax"
-    )
-    data = {"X_val": X[held_out], "y_val": counts[held_out]}
-    errors = []
-    for n_iter in range(10, 101, 10):
-        model.set_params(estimator__final_estimator__max_iter=n_iter)
-        proba = model.fit(X[train], counts[train], **data).predict_proba(X[held_out])
-        errors.append(macro_mae(counts[held_out], proba))
-    assert (np.diff(errors) <= 1e-12).all() and errors[-1] < errors[0]
-    unstopped = clone(final).set_params(early_stopping=False, max_iter=100)
-    model.set_params(estimator__final_estimator=unstopped)
-    with pytest.warns(ConvergenceWarning):
-        proba = model.fit(X[train], counts[train]).predict_proba(X[held_out])
-    assert macro_mae(counts[held_out], proba) >= errors[-1]
-
-
 def test_shapes_of_what_is_predicted_at_positions():
     X, counts, _ = touches()
     model = DistributionalOrdinalRegressor(fusion()).fit(X, counts).estimator_
@@ -343,20 +315,6 @@ def test_one_level_only():
     np.testing.assert_array_equal(proba, np.eye(5)[[3] * len(X)])
 
 
-@pytest.mark.slow
-def test_pickle_and_seeds():
-    X, counts, _ = touches()
-    model = DistributionalOrdinalRegressor(
-        SensorFusionNNPOM(SENSORS, final_estimator=NNPOM(3)), random_state=4
-    )
-    proba = model.fit(X, counts).predict_proba(X)
-    loaded = pickle.loads(pickle.dumps(model))
-    np.testing.assert_array_equal(loaded.predict_proba(X), proba)
-    np.testing.assert_array_equal(clone(model).fit(X, counts).predict_proba(X), proba)
-    other = clone(model).set_params(random_state=5).fit(X, counts)
-    assert np.abs(other.predict_proba(X) - proba).max() > 1e-6
-
-
 def test_progress_of_every_network():
     X, counts, _ = touches()
     recorder = Recorder()
@@ -372,38 +330,21 @@ def test_progress_of_every_network():
     ]
 
 
-@pytest.mark.parametrize(
-    ("params", "error", "message"),
-    [
-        ({"held_out": "tac"}, ValueError, "held_out='tac' is not among the sensors"),
-        ({"sensors": {"a": [0, 9]}}, ValueError, "columns for 'a' that are not in X"),
-        ({"sensors": {"a": ["x"]}}, ValueError, "columns for 'a' that are not in X"),
-        ({"sensors": {"a": []}}, ValueError, "sensors has no columns for 'a'"),
-        ({"sensors": {"a": [True, False]}}, ValueError, "columns for 'a'"),
-        ({"sensors": {"a": [0.5]}}, ValueError, "columns for 'a'"),
-        ({"sensors": {}}, ValueError, "sensors={} names no sensor"),
-        ({"estimator": {"pac": NNPOM()}}, ValueError, "networks for ['pac'], but the"),
-        ({"estimator": NNPOM(0)}, ValueError, "'pac' has n_hidden=0"),
-        (
-            {"estimator": dict.fromkeys(SENSORS, LogisticRegression())},
-            TypeError,
-            "a LogisticRegression for sensor 'pac'",
-        ),
-        ({"estimator": LogisticRegression()}, ValueError, "'estimator' parameter"),
-    ],
-)
-def test_errors(params, error, message):
-    X, counts, _ = touches()
-    model = SensorFusionNNPOM(SENSORS).set_params(**params)
-    with pytest.raises(error, match=re.escape(message)):
-        model.fit(X, counts)
-    with pytest.raises(error, match=re.escape(message)):
-        DistributionalOrdinalRegressor(model).fit(X, counts)
-
-
 def test_a_frozen_network_of_other_columns():
     X, counts, _ = touches()
     narrow = DistributionalOrdinalRegressor(NNPOM(2)).fit(X[:, :2], counts).estimator_
     model = SensorFusionNNPOM({"pac": [0, 1, 2]}, {"pac": FrozenEstimator(narrow)})
     with pytest.raises(ValueError, match=r"has 3 inputs, but 4 .* position among them"):
         DistributionalOrdinalRegressor(model).fit(X, counts)
+
+
+@pytest.mark.parametrize("columns", [[True, False], [0.5]])
+def test_columns_that_cannot_be(columns):
+    with pytest.raises(ValueError, match="columns for 'a'"):
+        SensorFusionNNPOM({"a": columns}).fit(*touches()[:2])
+
+
+def test_networks_of_sensors_that_are_none():
+    peers = dict.fromkeys(SENSORS, LogisticRegression())
+    with pytest.raises(TypeError, match="a LogisticRegression for sensor 'pac'"):
+        SensorFusionNNPOM(SENSORS, peers).fit(*touches()[:2])

@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from joblib import parallel_config
 from scipy.stats import sem
 from sklearn import config_context
 from sklearn.base import clone
@@ -21,7 +20,6 @@ from sklearn.model_selection import (
     GridSearchCV,
     GroupKFold,
     HalvingGridSearchCV,
-    RandomizedSearchCV,
 )
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, OneHotEncoder, StandardScaler
@@ -63,9 +61,7 @@ def split_results(metric, splits):
     }
 
 
-# Means 5, 4, 2.5, 1; the best has standard error 1.
-RESULTS = make_results([8, 4, 2, 1], [[4, 4, 6, 6, 5], [4] * 5, [2.5] * 5, [1] * 5])
-RESULTS_SE = np.sqrt(4 / 4 / 5)
+RESULTS_SE = np.sqrt(4 / 4 / 5)  # of 4, 4, 6, 6, 5, the scores of the best
 
 DATA = st.lists(st.tuples(st.integers(0, 6), st.integers(-3, 3)), min_size=1)
 
@@ -178,21 +174,6 @@ def test_several_metrics():
 
 
 @pytest.mark.parametrize("function", [speed_accuracy_frontier, cheapest_within_one_se])
-@pytest.mark.parametrize(
-    "results, metric, message",
-    [
-        (make_results([1], [[np.nan] * 2]), None, "No candidate has a finite"),
-        (make_results([1], [[2]]), None, "test scores of 1 split"),
-        (RESULTS, "rps", r"metric is 'rps', which is unknown; .* \['score'\]"),
-        (RESULTS | {"mean_test_b": [0]}, None, r"is missing; .* \['score', 'b'\]"),
-    ],
-)
-def test_errors(function, results, metric, message):
-    with pytest.raises(ValueError, match=message):
-        function(results, metric=metric)
-
-
-@pytest.mark.parametrize("function", [speed_accuracy_frontier, cheapest_within_one_se])
 def test_search_must_be_fitted(function):
     with pytest.raises(NotFittedError):
         function(GridSearchCV(LogisticRegression(), {}))
@@ -259,8 +240,6 @@ def test_refit_with_several_metrics(trials):
     fit(search, trials)
     assert search.best_index_ == cheapest_within_one_se(search, metric="rps")
     assert search.best_index_ in speed_accuracy_frontier(search, metric="rps").index
-    with pytest.raises(ValueError, match=r"metric is missing; .*\['rps', 'mae'\]"):
-        speed_accuracy_frontier(search)
 
 
 def test_metric_is_that_of_refit(trials):
@@ -270,15 +249,6 @@ def test_metric_is_that_of_refit(trials):
     expected = search.cv_results_["mean_test_mae"][table.index]
     np.testing.assert_array_equal(table["score"], expected)
     assert table["score"].iloc[-1] == search.best_score_
-
-
-def test_randomised_search(trials):
-    search = make_search(RandomizedSearchCV, n_iter=3, random_state=0)
-    table = speed_accuracy_frontier(fit(search, trials))
-    assert table["score"].iloc[-1] == search.best_score_
-    for index, row in table.iterrows():
-        params = search.cv_results_["params"][index]
-        assert row["param_estimator__n_hidden"] == params["estimator__n_hidden"]
 
 
 def test_halving_search(trials):
@@ -438,15 +408,6 @@ def test_sensor_subsets_of_a_classifier_in_stratified_folds(table):
     )
 
 
-def test_sensor_subsets_in_parallel(table):
-    X, y, groups = table
-    model = columns_model([Ridge()])
-    options = {"groups": groups, "cv": GroupKFold(4), "scoring": "r2"}
-    with parallel_config("threading"):
-        results = sensor_subsets(model, X, y, n_jobs=2, **options)
-    assert_same_scores(results, sensor_subsets(model, X, y, **options))
-
-
 def test_each_sensor_is_fitted_once_a_fold(table, monkeypatch):
     X, y, _ = table
     ticks, calls = [], []  # every use of a step takes one tick of the clock
@@ -512,42 +473,9 @@ def test_scores_that_are_not_finite_rank_last(table):
     assert cheapest_within_one_se(results) == 0
 
 
-@pytest.mark.parametrize(
-    "model, error, message",
-    [
-        (Ridge(), TypeError, "begins with a Ridge"),
-        (make_pipeline(PCA(), Ridge()), TypeError, "begins with a PCA"),
-        (ColumnTransformer([]), TypeError, "must be a Pipeline"),
-        (columns_model([]), ValueError, "add a predictor"),
-        (columns_model([Ridge()], remainder=PCA()), ValueError, r"remainder=PCA\(\)"),
-        (
-            columns_model([Ridge()], remainder="passthrough"),
-            ValueError,
-            "remainder='passthrough', which is no sensor",
-        ),
-        (
-            make_pipeline(ColumnTransformer([("pac", "drop", ["a"])]), Ridge()),
-            ValueError,
-            r"all dropped or share a name: \['pac'\]",
-        ),
-        (
-            make_pipeline(ColumnTransformer([("pac", PCA(), ["a"])] * 2), Ridge()),
-            ValueError,
-            r"share a name: \['pac', 'pac'\]",
-        ),
-        (
-            make_pipeline(
-                ColumnTransformer(
-                    [("pac", OneHotEncoder(handle_unknown="ignore"), ["a"])]
-                ),
-                Ridge(),
-            ),
-            TypeError,
-            "features of sensor 'pac' are a csr_.*dense array",
-        ),
-    ],
-)
-def test_models_without_sensor_subsets(table, model, error, message):
+def test_sparse_features_of_a_sensor_are_refused(table):
     X, y, _ = table
-    with pytest.raises(error, match=message):
+    encoder = OneHotEncoder(handle_unknown="ignore")
+    model = make_pipeline(ColumnTransformer([("pac", encoder, ["a"])]), Ridge())
+    with pytest.raises(TypeError, match=r"sensor 'pac' are a csr_.*dense array"):
         sensor_subsets(model, X, y)
