@@ -840,4 +840,4 @@ def test_agreement_equals_exact_arithmetic(counts):
 
 def test_correlation_of_the_largest_numbers():
     ratings = [[1e308, TINY], [-1e308, 2 * TINY], [0, 0]]
-    np.testing.assert_allclose(adjective_correlation(ratings).rho[0, 1], -0.5)
+    np.testing.assert_allclose(adjective_correlation(ratings).rho.iat[0, 1], -0.5)
