@@ -6,7 +6,6 @@ import pandas as pd
 import polars as pl
 import pytest
 from scipy.integrate import quad
-from scipy.stats import norm
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -73,25 +72,6 @@ def test_crps_is_the_integral(seed):
     )
 
 
-def test_crps_of_an_ensemble_is_that_of_its_steps():
-    rng = np.random.default_rng(0)
-    ensemble, y = np.sort(rng.normal(size=7)), 0.3
-    below = np.arange(8) / 7
-    cdf = np.column_stack((below[:-1], below[1:])).ravel()
-    expected = np.abs(ensemble - y).mean()
-    expected -= np.abs(ensemble[:, None] - ensemble).mean() / 2
-    assert crps([y], cdf, np.repeat(ensemble, 2)) == pytest.approx(expected, rel=1e-12)
-
-
-def test_crps_of_a_normal_distribution_in_the_limit():
-    z = np.array([-3.0, 0.2, 8.0])
-    known = z * (2 * norm.cdf(z) - 1) + 2 * norm.pdf(z) - 1 / np.sqrt(np.pi)
-    grid = np.linspace(-10, 10, 20_001)
-    np.testing.assert_allclose(
-        crps(z, norm.cdf(grid), grid, average=False), known, rtol=1e-6
-    )
-
-
 def test_crps_of_levels_is_the_ranked_probability_score_of_the_scale():
     levels, counts, proba = [-3.0, 0, 10], [[1, 4, 2]], [[0.2, 0.5, 0.3]]
     ratings = np.repeat(levels, counts[0])
@@ -125,7 +105,7 @@ def test_crps_takes_weights_and_uneven_answers():
     )
 
 
-@pytest.mark.parametrize("n_trials", [1, 5_000, pytest.param(100_000)])
+@pytest.mark.parametrize("n_trials", [1, 100_000])
 def test_crps_of_many_trials(n_trials):
     rng = np.random.default_rng(0)
     cdf = np.sort(rng.uniform(size=(n_trials, 21)), axis=1)
@@ -253,14 +233,6 @@ def test_trials_of_weight_zero_do_not_make_ratings_differ(grid):
         model.fit([[0], [1], [2]], [1, 5, 1], sample_weight=[1, 0, 1])
 
 
-@pytest.mark.slow
-def test_regressor_of_many_trials():
-    X, y = crowd(5_000, 3)
-    model = ContinuousRatingsRegressor(NNPOM(0)).fit(X, y)
-    many, true = crowd(100_000, 3, seed=1)
-    assert -model.score(many, true) < noise_ceiling(true, crps).truth * 1.06
-
-
 # Objects of the trials
 
 
@@ -316,14 +288,12 @@ def test_groups_are_those_of_the_folds_of_a_search():
     np.testing.assert_array_equal(folds[0], objects)
 
 
-def test_groups_are_checked_and_change_nothing_where_none_are_needed():
+def test_groups_change_nothing_where_none_are_needed():
     X, y = crowd()
     model = ContinuousRatingsRegressor(DummyDistribution())
     alone = model.fit(X, y).predict_cdf(X)
     model.fit(X, y, groups=np.arange(len(X)))
     np.testing.assert_array_equal(model.predict_cdf(X), alone)
-    with pytest.raises(ValueError, match="groups has no object in trial 2"):
-        ContinuousRatingsRegressor().fit(X, y, groups=[1, 2, None, *range(27)])
 
 
 def test_trials_without_weight_may_lie_outside_a_given_grid():

@@ -1,9 +1,5 @@
 """SensorContributionsDisplay: points, whiskers, marks and groups."""
 
-import sys
-
-import matplotlib
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -88,22 +84,3 @@ def test_contributions_display_by_object_and_by_threshold(holdout_scores):
     groups = [label.get_text() for label in above.get_xticklabels()]
     assert groups == ["threshold 1\nRPS 1.02", "threshold 2\nRPS 0.50"]
     np.testing.assert_allclose(display.points_[0].get_ydata()[2:], 0, atol=1e-12)
-
-
-def test_contributions_display_on_given_axes(holdout_scores):
-    scores = holdout_scores.query("procedure == 'hold'")
-    figure = matplotlib.figure.Figure()
-    display = SensorContributionsDisplay.from_scores(
-        scores, metric="emd", ax=figure.subplots()
-    )
-    assert display.figure_ is figure
-    assert plt.get_fignums() == []
-    assert display.plot() is display
-    assert display.figure_ is not figure
-
-
-def test_contributions_display_without_matplotlib(holdout_scores, monkeypatch):
-    scores = holdout_scores.query("procedure == 'hold'")
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(ImportError, match="pip install matplotlib"):
-        SensorContributionsDisplay.from_scores(scores, metric="emd")

@@ -1,11 +1,7 @@
 """Figures of people's ratings: what is drawn beside numbers computed elsewhere."""
 
-import re
-import sys
 from itertools import pairwise
 
-import matplotlib
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import polars as pl
@@ -226,61 +222,3 @@ def test_how_a_correlation_is_written(rho, text):
 
 
 # All three
-
-
-@pytest.mark.parametrize(
-    "counts, objects, message",
-    [
-        ({}, None, "counts is of no adjective"),
-        ({"hard": [[1, 2]], "soft": [[1, 2, 3]]}, None, "counts['soft'] has shape"),
-        ({"hard": [[1, 2], [0, 0]]}, None, "counts['hard'] has no ratings in trial 1"),
-        ([[1, -2]], None, "counts has a negative count in trial 0"),
-        ([1, 2], None, "Expected 2D array"),
-        (
-            {"hard": [[1, 2], [2, 1], [2, 1]]},
-            ["foam", "tile", "foam"],
-            "counts['hard'] has other counts in row 2 than in row 0, both of the "
-            "object 'foam'; give",
-        ),
-        ([[1, 2], [2, 1]], [7, 7], "both of the object 7"),
-        ([[1, 2], [2, 1]], ["foam"], "inconsistent numbers of samples"),
-        ([[1, 2], [2, 1]], ["foam", None], "objects has no object in row 1"),
-    ],
-)
-@pytest.mark.parametrize("display", [RatingsDisplay, InterraterAgreementDisplay])
-def test_errors(display, counts, objects, message):
-    with pytest.raises(ValueError, match=re.escape(message)):
-        display.from_counts(counts, objects=objects)
-
-
-def test_agreement_of_a_single_rating():
-    with pytest.raises(ValueError, match=r"counts\['soft'\] has fewer than two"):
-        InterraterAgreementDisplay.from_counts({"hard": [[1, 2]], "soft": [[1, 0]]})
-
-
-def draw(display, counts, answers, **options):
-    if display is AdjectiveCorrelationDisplay:
-        return display.from_ratings(answers, **options)
-    return display.from_counts(counts, **options)
-
-
-DISPLAYS = [RatingsDisplay, InterraterAgreementDisplay, AdjectiveCorrelationDisplay]
-
-
-@pytest.mark.parametrize("display", DISPLAYS)
-def test_given_axes_are_used_and_no_figure_is_made(display, counts, answers):
-    figure = matplotlib.figure.Figure()
-    ax = figure.subplots()
-    drawn = draw(display, counts, answers, ax=ax)
-    assert drawn.ax_ is ax
-    assert drawn.figure_ is figure
-    assert plt.get_fignums() == []
-    assert drawn.plot() is drawn
-    assert drawn.ax_ is not ax
-
-
-@pytest.mark.parametrize("display", DISPLAYS)
-def test_without_matplotlib_the_extra_is_named(display, counts, answers, monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(ImportError, match="pip install matplotlib"):
-        draw(display, counts, answers)

@@ -1,9 +1,5 @@
 """SpeedAccuracyDisplay: what the table holds is what is drawn."""
 
-import sys
-
-import matplotlib
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from sklearn.linear_model import LogisticRegression
@@ -83,15 +79,6 @@ def test_search_display_of_a_search_that_timed_no_use():
     np.testing.assert_array_equal(display.seconds, np.arange(1.5, 6))
 
 
-def test_search_display_on_given_axes():
-    figure = matplotlib.figure.Figure()
-    display = SpeedAccuracyDisplay.from_search(CV_RESULTS, ax=figure.subplots())
-    assert display.figure_ is figure
-    assert plt.get_fignums() == []
-    assert display.plot() is display
-    assert display.figure_ is not figure
-
-
 @pytest.mark.slow
 def test_search_display_from_a_search():
     rng = np.random.default_rng(3)
@@ -107,9 +94,3 @@ def test_search_display_from_a_search():
     other = SpeedAccuracyDisplay.from_search(search, metric="neg_log_loss")
     means = search.cv_results_["mean_test_neg_log_loss"]
     np.testing.assert_array_equal(other.score, means)
-
-
-def test_search_display_without_matplotlib(monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(ImportError, match="pip install matplotlib"):
-        SpeedAccuracyDisplay.from_search(CV_RESULTS)
