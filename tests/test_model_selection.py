@@ -368,7 +368,7 @@ def test_sensor_subsets_equal_a_grid_search(table, options, output):
 @pytest.mark.parametrize("n_folds, cv", [(5, None), (3, 3), (4, np.int64(4))])
 def test_sensor_subsets_keep_groups_together(table, n_folds, cv):
     X, y, groups = table
-    shuffled = np.random.default_rng(0).permutation(groups)
+    shuffled = pd.factorize(np.random.default_rng(0).permutation(groups))[0]
     model = columns_model([Ridge()])
     results = sensor_subsets(model, X, y, groups=shuffled, cv=cv)
     by_group = GroupKFold(n_folds)
