@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from sklearn.base import BaseEstimator
 from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.linear_model import Ridge
@@ -139,3 +140,39 @@ def test_from_one_trial_to_many(n_trials):
     proba = model.predict_proba(X)
     share = np.bincount(y, minlength=4)[1:] / n_trials
     np.testing.assert_allclose(proba.mean(axis=0), share, atol=1e-9)
+
+
+class Odd(BaseEstimator):
+    """Predicts what a function makes of the right shape."""
+
+    def __init__(self, make):
+        self.make = make
+
+    def fit(self, X, y):
+        self.n_outputs_ = y.shape[1]
+        return self
+
+    def predict(self, X):
+        return self.make(len(X), self.n_outputs_)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda n, k: np.zeros((k, n)), r"an array of shape \(2, 4\); give .*\(4, 2\)"),
+        (lambda n, k: np.zeros(n), r"an array of shape \(4,\); give a regressor"),
+        (lambda n, k: np.full((n, k), np.nan), "estimator predicts NaN or infinity"),
+    ],
+)
+def test_odd_predictions_are_refused(make, message):
+    X, counts = np.arange(4.0)[:, None], np.array([[2, 1, 0], [0, 2, 2]] * 2)
+    model = RegressedDistribution(Odd(make)).fit(X, counts)
+    with pytest.raises(ValueError, match=message):
+        model.predict_proba(X)
+
+
+def test_a_regressor_of_one_output_is_told_how_to_predict_several():
+    X, counts = np.arange(4.0)[:, None], np.array([[2, 1, 0], [0, 2, 2]] * 2)
+    with pytest.raises(ValueError, match="a SVR, which predicts one output; wrap it"):
+        RegressedDistribution(SVR()).fit(X, counts)
+    RegressedDistribution(MultiOutputRegressor(SVR())).fit(X, counts)

@@ -25,7 +25,7 @@ from sklearn.utils import gen_batches
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from ..features import SignalStatistics
-from ..models._perhaps_ordered import PerhapsOrderedMixin
+from ..models._ordinal import PerhapsOrderedMixin
 from ..recordings import RepairTrials
 from ..recordings._sequences import Sequences
 from ..recordings._trials import channel_names, check_trials, is_table, trial_columns

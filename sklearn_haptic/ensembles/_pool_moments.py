@@ -119,13 +119,18 @@ def pool_weights(moments, pairs):
     differs[-1] = True
     used = np.flatnonzero((count > 0) & differs)
     mean = mean[np.ix_(used, used)]
-    values, vectors = np.linalg.eigh(mean)
-    root = (vectors * np.sqrt(np.maximum(values, 0))).T  # root.T @ root is the mean
+    root = root_of(mean)
     share = np.zeros(len(count))
     if len(used) > 1:  # beside the marginal
         share[used[:-1]], _ = nnls(root[:, :-1] - root[:, -1:], -root[:, -1])
     share[-1] = 1 - share.sum()
     return share, float(share[used] @ mean @ share[used])
+
+
+def root_of(products):
+    """Return A of which A.T @ A are mean products, as far as these can be."""
+    values, vectors = np.linalg.eigh(products)
+    return (vectors * np.sqrt(np.maximum(values, 0))).T
 
 
 class Spread(NamedTuple):

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, MetaEstimatorMixin
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
-from ..models._perhaps_ordered import PerhapsOrderedMixin
+from ..models._ordinal import PerhapsOrderedMixin
 from ..models._regressed import proper_shares
 from ..ratings._distributions import shares
 from ..utils._folds import (
@@ -50,6 +50,7 @@ from ._pool_moments import (
     mean_products,
     pairs_of,
     pool_weights,
+    root_of,
     spread_moments,
     with_blurred,
 )
@@ -392,7 +393,7 @@ class TouchPool(
         share, blur = self._weights(pairs)
         every = np.concatenate(((1 - blur) * share, blur * share))
         error = mean_products(self._moments, np.tile(pairs, (2, 2)))
-        return float(every @ error @ every)
+        return float(((root_of(error) @ every) ** 2).sum())
 
     def _pairs(self, touches):
         check_is_fitted(self)
@@ -402,20 +403,6 @@ class TouchPool(
             asked = check_names(members, names, "member", "the pool") if members else []
             row[[names.index(name) for name in asked]] = True
         return pairs_of(there)
-
-    def predict(self, X: Trials, groups: ArrayLike | None = None) -> np.ndarray:
-        """Predict the most probable level or class.
-
-        Parameters
-        ----------
-        X, groups
-            As for `predict_proba`.
-
-        Returns
-        -------
-        predicted : ndarray of shape (n_trials,)
-        """
-        return self.classes_[self.predict_proba(X, groups).argmax(axis=1)]
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()

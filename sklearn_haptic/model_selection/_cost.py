@@ -121,6 +121,8 @@ def without_caches(value):
     elif isinstance(value, dict):
         value = copy(value)
         value.update({key: without_caches(part) for key, part in value.items()})
+    elif isinstance(value, tuple) and hasattr(value, "_fields"):
+        value = type(value)(*map(without_caches, value))
     elif type(value) in (list, tuple):
         value = type(value)(map(without_caches, value))
     return value

@@ -21,6 +21,7 @@ from sklearn.utils.validation import (
 
 from ..metrics import crps
 from ..ratings._continuous import cdf_at, check_answers, quantile_at
+from ..ratings._distributions import cdf, shares
 from ..utils._folds import TakesGroups, groups_for
 from ..utils._sklearn import (
     DocumentedEstimator,
@@ -33,10 +34,10 @@ from ..utils._sklearn import (
 from ..utils._validation import (
     check_groups,
     check_numbers,
-    check_positions,
     check_weights,
 )
 from ._distributional import DistributionalOrdinalRegressor
+from ._ordinal import DistributionMixin
 
 
 def make_grid(answers, weight, grid, n_cells):
@@ -81,6 +82,7 @@ class ContinuousRatingsRegressor(
     DocumentedEstimator,
     TakesGroups,
     MetaEstimatorMixin,
+    DistributionMixin,
     RegressorMixin,
     BaseEstimator,
 ):
@@ -243,7 +245,23 @@ class ContinuousRatingsRegressor(
             )
         return edges
 
-    def predict_cdf(
+    def predict_proba(self, X: Trials) -> NDArray[np.float64]:
+        """Predict the share of the population in each cell of the grid.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial.
+
+        Returns
+        -------
+        proba : ndarray of shape (n_trials, n_cells)
+            Between two edges in ``grid_``; rows sum to 1.
+        """
+        check_is_fitted(self)
+        return shares(self.estimator_.predict_proba(X))
+
+    def predict_cdf(  # type: ignore[override]
         self, X: Trials, values: ArrayLike | None = None
     ) -> NDArray[np.float64]:
         """Predict the share of the population that rates at values or below.
@@ -260,36 +278,18 @@ class ContinuousRatingsRegressor(
         cdf : ndarray of shape (n_trials, n_values), or (n_trials,) for a scalar
             Rows never fall as the values grow.
         """
-        check_is_fitted(self)
-        below = np.cumsum(self.estimator_.predict_proba(X), axis=1)
-        cdf = np.pad(below / below[:, -1:], ((0, 0), (1, 0)))
+        below = np.pad(cdf(self.predict_proba(X)), ((0, 0), (1, 0)))
         if values is None:
-            return cdf
+            return below
         check_numbers(values, "values")
         points = np.asarray(values, dtype=np.float64)
         if points.ndim > 1 or np.isnan(points).any():
             raise ValueError("values must be a number or a list of numbers.")
-        at = cdf_at(np.atleast_1d(points), cdf, self.grid_)
+        at = cdf_at(np.atleast_1d(points), below, self.grid_)
         return at if points.ndim else at[:, 0]
 
-    def predict_quantile(self, X: Trials, p: ArrayLike) -> NDArray[np.float64]:
-        """Predict the rating at given quantile positions.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-            Features of each trial.
-        p : float or array-like of shape (n_positions,)
-            Positions in the population, from 0 (lowest rating) to 1.
-
-        Returns
-        -------
-        rating : ndarray of shape (n_trials, n_positions), or (n_trials,) for a scalar
-            The inverse of `predict_cdf`; never falls as p grows.
-        """
-        p = check_positions(p)
-        rating = quantile_at(np.atleast_1d(p), self.predict_cdf(X), self.grid_)
-        return rating if p.ndim else rating[:, 0]
+    def _ratings_at(self, proba, p):
+        return quantile_at(p, np.pad(cdf(proba), ((0, 0), (1, 0))), self.grid_)
 
     def predict(self, X: Trials) -> NDArray[np.float64]:
         """Predict the mean rating; ``predict_quantile(X, 0.5)`` is the median.
@@ -303,8 +303,7 @@ class ContinuousRatingsRegressor(
         -------
         rating : ndarray of shape (n_trials,)
         """
-        share = np.diff(self.predict_cdf(X), axis=1)
-        return share @ ((self.grid_[:-1] + self.grid_[1:]) / 2)
+        return self.predict_proba(X) @ ((self.grid_[:-1] + self.grid_[1:]) / 2)
 
     def score(
         self,
@@ -329,5 +328,5 @@ class ContinuousRatingsRegressor(
         score : float
             Higher is better; :func:`~sklearn_haptic.metrics.crps` with another sign.
         """
-        cdf = self.predict_cdf(X)
-        return -float(crps(y, cdf, self.grid_, sample_weight=sample_weight))
+        below = self.predict_cdf(X)
+        return -float(crps(y, below, self.grid_, sample_weight=sample_weight))

@@ -1,13 +1,15 @@
-"""Mixin of the package's classifiers, whose classes are ordered and scored as such."""
+"""Mixins of what predicts distributions: cumulated, inverted, drawn from, scored."""
 
 from __future__ import annotations
 
 from numbers import Integral
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import ClassifierMixin
 from sklearn.utils import check_random_state
+from sklearn.utils.validation import check_is_fitted
 
 from ..metrics import neg_rps_scorer
 from ..ratings._distributions import cdf, level_at
@@ -15,12 +17,101 @@ from ..utils._sklearn import RandomState, Trials
 from ..utils._validation import check_positions
 
 
-class OrdinalClassifierMixin(ClassifierMixin):
-    """Use in place of `ClassifierMixin`: all that follows from `predict_proba`.
+class DistributionMixin:
+    """All that follows from `predict_proba`, the shares of ordered `classes_`.
 
-    The estimator has `levels_`. If several adjectives were learned together, every
-    prediction has an axis of adjectives behind that of the trials.
+    If several adjectives were learned together, every prediction has an axis of
+    adjectives behind that of the trials.
     """
+
+    _ordered = True
+
+    def predict_cdf(self, X: Trials, **params: Any) -> NDArray[np.float64]:
+        """Predict the share of the population at each level or below.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial, or whatever `predict_proba` takes.
+        **params : dict
+            Further arguments of `predict_proba`, where it has any.
+
+        Returns
+        -------
+        cdf : ndarray of shape (n_trials, n_levels)
+            Rows never fall and end in exactly 1.
+        """
+        return cdf(self._predict_ordered(X, params))
+
+    def predict_quantile(self, X: Trials, p: ArrayLike, **params: Any) -> np.ndarray:
+        """Predict the rating at given quantile positions.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial, or whatever `predict_proba` takes.
+        p : float or array-like of shape (n_positions,)
+            Positions in the population, from 0 (lowest rating) to 1.
+        **params : dict
+            Further arguments of `predict_proba`, where it has any.
+
+        Returns
+        -------
+        rating : ndarray of shape (n_trials,) or (n_trials, n_positions)
+            The inverse of `predict_cdf`; never falls as p grows.
+        """
+        p = check_positions(p)
+        rating = self._ratings_at(self._predict_ordered(X, params), np.atleast_1d(p))
+        return rating if p.ndim else rating[..., 0]
+
+    def sample(
+        self,
+        X: Trials,
+        n_samples: int = 1,
+        *,
+        random_state: RandomState = None,
+        **params: Any,
+    ) -> np.ndarray:
+        """Draw ratings of random people from the predicted distributions.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_trials, n_features)
+            Features of each trial, or whatever `predict_proba` takes.
+        n_samples : int, default=1
+            Number of people.
+        random_state : int, RandomState instance or None, default=None
+            Draws the people.
+        **params : dict
+            Further arguments of `predict_proba`, where it has any.
+
+        Returns
+        -------
+        rating : ndarray of shape (n_trials, n_samples)
+        """
+        if not isinstance(n_samples, Integral) or n_samples < 1:
+            raise ValueError(f"n_samples={n_samples!r} must be a positive integer.")
+        proba = self._predict_ordered(X, params)
+        rng = check_random_state(random_state)
+        p = rng.uniform(size=(*proba.shape[:-1], n_samples))
+        return self._ratings_at(proba, p)
+
+    def _predict_ordered(self, X, params):
+        proba = self.predict_proba(X, **params)
+        if not self._ordered:
+            raise ValueError(
+                f"The classes of this {type(self).__name__} have no order, so that no "
+                "share is at or below one; use predict_proba."
+            )
+        return proba
+
+    def _ratings_at(self, proba, p):
+        """Return the inverse CDF at positions, which trials may share."""
+        return self.classes_[level_at(proba, p)]
+
+
+class OrdinalClassifierMixin(DistributionMixin, ClassifierMixin):
+    """Use in place of `ClassifierMixin`, for classes that are always ordered."""
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
@@ -40,66 +131,7 @@ class OrdinalClassifierMixin(ClassifierMixin):
         rating : ndarray of shape (n_trials,) or (n_trials, n_adjectives)
         """
         proba = self.predict_proba(X)
-        return self.levels_[proba.argmax(axis=-1)]
-
-    def predict_cdf(self, X: Trials) -> NDArray[np.float64]:
-        """Predict the share of the population at each level or below.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-            Features of each trial, or whatever `predict_proba` takes.
-
-        Returns
-        -------
-        cdf : ndarray of shape (n_trials, n_levels)
-            Rows never fall and end in exactly 1.
-        """
-        return cdf(self.predict_proba(X))
-
-    def predict_quantile(self, X: Trials, p: ArrayLike) -> np.ndarray:
-        """Predict the rating at given quantile positions.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-            Features of each trial, or whatever `predict_proba` takes.
-        p : float or array-like of shape (n_positions,)
-            Positions in the population, from 0 (lowest rating) to 1.
-
-        Returns
-        -------
-        rating : ndarray of shape (n_trials,) or (n_trials, n_positions)
-            The inverse of `predict_cdf`; never falls as p grows.
-        """
-        p = check_positions(p)
-        rating = self.levels_[level_at(self.predict_proba(X), np.atleast_1d(p))]
-        return rating if p.ndim else rating[..., 0]
-
-    def sample(
-        self, X: Trials, n_samples: int = 1, *, random_state: RandomState = None
-    ) -> np.ndarray:
-        """Draw ratings of random people from the predicted distributions.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-            Features of each trial, or whatever `predict_proba` takes.
-        n_samples : int, default=1
-            Number of people.
-        random_state : int, RandomState instance or None, default=None
-            Draws the people.
-
-        Returns
-        -------
-        rating : ndarray of shape (n_trials, n_samples)
-        """
-        if not isinstance(n_samples, Integral) or n_samples < 1:
-            raise ValueError(f"n_samples={n_samples!r} must be a positive integer.")
-        proba = self.predict_proba(X)
-        rng = check_random_state(random_state)
-        p = rng.uniform(size=(*proba.shape[:-1], n_samples))
-        return self.levels_[level_at(proba, p)]
+        return self.classes_[proba.argmax(axis=-1)]
 
     def score(
         self, X: Trials, y: ArrayLike, sample_weight: ArrayLike | None = None
@@ -126,3 +158,47 @@ class OrdinalClassifierMixin(ClassifierMixin):
         score : float
         """
         return neg_rps_scorer(self, X, y, sample_weight)
+
+
+class PerhapsOrderedMixin(DistributionMixin, ClassifierMixin):
+    """Use in place of `ClassifierMixin`, for classes that the model inside knows.
+
+    `fit` sets `classes_` and `_ordered`, whether the model inside knows an order.
+    """
+
+    def predict(self, X: Trials, **params: Any) -> np.ndarray:
+        """Predict the most probable level or class.
+
+        Parameters
+        ----------
+        X : array-like of length n_trials
+            Touches, as `predict_proba` takes them.
+        **params : dict
+            Further arguments of `predict_proba`, where it has any.
+
+        Returns
+        -------
+        predicted : ndarray of shape (n_trials,)
+            With several adjectives of shape (n_trials, n_adjectives).
+        """
+        proba = self.predict_proba(X, **params)
+        return self.classes_[proba.argmax(axis=-1)]
+
+    def score(self, X: Trials, y: ArrayLike) -> float:
+        """Score the prediction of each row of `X`; higher is better.
+
+        Parameters
+        ----------
+        X, y
+            As for `fit`.
+
+        Returns
+        -------
+        score : float
+            The negative ranked probability score if the model knows an order of levels,
+            else the accuracy.
+        """
+        check_is_fitted(self)
+        if self._ordered:
+            return neg_rps_scorer(self, X, y)
+        return float(np.mean(self.predict(X) == np.asarray(y)))

@@ -158,13 +158,16 @@ class RegressedDistribution(
         # Some regressors take no table of one column, and some nothing else.
         if target.shape[1] == 1 and get_tags(estimator).target_tags.single_output:
             target = target[:, 0]
-        return fit_with_weights(
-            estimator,
-            X,
-            target,
-            weight,
-            "the trials differ in weight; give equal weights or none.",
-        )
+        refusal = "the trials differ in weight; give equal weights or none."
+        try:
+            return fit_with_weights(estimator, X, target, weight, refusal)
+        except ValueError as error:
+            if target.ndim == 1 or "1d array" not in str(error):
+                raise
+            raise ValueError(
+                f"estimator is a {type(estimator).__name__}, which predicts one output; "
+                "wrap it in sklearn.multioutput.MultiOutputRegressor."
+            ) from error
 
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
         """Predict the distribution of ratings.
@@ -183,4 +186,15 @@ class RegressedDistribution(
         X = check_table(self, X, dtype=FLOATS, reset=False)
         shape = len(X), len(self.mean_cdf_)
         departure = self.estimator_.predict(X) if shape[1] else np.empty(shape)
-        return proper_shares(self.mean_cdf_ + np.reshape(departure, shape))
+        departure = np.asarray(departure)
+        one_output = shape[1] == 1 and departure.shape == shape[:1]
+        if departure.shape != shape and not one_output:
+            raise ValueError(
+                f"estimator predicts an array of shape {departure.shape}; give a "
+                f"regressor that predicts one of shape {shape}."
+            )
+        if not np.isfinite(departure).all():
+            raise ValueError(
+                "estimator predicts NaN or infinity; give one that fits these features."
+            )
+        return proper_shares(self.mean_cdf_ + departure.reshape(shape))

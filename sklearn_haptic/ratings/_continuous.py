@@ -162,12 +162,15 @@ def cdf_at(values, cdf, grid):
 
 
 def quantile_at(p, cdf, grid):
-    """Return the lowest values at which CDFs, given on one grid, reach positions."""
-    values = np.empty((len(cdf), len(p)))
-    for column, position in zip(values.T, p):
+    """Return the lowest values at which CDFs, given on one grid, reach positions.
+
+    The positions, of shape (n_p,) or (n_trials, n_p), may be shared by all trials.
+    """
+    values = np.empty((len(cdf), p.shape[-1]))
+    for column, position in zip(values.T, np.broadcast_to(p, values.shape).T):
         # At 0 the lowest value that anybody may give, else the first that reaches p.
-        below = cdf[:, 1:-1] < position if position > 0 else cdf[:, 1:-1] <= 0
-        cell = below.sum(axis=1)[:, None]
+        inner, at = cdf[:, 1:-1], position[:, None]
+        cell = np.where(at > 0, inner < at, inner <= 0).sum(axis=1)[:, None]
         u, v = (np.take_along_axis(cdf, cell + i, axis=1)[:, 0] for i in (0, 1))
         share = np.divide(position - u, v - u, out=np.zeros(len(cdf)), where=v > u)
         a, b = grid[cell[:, 0]], grid[cell[:, 0] + 1]

@@ -24,7 +24,7 @@ from ..ensembles._out_of_fold import (
     run_tasks,
     warn_of_frozen,
 )
-from ..models._perhaps_ordered import PerhapsOrderedMixin
+from ..models._ordinal import PerhapsOrderedMixin
 from ..ratings._checks import check_adjectives
 from ..ratings._distributions import raised, shares
 from ..utils._folds import TakesGroups, warn_of_no_groups
