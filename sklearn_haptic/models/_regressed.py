@@ -165,8 +165,8 @@ class RegressedDistribution(
             if target.ndim == 1 or "1d array" not in str(error):
                 raise
             raise ValueError(
-                f"estimator is a {type(estimator).__name__}, which predicts one output; "
-                "wrap it in sklearn.multioutput.MultiOutputRegressor."
+                f"estimator is a {type(estimator).__name__}, which predicts one "
+                "output; wrap it in sklearn.multioutput.MultiOutputRegressor."
             ) from error
 
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
