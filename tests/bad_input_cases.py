@@ -488,7 +488,7 @@ PARAMETERS = {
         "remove_mean": ("yes",), "random_state": ("zero",), "memory": (3,),
     },
     STHMPTransformer: {"layout": ("palm", 3), "step": (0, 1.5), "n_atoms": (-1,),
-        "max_train_patches": (0,)},
+        "max_train_patches": (0,), "normalise": ("l2",)},
     TemporalMaxPool: {"split": ("half",), "memory": (3,), "statistics": (3,)},
     SignalStatistics: {"statistics": (3,), "n_bands": (0, 1.5), "rate": (0, "fast")},
     RepairTrials: {"rest": (0, 2.5, "two"), "limits": (3, "all")},

@@ -6,8 +6,7 @@ import pytest
 from sklearn.base import clone
 
 from sklearn_haptic import Sequences, TemporalMaxPool
-from sklearn_haptic.features._pooling import temporal_max_pool
-from sklearn_haptic.features._pyramid_cells import cell_bounds
+from sklearn_haptic.features._pooling import cell_bounds, temporal_max_pool
 
 
 def sequences(lengths=(40, 23, 16), n_columns=3, dtype=np.float64, seed=0):

@@ -6,6 +6,7 @@ import pytest
 from cached_rows import assert_an_entry_each
 from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
+from sklearn.linear_model import orthogonal_mp
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
@@ -521,3 +522,25 @@ def test_other_shapes_at_transform():
     images = np.random.default_rng(0).normal(size=(2, 9, 7, 6))
     with pytest.raises(ValueError, match="frames of 6 × 7, but frames of 7 × 6"):
         small(layout=None).fit(images).transform(images.swapaxes(2, 3))
+
+
+def test_frames_that_are_not_normalised_are_maxima_of_codes():
+    """Codes of single patches, one by one, by scikit-learn's pursuit."""
+    rng = np.random.default_rng(0)
+    trials = [rng.normal(size=(n, 4, 5)) for n in (6, 9)]
+    settings = dict(n_atoms=4, n_nonzero_coefs=2, layout=None, random_state=0)
+    sthmp = STHMPTransformer(**settings, spatial_cells=(1,), normalise=False)
+    frames = sthmp.fit_transform(trials)[1]
+    unit = STHMPTransformer(**settings, spatial_cells=(1,)).fit_transform(trials)[1]
+    norms = np.linalg.norm(frames, axis=1, keepdims=True)
+    np.testing.assert_allclose(unit, frames / norms, rtol=1e-12)
+    for image, frame in zip(trials[1], frames):
+        patches = [
+            image[i : i + 3, j : j + 3].ravel() for i in range(2) for j in range(3)
+        ]
+        patches = [patch - patch.mean() for patch in patches]
+        codes = orthogonal_mp(
+            sthmp.components_.T, np.array(patches).T, n_nonzero_coefs=2
+        )
+        split = np.concatenate([codes.clip(0), (-codes).clip(0)])
+        np.testing.assert_allclose(frame, split.max(axis=1), atol=1e-9)

@@ -6,8 +6,14 @@ Signals and atoms are rows.
 import numpy as np
 from scipy.linalg import get_blas_funcs
 
-from ._product import product
-from ._sparse_coding import batch_omp, dense_codes, rounding_level, row_norms, unit_rows
+from ._sparse_coding import (
+    batch_omp,
+    dense_codes,
+    product,
+    rounding_level,
+    row_norms,
+    unit_rows,
+)
 
 # An atom is replaced if it is more coherent with another, or has fewer users.
 _MAX_COHERENCE = 0.99

@@ -7,8 +7,6 @@ with signals and with each other, never on the signals themselves.
 
 import numpy as np
 
-from ._product import product
-
 # Least number of signals coded at a time if there are as many. NumPy broadcasts rows
 # without copying them if they are at least as long as its buffer.
 _CHUNK_SIZE = 8192
@@ -146,6 +144,17 @@ def dense_codes(support, coefs, n_atoms, *, sign="none"):
     for columns, values in zip(support[::-1], coefs[::-1]):
         codes.reshape(-1)[first + columns] = values
     return codes
+
+
+def product(a, b, out=None):
+    """Return ``a @ b`` without warnings of invalid values.
+
+    With AVX-512, OpenBLAS 0.3.31 multiplies float32 rows of five numbers by a vector
+    in registers that it fills up with whatever lies on the stack. It drops those
+    results, but NumPy warns of them if the stack held a signalling NaN.
+    """
+    with np.errstate(invalid="ignore"):
+        return np.matmul(a, b, out=out)
 
 
 def row_norms(signals):

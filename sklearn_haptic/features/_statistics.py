@@ -24,9 +24,8 @@ from ..utils._sklearn import (
     one_blas_thread,
 )
 from ..utils._validation import check_names
-from ._product import product
-from ._pyramid_cells import cell_bounds, check_cells
-from ._sparse_coding import rounding_level, row_norms
+from ._pooling import cell_bounds, check_cells
+from ._sparse_coding import product, rounding_level, row_norms
 from ._trial_rows import TrialRows
 
 _STATISTICS = ["mean", "std", "max", "min", "slope", "change", "bands"]

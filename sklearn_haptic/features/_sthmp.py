@@ -23,7 +23,7 @@ from ..utils._sklearn import (
 )
 from ..utils._validation import check_numbers
 from ._dictionary_coder import DictionaryCoder, encode
-from ._pyramid_cells import cell_bounds, check_cells
+from ._pooling import cell_bounds, check_cells
 
 # Most patches coded at a time, so that their codes stay in the cache until pooled.
 _CHUNK_SIZE = 8192
@@ -152,6 +152,7 @@ def encode_frames(
     patch_size,
     step,
     grids,
+    normalise,
     remove_mean,
     sign,
 ):
@@ -160,8 +161,8 @@ def encode_frames(
     A trial holds electrode readings or, if `layout` is None, images of shape (n_times,
     height, width). The other parameters are those of :func:`electrode_images`,
     :func:`image_patches`, :func:`spatial_max_pool` and :func:`encode`. Return one row
-    per frame, of norm 1 or all zero, in the shape (n_times, n_cells * n_codes) with
-    time contiguous in memory.
+    per frame, of norm 1 or all zero if asked to `normalise`, in the shape (n_times,
+    n_cells * n_codes) with time contiguous in memory.
     """
     images = trial if layout is None else electrode_images(trial, layout)
     patches = image_patches(images, patch_size, step)
@@ -177,17 +178,18 @@ def encode_frames(
         )
         by_time = codes.reshape(n_rows, n_columns, len(chunk), -1).swapaxes(2, 3)
         pooled = spatial_max_pool(np.ascontiguousarray(by_time), grids)
-        frames.append(normalise_frames(pooled.reshape(-1, len(chunk)).T).T)
+        pooled = pooled.reshape(-1, len(chunk))
+        frames.append(normalise_frames(pooled.T).T if normalise else pooled)
     return np.concatenate(frames, axis=1).T
 
 
 class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
-    """Sparse codes of tactile images, pooled over space and normalised by frame.
+    """Sparse codes of tactile images, pooled over space.
 
     This is the spatial half of spatio-temporal hierarchical matching pursuit [1]_.
     Every frame is an image. Its overlapping patches are coded over a dictionary learned
-    by K-SVD, the codes are max-pooled over a pyramid of cells, and each frame is scaled
-    to norm 1. :class:`TemporalMaxPool` is the temporal half.
+    by K-SVD, the codes are max-pooled over a pyramid of cells, and each frame may be
+    scaled to norm 1. :class:`TemporalMaxPool` is the temporal half.
 
     Parameters
     ----------
@@ -211,6 +213,10 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         gives 9 + 4 + 1 cells. A side has no more cells than locations of patches: one
         BioTac has 5 × 1 locations, hence 3 + 2 + 1 cells. A level equal to one before
         it is left out.
+    normalise : bool, default=True
+        Whether to scale the pooled codes of each frame to norm 1, as the authors of
+        ST-HMP do and the 2020 paper does not say. A light touch then counts as much as
+        a firm one, and how firm it is gets lost.
     remove_mean : bool, default=True
         Whether to subtract the mean of each patch, as the authors of ST-HMP do.
     update : {"approximate", "exact"}, default="approximate"
@@ -275,8 +281,7 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
     taken for patches and coded without pooling.
 
     A frame without contrast gives exact zeros, whatever rounding leaves when means are
-    removed. Any other frame is scaled to norm 1, so that a light touch counts as much
-    as a firm one. Multiplying recordings by a power of two changes no digit of the
+    removed. Multiplying recordings by a power of two changes no digit of the
     codes. The authors of ST-HMP add 2.2e-16 to each norm and stop a pursuit at an
     absolute correlation of 1e-7, so their codes depend on the unit of measurement.
 
@@ -306,6 +311,7 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         "patch_size": [tuple, list],
         "step": [Interval(Integral, 1, None, closed="left")],
         "spatial_cells": ["array-like"],
+        "normalise": ["boolean"],
     }
 
     _encode_trial = staticmethod(encode_frames)
@@ -320,6 +326,7 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         patch_size: tuple[int, int] = (3, 3),
         step: int = 1,
         spatial_cells: Sequence[int] = (3, 2, 1),
+        normalise: bool = True,
         remove_mean: bool = True,
         update: Literal["approximate", "exact"] = "approximate",
         max_iter: int = 50,
@@ -336,6 +343,7 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         self.patch_size = patch_size
         self.step = step
         self.spatial_cells = spatial_cells
+        self.normalise = normalise
         self.remove_mean = remove_mean
         self.update = update
         self.max_iter = max_iter
@@ -388,6 +396,7 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
             "patch_size": self.patch_size_,
             "step": self._step,
             "grids": self.spatial_cells_,
+            "normalise": self._normalise,
         }
 
     def _fit_trials(self, X):
@@ -417,7 +426,7 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         locations = patches(trials[0][:1]).shape[1:3]
         cells = check_cells(self.spatial_cells, "spatial_cells")
         self.spatial_cells_ = spatial_grids(locations, cells)
-        self._step = step
+        self._step, self._normalise = step, self.normalise
 
         def observe(trial, indices):
             frame, row, column = np.unravel_index(indices, (len(trial), *locations))

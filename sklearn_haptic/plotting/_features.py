@@ -12,8 +12,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
-from ..features._pyramid_cells import cell_bounds
-from ..features._roots import signed_root
+from ..features._pooling import cell_bounds, signed_root
 from ..utils._sklearn import FloatArray, Names, Trials
 from ._display import Display
 from ._signals import check_rate

@@ -9,8 +9,7 @@ the durations, and an update costs the same at any time.
 import numpy as np
 
 from ..features import KSVDTransformer
-from ..features._pyramid_cells import cell_bounds
-from ..features._roots import signed_root
+from ..features._pooling import cell_bounds, signed_root
 
 # Windows that wait to be coded together, which takes little longer than one by itself.
 _TOGETHER = 64
