@@ -36,6 +36,8 @@ from sklearn_haptic.metrics import neg_rps_scorer
 from sklearn_haptic.model_selection import model_report
 from sklearn_haptic.plotting import InverseCDFDisplay
 
+if sys.argv[1:] in (["-h"], ["--help"]):
+    sys.exit(__doc__)
 files = sys.argv[1:3] or [
     os.environ[name]
     for name in ("SKLEARN_HAPTIC_PHAC2", "SKLEARN_HAPTIC_RATINGS")

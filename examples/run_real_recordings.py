@@ -283,8 +283,8 @@ def which_of_twenty(path):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit("Name the HDF5 file of grips, the npz file of slides, or both.")
+    if len(sys.argv) < 2 or sys.argv[1].startswith("-"):
+        sys.exit(__doc__)
     for path in sys.argv[1:]:
         if path.endswith(".npz"):
             which_of_twenty(path)

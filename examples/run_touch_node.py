@@ -131,7 +131,7 @@ def main():
 if __name__ == "__main__":
     if sys.argv[1:] == ["--replay"]:
         main()
-    elif len(sys.argv) == 2:
+    elif len(sys.argv) == 2 and not sys.argv[1].startswith("-"):
         import joblib
 
         spin(joblib.load(sys.argv[1]))
