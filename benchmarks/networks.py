@@ -1,0 +1,302 @@
+"""Speed of the ordinal network and of distributions from any estimator.
+
+    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/networks.py \
+        [--parts cost fit predict decoding many] [--data FOLDER] [--quick]
+
+About ten minutes; ``--quick`` one. The first two parts need ``pip install skordinal``.
+Ours and the peer's runs take turns; seconds are processor time.
+
+cost      Time to the final cost of skordinal 0.2 (its defaults: 500 iterations, alpha
+          0.01) on single ratings. The cost has many minima: medians over the starts
+          from which it is reached, and over all, where others count with their whole
+          time. FOLDER holds toy, tae and melanoma of ORCA as ``*_sin.npz``; without it
+          only the sets that skordinal ships are used.
+fit       `DistributionalOrdinalRegressor` against skordinal's network on a row for each
+          of 480 trials × 15 positions, the same number of iterations.
+predict   `predict_proba` against the same network on materialised rows, 1000 trials ×
+          2400 features at 99 positions, and the largest error of the distribution
+          function, against 4,000 positions.
+decoding  The average over positions in the population of raters that any estimator
+          predicts: the largest error of the distribution function, over test trials and
+          levels, against 20,000 evenly spaced positions; the rows predicted per trial.
+          Beside it the error of 20 quadrature nodes alone, which suffice where the
+          prediction is smooth in the position.
+many      `predict_proba` of many trials.
+"""
+
+import warnings
+from pathlib import Path
+
+import mord
+import numpy as np
+from measure import command, head, machine, row, timed
+from scipy.special import logit
+from sklearn.base import BaseEstimator, is_regressor
+from sklearn.ensemble import (
+    HistGradientBoostingClassifier,
+    HistGradientBoostingRegressor,
+    RandomForestClassifier,
+    RandomForestRegressor,
+)
+from sklearn.linear_model import LogisticRegression
+from sklearn.naive_bayes import GaussianNB
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.neural_network import MLPClassifier
+from sklearn.preprocessing import StandardScaler
+from sklearn.svm import SVC, SVR
+from sklearn.tree import DecisionTreeClassifier, DecisionTreeRegressor
+
+from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
+from sklearn_haptic.ratings import inverse_cdf
+
+
+def touches(n_objects, n_trials, n_features):
+    """Standardised features and rating counts of touches of objects."""
+    rng = np.random.default_rng(0)
+    objects = np.repeat(np.arange(n_objects), n_trials)
+    latent = rng.normal(size=(n_objects, 6))
+    X = latent[objects] @ rng.normal(size=(6, n_features)) / 2
+    X = StandardScaler().fit_transform(X + rng.normal(size=X.shape))
+    raters = 3 + 1.5 * latent[:, :1] + rng.normal(size=(n_objects, 12))
+    ratings = np.clip(np.rint(raters), 1, 5)
+    counts = np.stack([(ratings == k).sum(axis=1) for k in range(1, 6)], axis=1)
+    return X, counts[objects].astype(float)
+
+
+def at_positions(X, positions):
+    """One row an observation, its position as the last feature."""
+    repeated = X.repeat(len(positions), axis=0)
+    return np.column_stack((repeated, np.tile(logit(positions), len(X))))
+
+
+# Beside skordinal ---------------------------------------------------------------------
+
+
+def single_ratings(folder):
+    """Name -> features, levels and hidden units."""
+    from skordinal.datasets import load_era, load_esl, load_lev, load_swd
+
+    sets = {}
+    for path in sorted(folder.glob("*_sin.npz")) if folder else []:
+        with np.load(path) as case:
+            levels, n_hidden = case["y_train"].ravel(), int(case["hidden"])
+            sets[path.name.split("_")[0]] = case["X_train"], levels, n_hidden
+    for load in (load_esl, load_lev, load_swd, load_era):
+        bunch = load()
+        X = StandardScaler().fit_transform(bunch.data)
+        sets[load.__name__.removeprefix("load_")] = X, bunch.target, 10
+    return sets
+
+
+def cost(quick, folder):
+    from skordinal.classifiers import NNPOM as Peer
+
+    head(
+        "data", "rows × features, units", "reached", "skordinal, s", "ours, s",
+        "ratio", "ratio of all", title="Time to skordinal's final cost, alpha 0.01",
+    )  # fmt: skip
+    for name, (X, y, n_hidden) in single_ratings(folder).items():
+        rows = []
+        for seed in range(2 if quick else 10):
+            peer = Peer(n_hidden=n_hidden, alpha=0.01, random_state=seed)
+            theirs, _ = timed(peer.fit, X, np.unique(y, return_inverse=True)[1])
+            ours = NNPOM(
+                n_hidden, 0.01, scale_features=False, gaps="squared", tol=1e-5,
+                max_iter=500, random_state=seed,
+            )  # fmt: skip
+            taken, _ = timed(ours.fit, X, y)
+            reached = np.flatnonzero(np.array(ours.loss_curve_) <= peer.loss_)
+            share = (reached[0] + 1) / len(ours.loss_curve_) if len(reached) else 1
+            rows.append((theirs, taken * share, taken * share / theirs, len(reached)))
+        rows = np.array(rows)
+        of_reached = rows[rows[:, 3] > 0]
+        theirs, ours, ratio, _ = np.median(of_reached, axis=0)
+        cells = [f"{each:.3f}" for each in (theirs, ours)]
+        cells += [f"{each:.2f}" for each in (ratio, np.median(rows[:, 2]))]
+        shape = f"{X.shape[0]} × {X.shape[1]}, {n_hidden}"
+        row(name, shape, f"{len(of_reached)} of {len(rows)}", *cells)
+
+
+def fit(quick, _):
+    from skordinal.classifiers import NNPOM as Peer
+
+    n_iter, n_runs = (20, 1) if quick else (200, 3)
+    title = f"480 trials × 15 positions, {n_iter} iterations"
+    costs = "skordinal, s", "ours, s", "ratio", "ours, level nodes, s"
+    head("features, units", *costs, title=title)
+    positions = (np.arange(15) + 0.5) / 15
+    for n_features, n_hidden in ((310, 10), (1240, 30), (4340, 30))[
+        : 1 if quick else 3
+    ]:
+        X, counts = touches(48, 10, n_features)
+        level = inverse_cdf(counts, positions).ravel() - 1
+        rows = at_positions(X, positions)
+        network = NNPOM(n_hidden, max_iter=n_iter, tol=0, random_state=0)
+        peer = Peer(n_hidden=n_hidden, alpha=1.0, max_iter=n_iter, random_state=0)
+        times = []
+        for _ in range(n_runs):
+            taken = [timed(peer.fit, rows, level)[0] / peer.n_iter_ * n_iter]
+            for sampling in ("random", "level"):
+                model = DistributionalOrdinalRegressor(network, sampling=sampling)
+                seconds, _ = timed(model.fit, X, counts)
+                taken.append(seconds / model.estimator_.n_iter_ * n_iter)
+            times.append(taken)
+        theirs, ours, nodes = np.median(times, axis=0)
+        cells = f"{theirs:.2f}", f"{ours:.2f}", f"{theirs / ours:.1f}", f"{nodes:.2f}"
+        row(f"{n_features}, {n_hidden}", *cells)
+
+
+def predict(quick, _):
+    head(
+        "units", "decoding", "99 rows per trial, ms", "ours, ms", "ratio", "CDF error",
+        "of the 99 positions", title="predict_proba, 1000 trials × 2400 features",
+    )  # fmt: skip
+    X, counts = touches(100, 10, 240 if quick else 2400)
+    grid, dense = np.arange(1, 100) / 100, (np.arange(4000) + 0.5) / 4000
+    rows, few = at_positions(X, grid), X[::100]
+
+    def share_at_or_below(model, positions):
+        proba = model.estimator_.predict_proba(at_positions(few, positions))
+        cdf = np.cumsum(proba, axis=1).reshape(len(few), len(positions), -1)
+        return np.mean(cdf if model.decode == "mixture" else cdf >= 0.5, axis=1)
+
+    for n_hidden in (0, 10, 30):
+        for decode in ("mixture", "quantile"):
+            model = DistributionalOrdinalRegressor(
+                NNPOM(n_hidden, max_iter=50, random_state=0), decode=decode
+            ).fit(X, counts)
+            times = []
+            for _ in range(1 if quick else 7):
+                theirs, _ = timed(model.estimator_.predict_proba, rows)
+                times.append((theirs, timed(model.predict_proba, X)[0]))
+            theirs, ours = 1e3 * np.median(times, axis=0)
+            exact = share_at_or_below(model, dense)
+            found = model.predict_cdf(few), share_at_or_below(model, grid)
+            errors = [f"{np.abs(cdf - exact).max():.1e}" for cdf in found]
+            costs = f"{theirs:.0f}", f"{ours:.1f}", f"{theirs / ours:.0f}"
+            row(n_hidden, decode, *costs, *errors)
+
+
+# Any estimator ------------------------------------------------------------------------
+
+ESTIMATORS = [
+    (NNPOM(0), 50),
+    (NNPOM(10, random_state=0), 50),
+    (mord.LogisticAT(), 50),
+    (LogisticRegression(), 50),
+    (MLPClassifier(random_state=0), 50),
+    (GaussianNB(), 50),
+    (mord.LAD(), 50),
+    (mord.OrdinalRidge(), 50),
+    (SVR(), 5),
+    (SVC(), 5),
+    (KNeighborsClassifier(), 10),
+    (DecisionTreeClassifier(random_state=0), 50),
+    (DecisionTreeRegressor(random_state=0), 50),
+    (RandomForestClassifier(random_state=0), 20),
+    (RandomForestRegressor(random_state=0), 20),
+    (HistGradientBoostingClassifier(max_iter=30), 20),
+    (HistGradientBoostingRegressor(), 20),
+]
+
+
+class Counted(BaseEstimator):
+    """A fitted estimator of rows, which counts them."""
+
+    def __init__(self, estimator):
+        self.estimator = estimator
+        self.n_rows = 0
+
+    def __getattr__(self, name):
+        if name.startswith("__") or name == "estimator":
+            raise AttributeError(name)
+        found = getattr(self.estimator, name)
+        if name not in ("predict", "predict_proba"):
+            return found
+
+        def counting(rows):
+            self.n_rows += len(rows)
+            return found(rows)
+
+        return counting
+
+    def __sklearn_tags__(self):
+        return self.estimator.__sklearn_tags__()
+
+
+def cdf_at(estimator, x, positions, n_levels):
+    """Distribution function of one trial at each position, a row each."""
+    rows = at_positions(x[None], positions)
+    if hasattr(estimator, "predict_proba"):
+        return np.cumsum(estimator.predict_proba(rows), axis=1)
+    level = estimator.predict(rows)
+    if is_regressor(estimator):
+        level = np.clip(np.rint(level), 0, n_levels - 1)
+    return (level[:, None] <= np.arange(n_levels)).astype(float)
+
+
+def decoding(quick, _):
+    head(
+        "estimator", "error of 20 nodes", "mixture", "rows", "ms", "quantile", "rows",
+        "ms",
+    )  # fmt: skip
+    X, counts = touches(60, 10, 10)
+    n_dense, n_levels = (2000 if quick else 20_000), counts.shape[1]
+    dense = (np.arange(n_dense) + 0.5) / n_dense
+    x, weight = np.polynomial.legendre.leggauss(20)
+    q = (x + 1) / 2  # nodes in q, with p = q² (3 - 2q)
+    nodes, weight = q**2 * (3 - 2 * q), 3 * q * (1 - q) * weight
+    for estimator, n_trials in ESTIMATORS[:: 5 if quick else 1]:
+        test = X[400::4][:n_trials]
+        model = DistributionalOrdinalRegressor(
+            estimator, sampling="random", random_state=0
+        ).fit(X[:400], counts[:400])
+        fitted = model.estimator_
+        exact, few = {"mixture": [], "quantile": []}, []
+        for x in test:
+            cdf = cdf_at(fitted, x, dense, n_levels)
+            exact["mixture"].append(cdf.mean(axis=0))
+            exact["quantile"].append((cdf >= 0.5).mean(axis=0))
+            few.append(weight @ cdf_at(fitted, x, nodes, n_levels))
+        cells = [f"{np.abs(np.array(few) - exact['mixture']).max():.4f}"]
+        for decode, expected in exact.items():
+            if not isinstance(fitted, NNPOM):  # which shares features
+                model.estimator_ = Counted(fitted)
+            taken, cdf = timed(model.set_params(decode=decode).predict_cdf, test)
+            n_rows = getattr(model.estimator_, "n_rows", np.nan) / len(test)
+            cells.append(f"{np.abs(cdf - expected).max():.4f}")
+            cells += [f"{n_rows:.0f}", f"{1e3 * taken / len(test):.2f}"]
+        name = str(estimator).replace("random_state=0", "").replace(", )", ")")
+        row(name, *cells)
+
+
+def many(quick, _):
+    sizes = (1, 100, 1000) if quick else (1, 5000, 100_000)
+    head("estimator", *(f"{n} trials, ms" for n in sizes))
+    X, counts = touches(60, 10, 10)
+    for estimator in (NNPOM(0), mord.LogisticAT(), mord.LAD(), DecisionTreeRegressor()):
+        model = DistributionalOrdinalRegressor(estimator, sampling="random")
+        model.fit(X[:400], counts[:400])
+        rows = X[np.arange(sizes[-1]) % len(X)]
+        taken = [timed(model.predict_proba, rows[:n])[0] for n in sizes]
+        row(type(estimator).__name__, *(f"{1e3 * each:.3g}" for each in taken))
+
+
+PARTS = {"cost": cost, "fit": fit, "predict": predict}
+PARTS |= {"decoding": decoding, "many": many}
+
+
+def main():
+    parser = command(__doc__)
+    parser.add_argument("--parts", nargs="+", default=list(PARTS), choices=PARTS)
+    parser.add_argument("--data", type=Path, metavar="FOLDER")
+    parser.add_argument("--quick", action="store_true")
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore")  # of few iterations and of mord
+    machine("skordinal", "mord")
+    for part in arguments.parts:
+        PARTS[part](arguments.quick, arguments.data)
+
+
+if __name__ == "__main__":
+    main()

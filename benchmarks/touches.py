@@ -1,0 +1,104 @@
+"""Milliseconds and memory of one touch by a fitted model, whole or in progress.
+
+    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/touches.py \
+        [--parts whole stream] [--quick]
+
+whole   Generated holds of 10 s and slow slides of 5 s by a BioTac of two fingers; 24
+        objects touched four times each. Touches are predicted one at a time: processor
+        time, median and largest of 200. "model" is the size of the pickled model,
+        "while predicting" the peak of what Python allocates for one touch. One to two
+        minutes.
+stream  A minute of five sensors in updates of 10 ms: milliseconds of processor time,
+        beside those of recomputing from all samples so far. Half a minute.
+"""
+
+import gc
+import pickle
+
+import numpy as np
+import pandas as pd
+from data import RATES, SENSORS
+from measure import command, head, in_turn, peak_mb, row, timed
+from sklearn import config_context
+from streams import DURATIONS, pipeline
+
+from sklearn_haptic import AnytimeRegressor, make_haptic_pipeline
+from sklearn_haptic.datasets import make_haptic_corpus
+
+PARTS = {
+    "pressure": ["pdc"],
+    "vibration": ["pac"],
+    "electrodes": ["electrodes"],
+    "all five": SENSORS,
+}
+
+
+def whole(quick):
+    """Print what predicting one recorded touch takes."""
+    head(
+        "touch, sensors", "preset", "learning, s", "median, ms", "largest, ms",
+        "model, MB", "while predicting, MB",
+    )  # fmt: skip
+    n_objects, n_calls = (6, 5) if quick else (24, 200)
+    for procedure in ("hold", "slow_slide"):
+        corpus = make_haptic_corpus(n_objects, 4, procedure, random_state=0)
+        for name, sensors in PARTS.items():
+            for preset in ("fast", "accurate"):
+                trials, counts = corpus.trials[sensors], corpus.ratings["hard"]
+                model = make_haptic_pipeline(sensors, preset=preset, random_state=0)
+                takes = {"groups": corpus.objects} if preset == "accurate" else {}
+                with config_context(enable_metadata_routing=True):
+                    learning, _ = timed(model.fit, trials, counts, **takes)
+                model.predict_proba(trials.iloc[[0]])  # imports and allocates
+                gc.collect()
+                gc.freeze()
+                touches = [trials.iloc[[i % len(trials)]] for i in range(n_calls)]
+                calls = [lambda t=t, m=model: m.predict_proba(t) for t in touches]
+                taken = 1000 * in_turn(calls)
+                costs = [f"{ms:.1f}" for ms in (np.median(taken), taken.max())]
+                costs.append(f"{len(pickle.dumps(model)) / 1e6:.2f}")
+                costs.append(f"{peak_mb(calls[0]):.1f}")
+                touch = f"{procedure.replace('_', ' ')}, {name}"
+                row(touch, preset, f"{learning:.1f}", *costs)
+
+
+def stream(quick):
+    """Print what updates and predictions of a touch in progress take."""
+    corpus = make_haptic_corpus(14, 2, random_state=0)
+    touches = corpus.trials.map(np.float64)
+    model = AnytimeRegressor(
+        pipeline(), durations=DURATIONS, sampling_rates=RATES, cv=2
+    ).fit(touches, corpus.ratings["hard"], groups=corpus.objects)
+    minute = {s: np.vstack([touches[s].iloc[0]] * 6) for s in RATES}
+    touch, taken, n_seconds = model.start(), [], 10 if quick else 60
+    for i in range(100 * n_seconds):
+        new = {
+            s: minute[s][i * r // 100 : (i + 1) * r // 100] for s, r in RATES.items()
+        }
+        taken.append((timed(touch.update, new)[0], timed(touch.predict_proba)[0]))
+    taken = 1e3 * np.array(taken)
+    head("ms of processor time", "median", "95 %", "99 %", "largest")
+    for start, end in ((0, 1), (1, 8), (9, 10), (59, 60)):
+        if end <= n_seconds:
+            of_part = taken[100 * start : 100 * end]
+            for name, each in zip(("update", "prediction"), of_part.T):
+                cells = [f"{ms:.2f}" for ms in np.percentile(each, [50, 95, 99, 100])]
+                row(f"{name}, {start} to {end} s", *cells)
+    for end in (1, 8, n_seconds):
+        so_far = pd.DataFrame({s: [x[: end * RATES[s]]] for s, x in minute.items()})
+        again = 1e3 * in_turn([lambda x=so_far: model.predict_proba(x)], 5)
+        row(f"recomputed at {end} s", f"{np.median(again):.2f}", "", "", "")
+
+
+def main():
+    parts = {"whole": whole, "stream": stream}
+    parser = command(__doc__)
+    parser.add_argument("--parts", nargs="+", default=list(parts), choices=parts)
+    parser.add_argument("--quick", action="store_true")
+    arguments = parser.parse_args()
+    for part in arguments.parts:
+        parts[part](arguments.quick)
+
+
+if __name__ == "__main__":
+    main()
