@@ -1,6 +1,6 @@
 """A grid search over five sensors: what caches and a shared rotation save.
 
-    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/search.py
+    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/search.py [--quick]
 
 The paper's grid, five numbers of hidden units by five penalties, in five folds with
 objects kept whole: 125 fits of `make_haptic_pipeline` on a small synthetic corpus. Each
@@ -11,21 +11,17 @@ processor time, which other load on the machine disturbs less than it does the c
 rotates the features to as many axes as there are training trials, once a fold, instead
 of in every fit of the head. The networks' start values are drawn for other axes then,
 so their scores differ; those of a linear head, which has one optimum, do not. About
-six minutes.
+six minutes; ``--quick`` takes six objects, two folds and two settings.
 """
 
 import os
-import platform
 import tempfile
 import time
 import warnings
-from datetime import date
 from pathlib import Path
 
-import joblib
 import numpy as np
-import scipy
-import sklearn
+from measure import command, head, machine, row, timed
 from sklearn.decomposition import PCA
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.model_selection import GridSearchCV, GroupKFold
@@ -93,37 +89,33 @@ def stages(trials, y, folds):
     """Print what is left: features once a fold, and the head's fits on them."""
     linear = []
     for rotate in (False, True):
-        start = time.process_time()
-        ready = []
-        for train, test in folds:
+
+        def of_fold(train, test, rotate=rotate):
             features = whole_model(rotate=rotate)[:-1]
-            X_train = features.fit_transform(trials.iloc[train])
-            X_test = features.transform(trials.iloc[test])
-            ready.append((np.vstack((X_train, X_test)), np.append(train, test)))
-        computed = time.process_time()
+            A = features.fit_transform(trials.iloc[train])
+            return np.vstack((A, features.transform(trials.iloc[test])))
+
+        def of_heads(model, grid):
+            return [
+                search_scores(model, grid, X, y[np.append(*fold)], split)
+                for X, fold, split in zip(ready, folds, splits)  # noqa: B023
+            ]
+
+        computing, ready = timed(lambda f=of_fold: [f(*fold) for fold in folds])
         splits = [[(np.arange(len(t)), np.arange(len(t), len(y)))] for t, _ in folds]
-        for (X, order), split in zip(ready, splits):
-            search_scores(NETWORK, GRID, X, y[order], split)
-        fitted = time.process_time()
+        fitting, _ = timed(of_heads, NETWORK, GRID)
         print(
             f"{'With' if rotate else 'Without'} PCA: features once a fold "
-            f"{computed - start:.1f} s, fits and scores of the head "
-            f"{fitted - computed:.1f} s\n",
-            flush=True,
+            f"{computing:.1f} s, fits and scores of the head {fitting:.1f} s"
         )
-        linear.append(
-            [
-                search_scores(LINEAR, CONVERGING, X, y[order], split)
-                for (X, order), split in zip(ready, splits)
-            ]
-        )
+        linear.append(of_heads(LINEAR, CONVERGING))
     change = np.abs(np.subtract(*linear)).max()
-    print(f"Largest change of a converged linear head's score by PCA: {change:.1g}\n")
+    print(f"Largest change of a converged linear head's score by PCA: {change:.1g}")
 
 
 def search_table(trials, y, folds):
-    print("| | s, clock | s, processor | speed-up | cache, MB | scores | best |")
-    print("|---" * 7 + "|", flush=True)
+    costs = "s, clock", "s, processor", "speed-up", "cache, MB"
+    head("", *costs, "scores", "best")
     variants = [
         ("no cache", one_search, ()),
         ("`Pipeline(memory=)`", one_search, ("pipeline_memory",)),
@@ -144,31 +136,32 @@ def search_table(trials, y, folds):
                 option: option == "rotate" or os.path.join(folder, option)
                 for option in options
             }
-            clock, processor = time.perf_counter(), time.process_time()
-            scores = search(trials, y, folds, **values)
+            clock = time.perf_counter()
+            processor, scores = timed(search, trials, y, folds, **values)
             clock = time.perf_counter() - clock
-            processor = time.process_time() - processor
             size = megabytes(Path(folder))
         if reference is None:
             reference = scores, processor
         same = "equal" if np.array_equal(scores, reference[0]) else "other starts"
-        print(
-            f"| {name} | {clock:.0f} | {processor:.0f} | {reference[1] / processor:.1f}"
-            f" | {size:.0f} | {same} | {scores.mean(axis=1).max():.4f} |",
-            flush=True,
-        )
+        ratio = f"{reference[1] / processor:.1f}"
+        costs = f"{clock:.0f}", f"{processor:.0f}", ratio, f"{size:.0f}"
+        row(name, *costs, same, f"{scores.mean(axis=1).max():.4f}")
+
+
+def main():
+    parser = command(__doc__)
+    parser.add_argument("--quick", action="store_true")
+    quick = parser.parse_args().quick
+    machine("joblib")
+    if quick:
+        GRID.update({name: values[:1] for name, values in GRID.items()})
+    n_objects, n_folds = (6, 2) if quick else (20, 5)
+    corpus = make_haptic_corpus(n_objects, 4, procedure="slow_slide", random_state=0)
+    y = corpus.ratings["hard"]
+    folds = list(GroupKFold(n_folds).split(corpus.trials, y, corpus.objects))
+    stages(corpus.trials, y, folds)
+    search_table(corpus.trials, y, folds)
 
 
 if __name__ == "__main__":
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        if os.environ.get(variable) != "1":
-            raise SystemExit(f"Set {variable}=1: the tables are for one thread.")
-    versions = [f"{m.__name__} {m.__version__}" for m in (np, scipy, sklearn, joblib)]
-    print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores")
-    print(f"Python {platform.python_version()}, {', '.join(versions)}")
-    print(f"{date.today()}\n")
-    corpus = make_haptic_corpus(20, 4, procedure="slow_slide", random_state=0)
-    y = corpus.ratings["hard"]
-    folds = list(GroupKFold(5).split(corpus.trials, y, corpus.objects))
-    stages(corpus.trials, y, folds)
-    search_table(corpus.trials, y, folds)
+    main()

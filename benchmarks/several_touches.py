@@ -1,6 +1,7 @@
 """What several touches are worth, what a lost sensor costs, and touches unlike others.
 
-    python benchmarks/several_touches.py [SEED] [--parts pools sensors faults ten]
+    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/several_touches.py \
+        [SEED] [--parts pools sensors faults ten] [--quick]
 
 Forty-eight generated objects are touched five times each by four procedures. Features
 are those of the preset "fast"; dictionaries are learned from other objects, and all
@@ -8,29 +9,22 @@ features are standardised and rotated together, without the ratings. Objects are
 held out in six folds; weights, beliefs and p-values are learned within the training
 objects. Scores are means over three adjectives; the error is that of the paired
 difference, over objects. It takes about three minutes of one core. Seeds 1 and 3 were
-used to choose how pools are weighted and blurred, so report another.
+used to choose how pools are weighted and blurred, so report another. ``--quick`` takes
+twelve objects and one adjective.
 """
 
-import argparse
-import time
-
 import numpy as np
+from data import PROCEDURES, SENSORS
+from heads import linear
+from measure import command, head, of_groups, plus_minus, row
 from sklearn.frozen import FrozenEstimator
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic import (
-    NNPOM,
-    DistributionalOrdinalRegressor,
-    NoveltyGuard,
-    TouchPool,
-    make_haptic_pipeline,
-)
+from sklearn_haptic import NoveltyGuard, TouchPool, make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import dispersion, ranked_probability_score
 
-PROCEDURES = ["squeeze", "hold", "slow_slide", "fast_slide"]
-SENSORS = ["pac", "pdc", "tac", "tdc", "electrodes"]
 ADJECTIVES = ["hard", "smooth", "cold"]
 N_OBJECTS, N_TOUCHES, N_FOLDS = 48, 5, 6
 FAULTS = {
@@ -55,10 +49,6 @@ def rotated(rows):
     rows = StandardScaler().fit_transform(rows.astype(np.float64))
     left, size, _ = np.linalg.svd(rows, full_matrices=False)
     return left * size
-
-
-def head():
-    return DistributionalOrdinalRegressor(NNPOM(0, alpha=3.0))
 
 
 def features(seed):
@@ -99,7 +89,7 @@ def fold_predictions(X, columns, corpus, adjective, names, lost):
     out = {}
     for k in range(N_FOLDS):
         train, test = fold != k, fold == k
-        pool = TouchPool([(name, head(), columns[name]) for name in names])
+        pool = TouchPool([(name, linear(), columns[name]) for name in names])
         pool.fit(X[train], y[train], groups=objects[train])
         for label, kept, n_touches in lost:
             felt = X[test].copy()
@@ -129,26 +119,21 @@ def compare(X, columns, corpus, names, lost, against):
         found = fold_predictions(X, columns, corpus, adjective, names, lost)
         for label, (which, proba) in found.items():
             each = ranked_probability_score(y[which], proba, average=False)
-            of_object = which // (len(y) // N_OBJECTS)
-            mean = np.bincount(of_object, each) / np.bincount(of_object)
+            mean = of_groups(each, which // (len(y) // N_OBJECTS))
             scores[label] += mean / len(ADJECTIVES)
             spread[label] += dispersion(y[which], proba) / len(ADJECTIVES)
     for label, score in scores.items():
-        difference = score - scores[against]
-        print(
-            f"| {label} | {score.mean():.3f} | {difference.mean():+.3f} ± "
-            f"{difference.std(ddof=1) / N_OBJECTS**0.5:.3f} | "
-            f"{100 * difference.mean() / scores[against].mean():+.1f} % | "
-            f"{spread[label]:.2f} |"
-        )
-    print(f"({time.process_time():.0f} s)", flush=True)
+        gain, base = score - scores[against], scores[against].mean()
+        share = f"{100 * gain.mean() / base:+.1f} %"
+        cells = f"{score.mean():.3f}", plus_minus(gain, 3), share
+        row(label, *cells, f"{spread[label]:.2f}")
 
 
 def novelty(trials, coders, corpus):
     """Print how often faults are found, and what they cost with and without care."""
     fold = np.random.default_rng(0).permutation(N_OBJECTS).repeat(N_TOUCHES) % N_FOLDS
     y, objects = corpus.ratings["hard"], corpus.objects
-    print("| sensor | false alarms |" + "".join(f" {f} |" for f in [*FAULTS, "other"]))
+    head("sensor", "false alarms", *FAULTS, "other", "RPS whole", "RPS broken")
     for sensor in SENSORS:
         touches = list(trials[sensor])
         faulty = {
@@ -163,7 +148,7 @@ def novelty(trials, coders, corpus):
         for k in range(N_FOLDS):
             train, test = np.flatnonzero(fold != k), np.flatnonzero(fold == k)
             coder = FrozenEstimator(coders[sensor])
-            model = NoveltyGuard(make_pipeline(coder, StandardScaler(), head()))
+            model = NoveltyGuard(make_pipeline(coder, StandardScaler(), linear()))
             model.fit([touches[i] for i in train], y[train], groups=objects[train])
             models = {"plain": model.estimator_, "guarded": model}
             whole = [touches[i] for i in test]
@@ -178,17 +163,13 @@ def novelty(trials, coders, corpus):
                 for way, each in models.items():
                     proba = each.predict_proba(bad)
                     broken[way].append(ranked_probability_score(y[first], proba))
-        rates = "".join(f" {np.concatenate(c).mean():.2f} |" for c in caught.values())
-        print(f"| {sensor} | {np.concatenate(alarms).mean():.2f} |{rates}")
-        print(
-            "  RPS of hard, whole and broken: "
-            + ", ".join(
-                f"{way} {np.mean(scores[way]):.3f} {np.mean(broken[way]):.3f}"
-                for way in scores
-            )
-            + f" ({time.process_time():.0f} s)",
-            flush=True,
-        )
+        caught.setdefault("other", [[np.nan]])
+        rates = [f"{np.concatenate(c).mean():.2f}" for c in (alarms, *caught.values())]
+        both = [
+            " to ".join(f"{np.mean(each[way]):.3f}" for way in ("plain", "guarded"))
+            for each in (scores, broken)
+        ]
+        row(sensor, *rates, *both)
 
 
 def pools(X, columns, corpus):
@@ -234,13 +215,17 @@ def sensors(X, columns, corpus):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+    global N_OBJECTS, ADJECTIVES
+    parser = command(__doc__)
     parser.add_argument("seed", type=int, nargs="?", default=2)
-    every = ["pools", "sensors", "faults", "ten"]
+    every = ["pools", "sensors", "ten", "faults"]
     parser.add_argument("--parts", nargs="+", default=every, choices=every)
+    parser.add_argument("--quick", action="store_true")
     arguments = parser.parse_args()
+    if arguments.quick:
+        N_OBJECTS, ADJECTIVES = 12, ["hard"]
     if {*arguments.parts} != {"faults"}:
-        print("| | RPS | difference | | dispersion |\n|---|---|---|---|---|")
+        head("", "RPS", "difference", "", "dispersion")
     if "ten" in arguments.parts:
         ten_touches(arguments.seed)
     if {*arguments.parts} == {"ten"}:

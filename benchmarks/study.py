@@ -1,26 +1,46 @@
-"""What a study of generated touches takes, and what its patience changes.
+"""What a study of generated touches takes, and what the paper's settings change.
 
-    OMP_NUM_THREADS=1 python benchmarks/study.py time --objects 15 30 60
-    OMP_NUM_THREADS=1 python benchmarks/study.py patience --objects 60 --seeds 0
+    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/study.py TABLE [--quick]
 
-Seconds by the clock of one process, as the records of the study have them: run nothing
-else beside. The study is of Hold, with five sensors, ten trials per object, the paper's
-split, its grid and ten starts.
+TABLE is one of
+
+time      Seconds by the clock of one process, as the records of the study have them:
+          run nothing else beside. Hold, five sensors, ten trials per object, the
+          paper's split, its grid and ten starts, 15 to 60 objects; some minutes.
+patience  The same study with the default stopping and the paper's patience.
+choices   One setting at a time changed from the defaults to the paper's protocol, and
+          back: two corpora of 20 objects and 5 trials, Fast Slide, *hard*, three
+          sensors, networks of five units, three penalties; three folds keep objects
+          whole. Differences are means over the objects of both corpora, ± the standard
+          error over objects, positive where the change is for the worse; seconds are
+          those of the processor. A quarter of an hour.
+
+``--quick`` takes few objects, one corpus and fewer changes: seconds to a minute.
 """
 
-import argparse
+import warnings
 from functools import partial
-from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from data import SENSORS
+from measure import command, head, of_groups, plus_minus, row, timed
+from sklearn.base import clone
 from threadpoolctl import threadpool_limits
 
-from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
+from sklearn_haptic import (
+    NNPOM,
+    PAPER_2020,
+    DistributionalOrdinalRegressor,
+    KSVDTransformer,
+    STHMPTransformer,
+)
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.recordings._biotac import SENSORS
+from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
 from sklearn_haptic.study import run_study
+
+# The seconds of a unit stand in its record, which is not public.
 from sklearn_haptic.study._store import read_record
 
 ADJECTIVES = ["hard", "rough"]
@@ -32,8 +52,8 @@ def stopping(patience, max_iter):
     return DistributionalOrdinalRegressor(network)
 
 
-def timed_study(n_objects, seed=0, **settings):
-    """Return the results of a study, and the seconds of each unit by its name."""
+def timed_study(n_objects, **settings):
+    """Return the results of a study of Hold, and the seconds of each unit."""
     with TemporaryDirectory() as folder:
         study = run_study(
             partial(make_haptic_corpus, n_objects, 10, random_state=0),
@@ -41,7 +61,6 @@ def timed_study(n_objects, seed=0, **settings):
             adjectives=ADJECTIVES,
             procedures=["hold"],
             split="paper",
-            random_state=seed,
             verbose=False,
             **settings,
         )
@@ -51,22 +70,27 @@ def timed_study(n_objects, seed=0, **settings):
     return study, seconds
 
 
-def mean_seconds(seconds, kind):
-    return np.mean([each for unit, each in seconds.items() if unit[0] == kind])
+def time(quick):
+    """Time the units of several numbers of objects, means of two adjectives."""
+    units = "a dictionary and its features", "all models of a fold"
+    head("objects", *units, *(f"the paper's: {unit}" for unit in units))
+    for n_objects in (15,) if quick else (15, 30, 60):
+        cells = []
+        for protocol in ("default",) if quick else ("default", "paper"):
+            _, seconds = timed_study(n_objects, protocol=protocol)
+            for kind in ("features", "models"):
+                taken = [each for unit, each in seconds.items() if unit[0] == kind]
+                cells.append(f"{np.mean(taken):.1f}")
+        row(n_objects, *cells)
 
 
-def print_patience(sizes, seeds):
+def patience(quick):
     """Compare the default stopping with the paper's patience, on the same features."""
-    print(
-        "| objects | seed | adjective | networks chosen otherwise "
-        "| MAE^M, 30 of 200 | MAE^M, 150 of 500 | seconds | seconds |"
-    )
-    print("|---|---|---|---|---|---|---|---|")
-    for n_objects, seed in product(sizes, seeds):
-        studies = [
-            timed_study(n_objects, seed, regressor=stopping(*limits))
-            for limits in ((30, 200), (150, 500))
-        ]
+    limits = (30, 200), (150, 500)
+    cells = [f"{name}, {a} of {b}" for name in ("MAE^M", "seconds") for a, b in limits]
+    head("objects", "adjective", "networks chosen otherwise", *cells)
+    for n_objects in (15,) if quick else (15, 60):
+        studies = [timed_study(n_objects, regressor=stopping(*of)) for of in limits]
         for adjective in ADJECTIVES:
             chosen, errors, times = [], [], []
             for study, seconds in studies:
@@ -78,44 +102,117 @@ def print_patience(sizes, seeds):
                 errors.append(f"{full['macro_mae'].mean():.3f}")
                 times.append(f"{seconds['models', 'hold', adjective, 0]:.0f}")
             others = (chosen[0] != chosen[1]).any(axis=1).sum()
-            row = n_objects, seed, adjective, f"{others} of 6", *errors, *times
-            print("| " + " | ".join(map(str, row)) + " |", flush=True)
+            row(n_objects, adjective, f"{others} of {len(chosen[0])}", *errors, *times)
 
 
-def print_seconds(sizes):
-    """Time the units of several numbers of objects, means of two adjectives."""
-    print(
-        "| objects | a dictionary and its features | all models of a fold "
-        "| the paper's dictionary and features | its models |"
-    )
-    print("|---|---|---|---|---|")
-    for n_objects in sizes:
-        studies = [
-            timed_study(n_objects, protocol=protocol)[1]
-            for protocol in ("default", "paper")
-        ]
-        seconds = [
-            mean_seconds(of_study, kind)
-            for of_study in studies
-            for kind in ("features", "models")
-        ]
-        row = " | ".join(f"{each:.1f}" for each in seconds)
-        print(f"| {n_objects} | {row} |", flush=True)
+# The paper's settings -----------------------------------------------------------------
+
+SCORES = {"macro_mae": "MAE^M", "rps": "RPS", "log_score": "log score"}
+REGRESSORS = {
+    "default": stopping(30, 200),
+    "paper": DistributionalOrdinalRegressor(**PAPER_2020),
+}
+DECODING = set(PAPER_2020) - {"estimator"}
+
+
+def changes(base, other):
+    """Name -> settings of `run_study` that make one change to a protocol."""
+    to_paper, theirs = other == "paper", REGRESSORS[other]
+    update = {"default": "approximate", "paper": "exact"}
+    coders = {
+        "pac": KSVDTransformer(40, window=22, update=update[base]),
+        "pdc": KSVDTransformer(25, window=50, update=update[base]),
+        "electrodes": STHMPTransformer(update=update[base]),
+    }  # which remove the means of windows
+
+    def network(*names):
+        given = {
+            f"estimator__{name}": getattr(theirs.estimator, name) for name in names
+        }
+        return {"regressor": clone(REGRESSORS[base]).set_params(**given)}
+
+    decoding = {name: getattr(theirs, name) for name in DECODING}
+    decoding = clone(REGRESSORS[base]).set_params(**decoding)
+    return {
+        "nothing": {},
+        "all of them": {"protocol": other},
+        "update of K-SVD": {"update": update[other]},
+        "means of windows removed": {"sensors": coders},
+        "dictionaries from training objects": {"dictionaries": "training objects"},
+        "features as extracted" if to_paper else "features standardised and rotated": {
+            "standardise": not to_paper
+        },
+        "scale within the network": network("scale_features"),
+        f"{theirs.estimator.gaps} gaps": network("gaps"),
+        "solver and its patience": network(
+            "solver", "max_iter", "tol", "n_iter_no_change"
+        ),
+        "positions and decoding": {"regressor": decoding},
+        "score to choose by": {
+            "scoring": neg_macro_mae_scorer if to_paper else neg_rps_scorer
+        },
+    }
+
+
+def scores_of(settings, seeds, n_objects):
+    """Scores of each object by the full model, shape (n_objects, n_scores)."""
+    found = []
+    for seed in seeds:
+        with TemporaryDirectory() as folder:
+            study = run_study(
+                partial(make_haptic_corpus, n_objects, 5, random_state=seed),
+                folder,
+                adjectives=["hard"],
+                procedures=["fast_slide"],
+                split="group_kfold",
+                n_splits=3,
+                n_repeats=1,
+                n_hidden=[5],
+                alpha=[0.1, 1.0, 10.0],
+                n_starts=1,
+                random_state=seed,
+                verbose=False,
+                **{"sensors": ["pac", "pdc", "electrodes"]} | settings,
+            )
+        full = study.scores.query("held_out == 'none'")
+        found.append(of_groups(full[list(SCORES)].to_numpy(), full["object"]))
+    return np.concatenate(found)
+
+
+def choices(quick):
+    """Print what each change to the protocols of a study changes."""
+    seeds, n_objects = ((0,), 9) if quick else ((0, 1), 20)
+    for base, other in (("default", "paper"), ("paper", "default")):
+        title = f'From protocol="{base}" to protocol="{other}"'
+        head("changed", *SCORES.values(), "seconds", title=title)
+        of_base = None
+        for name, settings in list(changes(base, other).items())[
+            : 3 if quick else None
+        ]:
+            settings = {"protocol": base} | settings
+            seconds, scores = timed(scores_of, settings, seeds, n_objects)
+            if of_base is None:
+                of_base = scores
+                cells = [f"{mean:.3f}" for mean in scores.mean(axis=0)]
+                cells = [cell.replace("inf", "infinite") for cell in cells]
+            else:
+                pairs = zip(scores.T, of_base.T)
+                cells = [
+                    plus_minus(a - b, 3) if np.isfinite([a, b]).all() else "infinite"
+                    for a, b in pairs
+                ]
+            row(name, *cells, f"{seconds:.0f}")
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("table", choices=["time", "patience"])
-    parser.add_argument("--objects", type=int, nargs="+", default=[15, 30, 60])
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0])
+    tables = {"time": time, "patience": patience, "choices": choices}
+    parser = command(__doc__)
+    parser.add_argument("table", choices=tables)
+    parser.add_argument("--quick", action="store_true")
     arguments = parser.parse_args()
+    warnings.simplefilter("ignore")  # of fits that end early
     with threadpool_limits(1, user_api="blas"):
-        if arguments.table == "time":
-            print_seconds(arguments.objects)
-        else:
-            print_patience(arguments.objects, arguments.seeds)
+        tables[arguments.table](arguments.quick)
 
 
 if __name__ == "__main__":

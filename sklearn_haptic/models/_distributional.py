@@ -157,7 +157,7 @@ class DistributionalOrdinalRegressor(
     predictions of trees, and of any regressor, whose ratings are rounded, jump as p
     grows. They are averaged over 384 positions, and over 1024 or more for trials whose
     jumps need them, so that the CDF is off by less than 0.005
-    (`benchmarks/ordinal.py`).
+    (`benchmarks/networks.py`).
 
     References
     ----------
