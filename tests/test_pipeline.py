@@ -1,7 +1,5 @@
 """The whole system: raw recordings in, distributions for unseen objects out."""
 
-import pickle
-
 import joblib
 import numpy as np
 import pytest
@@ -12,7 +10,7 @@ from sklearn.callback import ProgressBar
 from sklearn.compose import ColumnTransformer
 from sklearn.feature_selection import VarianceThreshold
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
-from sklearn.pipeline import FeatureUnion, make_pipeline
+from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import (
@@ -23,7 +21,7 @@ from sklearn_haptic import (
     STHMPTransformer,
     TemporalMaxPool,
 )
-from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
+from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
 
 pytestmark = pytest.mark.slow
@@ -160,43 +158,6 @@ def test_papers_parameters_give_its_feature_counts():
     assert X.shape == (6, 31 * 14 * 10)
 
 
-def test_fast_slide_is_too_short_for_sixteen_cells_of_the_papers_rule():
-    corpus = make_haptic_corpus(
-        3, 2, procedure="fast_slide", sensors=["pdc"], random_state=0
-    )
-    steps = make_pipeline(
-        KSVDTransformer(5, window=50, max_iter=1, random_state=0),
-        TemporalMaxPool(drop_fine_levels=True),
-    ).fit(corpus.trials["pdc"])
-    assert max(steps[-1].cells_) <= 8
-    steps.set_params(temporalmaxpool__drop_fine_levels=False).fit(corpus.trials["pdc"])
-    assert steps[-1].cells_ == (16, 8, 4, 2, 1)
-
-
-def test_union_memory_and_pickle(corpus, tmp_path):
-    union = FeatureUnion(
-        [
-            (
-                f"window{window}",
-                make_pipeline(
-                    KSVDTransformer(5, 2, window=window, max_iter=2, random_state=0),
-                    TemporalMaxPool((2, 1)),
-                    memory=str(tmp_path),
-                ),
-            )
-            for window in (10, 20)
-        ]
-    )
-    first = union.fit_transform(corpus.trials["pdc"])
-    cached = clone(union).fit_transform(corpus.trials["pdc"])
-    np.testing.assert_array_equal(first, cached)
-    model = whole_pipeline().fit(corpus.trials, corpus.ratings["hard"])
-    loaded = pickle.loads(pickle.dumps(model))
-    np.testing.assert_array_equal(
-        loaded.predict_proba(corpus.trials), model.predict_proba(corpus.trials)
-    )
-
-
 def electrodes_head(*, memory=None, max_iter=3):
     return make_pipeline(
         STHMPTransformer(6, 3, max_iter=max_iter, memory=memory, random_state=0),
@@ -278,48 +239,3 @@ def test_progress_bar(corpus, capsys):
     )
     np.testing.assert_array_equal(pooled, expected)
     assert "STHMPTransformer" in capsys.readouterr().out
-
-
-def test_real_recordings_through_all_five_sensors(shared_data):
-    corpus = load_phac2(
-        shared_data / "bolt_pilot" / "bolt_pilot_phac2_layout.h5", procedure="hold"
-    )
-    runs = np.array([int(name.rsplit("_", 1)[1]) for name in corpus.trials.index])
-    levels = np.array([100, 150, 200])
-    grip = levels[(runs - 1) // 5]
-    glass = corpus.objects == 903  # has 14 trials; see below
-    kept = np.flatnonzero(~glass)
-    sensors = [
-        (
-            sensor,
-            make_pipeline(
-                KSVDTransformer(
-                    6, 3, window=window, max_iter=3, remove_mean=False, random_state=0
-                ),
-                TemporalMaxPool((4, 2, 1)),
-            ),
-            sensor,
-        )
-        for sensor, window in [("pac", 22), ("pdc", 50), ("tac", 50), ("tdc", 50)]
-    ]
-    images = make_pipeline(
-        STHMPTransformer(6, 3, max_iter=3, random_state=0), TemporalMaxPool((4, 2, 1))
-    )
-    model = make_pipeline(
-        ColumnTransformer([*sensors, ("electrodes", images, "electrodes")]),
-        StandardScaler(),
-        DistributionalOrdinalRegressor(NNPOM(0, alpha=100), levels=levels),
-    )
-    X, y, groups = corpus.trials.iloc[kept], grip[kept], corpus.objects[kept]
-    scores = cross_validate(
-        model, X, y, groups=groups, cv=GroupKFold(4), scoring=neg_rps_scorer
-    )["test_score"]
-    marginal = cross_validate(
-        DummyDistribution(levels=levels),
-        np.zeros((len(y), 1)),
-        y,
-        groups=groups,
-        cv=GroupKFold(4),
-        scoring=neg_rps_scorer,
-    )["test_score"]
-    assert scores.mean() > marginal.mean()

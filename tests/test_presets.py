@@ -195,37 +195,3 @@ def test_folds_whose_touches_differ_in_length():
         error_score="raise",
     )
     assert np.isfinite(scores).all()
-
-
-def test_only_the_sensors_asked_for(corpus, tmp_path):
-    only = corpus.trials[["tdc"]]
-    model = make_haptic_pipeline(
-        "tdc", preset="fast", memory=str(tmp_path), random_state=0
-    )
-    search = GridSearchCV(
-        model,
-        {"model__estimator__alpha": [1.0, 100.0], "model__n_duplicates": [5, 15]},
-        cv=GroupKFold(3),
-    ).fit(only, corpus.ratings["cold"], groups=corpus.objects)
-    assert np.isfinite(search.cv_results_["mean_test_score"]).all()
-    again = clone(model).set_params(**search.best_params_)
-    np.testing.assert_array_equal(
-        again.fit(only, corpus.ratings["cold"]).predict_proba(only),
-        search.predict_proba(only),
-    )
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            {"sensors": {"pac": "electrodes"}},
-            r"sensors\['pac'\]='electrodes' must be a",
-        ),
-        ({"sensors": []}, "sensors is empty; name a sensor"),
-        ({"preset": "best"}, "preset='best' must be one of .*'fast'"),
-    ],
-)
-def test_bad_arguments(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        make_haptic_pipeline(**arguments)

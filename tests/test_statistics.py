@@ -1,10 +1,8 @@
 from itertools import pairwise
 
 import numpy as np
-import pandas as pd
 import pytest
 import scipy.fft
-from sklearn.compose import ColumnTransformer
 
 from sklearn_haptic import KSVDTransformer, SignalStatistics
 from sklearn_haptic.features._statistics import band_edges, band_powers
@@ -102,16 +100,6 @@ def test_powers_of_bands_add_up_to_the_variance(n_times):
     np.testing.assert_allclose(powers.sum(axis=1), x.var(axis=1), 1e-12 + tolerance)
 
 
-@pytest.mark.parametrize("n_times", [400, 997, 5000, 100_000])
-@pytest.mark.parametrize("frequency", [0.004, 0.05, 0.3])
-def test_a_wave_is_in_the_band_of_its_frequency(n_times, frequency):
-    wave = np.sin(2 * np.pi * frequency * np.arange(n_times) + 1)
-    model = SignalStatistics(["bands"], n_bands=4).fit([wave])
-    band = np.searchsorted(model.band_edges_, frequency) - 1
-    powers = np.exp(model.transform([wave]))[0]
-    assert powers[band] > 0.95 * powers.sum()
-
-
 def test_a_drift_does_not_cover_high_bands():
     ramp = np.linspace(0, 1, 800)
     (powers,) = band_powers(ramp[np.newaxis] - ramp.mean(), band_edges(4))
@@ -179,29 +167,6 @@ def test_silence_is_at_the_floor():
     model = SignalStatistics(["bands"]).fit(recordings())
     silent = model.transform([np.zeros((50, 3))])
     np.testing.assert_allclose(silent, np.log(1e-8))
-
-
-def test_names_and_frames():
-    X = pd.DataFrame(
-        {"pac": recordings((60, 40), 1), "skin": recordings((30, 20), 2)},
-        index=["first", "second"],
-    )
-    columns = ColumnTransformer(
-        [
-            ("pac", SignalStatistics(("std", "bands"), n_bands=2), "pac"),
-            ("skin", SignalStatistics(("max",)), "skin"),
-        ]
-    ).set_output(transform="pandas")
-    frame = columns.fit_transform(X)
-    assert frame.columns.tolist() == [
-        "pac__t1of1_ch0_std",
-        "pac__t1of1_ch0_band1of2",
-        "pac__t1of1_ch0_band2of2",
-        "skin__t1of1_ch0_max",
-        "skin__t1of1_ch1_max",
-    ]
-    assert frame.index.tolist() == ["first", "second"]
-    np.testing.assert_array_equal(frame.iloc[1, 4], X["skin"].iloc[1][:, 1].max())
 
 
 def test_a_row_of_a_table_is_a_trial_with_one_channel():

@@ -9,7 +9,6 @@ import polars as pl
 import pytest
 from scipy import sparse
 
-from sklearn_haptic.ratings._checks import check_ratings
 from sklearn_haptic.recordings._sequences import Sequences, row_index
 from sklearn_haptic.recordings._trials import channel_names, check_trials, is_table
 from sklearn_haptic.utils._validation import check_numbers
@@ -75,46 +74,6 @@ def test_float32_is_kept_and_not_copied_but_mixtures_are_float64():
     assert check_trials([single])[0] is single
     assert {t.dtype.name for t in check_trials([single, TRIAL])} == {"float64"}
     assert check_trials([TRIAL.astype(int)])[0].dtype == np.float64
-
-
-@pytest.mark.parametrize(
-    ("X", "options", "message"),
-    [
-        ([], {}, "X holds no trials; at least one"),
-        ([TRIAL, TRIAL[:, :1]], {}, "Trial 1 of X has 1 channel, but 2 channels are"),
-        ([TRIAL], {"n_channels": 3}, "2 channels, but 3 channels are expected, as in"),
-        ([np.ones((2, 3, 4))], {}, r"shape \(2, 3, 4\); it must be \(n_times, n_ch"),
-        ([TRIAL], {"ndims": (3,)}, r"it must be \(n_times, height, width\)"),
-        (
-            [np.ones((2, 3, 4)), np.ones((2, 3, 5))],
-            {"ndims": (3,)},
-            "Trial 1 of X has frames of 3 × 5, but frames of 3 × 4 are expected",
-        ),
-        ([TRIAL, TRIAL.T], {}, r"3 channels, .* shape \(2, 3\) is taken for 2 time"),
-        ([TRIAL, None], {}, "Trial 1 of X is None, not an array of shape .* leave the"),
-        (pd.Series([np.nan, TRIAL]), {}, "Trial 0 of X is nan, not an array of shape"),
-        (
-            pd.DataFrame({"id": [1, 2], "pac": RAGGED}),
-            {},
-            r"X has 2 columns, of which \['pac'\] hold trials; choose one with Column",
-        ),
-        (
-            object_array([*RAGGED, *RAGGED]).reshape(2, 2),
-            {},
-            r"which \[0, 1\] hold tri",
-        ),
-        ([TRIAL, TRIAL * np.nan], {}, "Trial 1 of X contains NaN or infinity"),
-        ([[["a", "b"]]], {}, "Trial 0 of X is not an array of numbers"),
-        (
-            pd.DataFrame({"pac": RAGGED, "pdc": RAGGED}),
-            {},
-            r"2 columns, of which \['pac', 'pdc'\] hold trials; choose one with Col",
-        ),
-    ],
-)
-def test_bad_trials(X, options, message):
-    with pytest.raises(ValueError, match=message):
-        check_trials(X, **options)
 
 
 FRAME = pd.DataFrame({"x": [1.0, 2, 3], "y": [4.0, 5, 6], 7: [7.0, 8, 9]})
@@ -191,33 +150,3 @@ def test_row_index():
     assert row_index(Sequences(RAGGED, ["x", "y"], series.index)) is series.index
     assert row_index(RAGGED) is None
     assert row_index(np.eye(2)) is None
-
-
-def test_ratings_in_either_form():
-    counts, levels = check_ratings(np.array(["b", "a", "b"]), levels=["a", "b"])
-    assert counts.tolist() == [[0, 1], [1, 0], [0, 1]]
-    assert levels.tolist() == ["a", "b"]
-    counts, levels = check_ratings([[1, 0, 2]])
-    assert counts.tolist() == [[1, 0, 2]] and levels.tolist() == [1, 2, 3]
-    counts, _ = check_ratings([3, 1], levels=[1, 2, 3, 4, 5])
-    assert counts.tolist() == [[0, 0, 1, 0, 0], [1, 0, 0, 0, 0]]
-    frame = pd.DataFrame([[0.5, 0.5]], columns=["low", "high"])
-    assert check_ratings(frame)[0].tolist() == [[0.5, 0.5]]
-
-
-@pytest.mark.parametrize(
-    ("y", "levels", "message"),
-    [
-        ([1, 7], [1, 2, 3], r"rating 7 in trial 1, which is not among levels=\[1, 2,"),
-        ([[1, 2], [-1, 3]], None, "negative count in trial 1"),
-        ([[1, 2], [0, 0]], None, "no ratings in trial 1; remove"),
-        ([[1, 2]], [1, 2, 3], "2 columns of counts, but there are 3 levels"),
-        ([1, 2], [1, 2, 2], "distinct"),
-        ([1, 2], [], "at least one"),
-        ([0.5, 1.7], None, "Unknown label type: y has continuous ratings, such as 0.5"),
-        ([1.0, np.nan], None, "contains NaN"),
-    ],
-)
-def test_bad_ratings(y, levels, message):
-    with pytest.raises(ValueError, match=message):
-        check_ratings(y, levels)
