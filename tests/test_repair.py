@@ -12,7 +12,6 @@ from sklearn.pipeline import make_pipeline
 from sklearn_haptic import (
     RepairTrials,
     Signal,
-    TaxelGrid,
     make_haptic_pipeline,
 )
 from sklearn_haptic.recordings._repair import estimate_moments
@@ -424,51 +423,12 @@ def test_set_output_leaves_trials_as_they_are(output):
     np.testing.assert_allclose(model.predict_proba(trials), expected)
 
 
-NOTHING = {
-    "None": [None, None],
-    "NA": pd.Series([None, pd.NA]),
-    "unknown": [np.full((3, 2), np.nan), None],
-    "column": pd.DataFrame({"skin": [None, None]}),
-    "table": np.full((3, 4), np.nan),
-}
-
-
-@pytest.mark.parametrize("name", NOTHING)
-def test_trials_without_any_sample_are_refused(name):
-    with pytest.raises(ValueError, match=r"^X holds no samples at all; give one tri"):
-        RepairTrials().fit(NOTHING[name])
-
-
 def test_rows_of_a_table_are_trials_of_one_channel():
     X = np.random.default_rng(0).normal(size=(12, 8))
     X[2, 3] = np.nan
     repaired = RepairTrials().set_output(transform="pandas").fit_transform(X)
     assert repaired.shape == (12, 8)
     assert repaired.iloc[2, 3] == pytest.approx((X[2, 2] + X[2, 4]) / 2)
-
-
-def test_faulty_touches_are_predicted_as_whole_ones():
-    """In a model, with every fault at once in the touches to predict."""
-    rng = np.random.default_rng(0)
-    kinds = np.arange(40) % 2
-    touches = [
-        (1 + kind) * rng.uniform(0.8, 1.2, size=(60, 1)) + rng.normal(size=(60, 16))
-        for kind in kinds
-    ]
-    model = make_pipeline(
-        RepairTrials(limits=(-50, 50)),
-        make_haptic_pipeline(TaxelGrid((4, 4)), random_state=0),
-    ).fit(touches[:30], kinds[:30])
-    faulty = [touch.copy() for touch in touches[30:]]
-    for touch in faulty:
-        touch[:, 3] = 50.0
-        touch[10:13] = np.nan
-        touch[20, 7] = np.nan
-    expected = model.predict_proba(touches[30:])
-    assert (expected.argmax(axis=1) == kinds[30:]).all()
-    np.testing.assert_allclose(model.predict_proba(faulty), expected, atol=0.3)
-    with pytest.raises(ValueError, match="contains NaN or infinity"):
-        model[1:].predict(faulty)
 
 
 def two_sensors(seed):
@@ -546,19 +506,6 @@ def test_a_model_predicts_from_faulty_touches_and_names_the_fault(repairing, nam
     assert set(named["trial"]) == set(range(len(trials)))
     if fault == "rest level":
         assert (named["offset"] > 2.5).all()
-
-
-@pytest.mark.parametrize(
-    "n_trials", [1, 5000, pytest.param(100_000, marks=pytest.mark.slow)]
-)
-def test_any_number_of_trials(n_trials):
-    rng = np.random.default_rng(0)
-    trials = list(rng.normal(size=(n_trials, 6, 2)))
-    trials[-1][2, 1] = np.nan
-    repair = RepairTrials()
-    repaired = repair.fit_transform(trials)
-    assert len(repaired) == n_trials and np.isfinite(repaired[-1]).all()
-    assert repair.faults_["trial"].tolist() == [n_trials - 1]
 
 
 def test_refit_forgets():

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from sklearn.linear_model import orthogonal_mp_gram
 
 from sklearn_haptic.features._sparse_coding import batch_omp, dense_codes, row_norms
@@ -65,46 +63,6 @@ def test_rounding_of_single_precision_atoms_is_no_signal():
         np.testing.assert_array_equal(codes != 0, np.eye(6, dtype=bool))
 
 
-def brute_force_supports(signals, atoms, n_nonzero_coefs):
-    """The supports of `brute_force_omp` for all signals at a time.
-
-    Also each signal's smallest margin between the two largest correlations of a step.
-    """
-    signals, atoms = signals.astype(np.float64), atoms.astype(np.float64)
-    support = np.empty((n_nonzero_coefs, len(signals)), dtype=int)
-    margins = np.full(len(signals), np.inf)
-    residuals = signals
-    for k in range(n_nonzero_coefs):
-        correlations = np.abs(residuals @ atoms.T)
-        np.put_along_axis(correlations, support[:k].T, 0, axis=1)
-        support[k] = correlations.argmax(axis=1)
-        second, first = np.sort(correlations, axis=1)[:, -2:].T
-        margins = np.minimum(margins, 1 - second / first)
-        taken = atoms[support[: k + 1].T]
-        normal_matrices = taken @ taken.transpose(0, 2, 1)
-        coefs = np.linalg.solve(normal_matrices, taken @ signals[:, :, None])
-        residuals = signals - (coefs.transpose(0, 2, 1) @ taken)[:, 0]
-    return support, margins
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "n_features, n_atoms, n_coefs", [(22, 40, 4), (50, 25, 4), (9, 10, 3)]
-)
-@pytest.mark.parametrize("dtype", DTYPES)
-def test_supports_of_many_signals_equal_brute_force(
-    n_features, n_atoms, n_coefs, dtype
-):
-    rng = np.random.default_rng(10)
-    atoms = random_dictionary(n_atoms, n_features, rng).astype(dtype)
-    signals = rng.normal(size=(20_001, n_features)).astype(dtype)
-    support, _ = batch_omp(signals, atoms, n_coefs)
-    expected, margins = brute_force_supports(signals, atoms, n_coefs)
-    clear = margins > 16 * np.finfo(dtype).eps
-    assert clear.mean() > 0.999
-    np.testing.assert_array_equal(support[:, clear], expected[:, clear])
-
-
 @pytest.mark.parametrize("n_signals", [99, 100])  # below and at all pairs of atoms
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_equal_correlations_go_to_the_first_atom(n_signals, dtype):
@@ -140,59 +98,6 @@ def test_equals_authors_code(shared_data, problem, dtype, rtol):
     np.testing.assert_array_equal(codes != 0, expected != 0)
     largest = np.abs(expected).max(axis=1, keepdims=True)
     assert (np.abs(codes - expected) <= rtol * largest).all()
-
-
-@pytest.mark.parametrize(
-    "dtype, exponents", [(np.float64, [-500, 498]), (np.float32, [-100, 99])]
-)
-def test_codes_scale_with_signals(dtype, exponents):
-    rng = np.random.default_rng(2)
-    atoms = random_dictionary(20, 10, rng).astype(dtype)
-    signals = rng.normal(size=(100, 10)).astype(dtype)
-    codes = codes_of(signals, atoms, 4)
-    for exponent in exponents:
-        scaled = codes_of(np.ldexp(signals, exponent), atoms, 4)
-        np.testing.assert_array_equal(scaled, np.ldexp(codes, exponent))
-
-
-@pytest.mark.parametrize(
-    "dtype, factors", [(np.float64, [1e-150, 1e150]), (np.float32, [1e-30, 1e30])]
-)
-def test_extreme_scales(dtype, factors):
-    rng = np.random.default_rng(3)
-    atoms = random_dictionary(20, 10, rng).astype(dtype)
-    signals = rng.normal(size=(100, 10)).astype(dtype)
-    codes = codes_of(signals, atoms, 4)
-    rtol = 1e3 * np.finfo(dtype).eps
-    for factor in factors:
-        scaled = codes_of(signals * dtype(factor), atoms, 4) / dtype(factor)
-        np.testing.assert_allclose(scaled, codes, rtol=rtol, atol=rtol)
-        # Atoms of another norm are the same directions.
-        scaled = codes_of(signals, atoms * dtype(factor), 4) * dtype(factor)
-        np.testing.assert_allclose(scaled, codes, rtol=rtol, atol=rtol)
-
-
-@settings(deadline=None, max_examples=50)
-@given(
-    seed=st.integers(0, 1000),
-    n_features=st.integers(1, 12),
-    n_atoms=st.integers(1, 15),
-    n_coefs=st.integers(1, 20),
-    dtype=st.sampled_from(DTYPES),
-    exponent=st.integers(-60, 60),
-)
-def test_invariants(seed, n_features, n_atoms, n_coefs, dtype, exponent):
-    rng = np.random.default_rng(seed)
-    atoms = random_dictionary(n_atoms, n_features, rng).astype(dtype)
-    signals = np.ldexp(rng.normal(size=(20, n_features)), exponent).astype(dtype)
-    support, coefs = batch_omp(signals, atoms, n_coefs)
-    assert np.isfinite(coefs).all()
-    for atoms_taken, values in zip(support.T, coefs.T):
-        taken = atoms_taken[values != 0]
-        assert len(set(taken)) == len(taken) <= min(n_coefs, n_features, n_atoms)
-    residual = signals - dense_codes(support, coefs, n_atoms) @ atoms
-    slack = 1 + 1e3 * np.finfo(dtype).eps
-    assert (row_norms(residual) <= slack * row_norms(signals)).all()
 
 
 @pytest.mark.parametrize("dtype", DTYPES)

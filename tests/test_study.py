@@ -34,7 +34,6 @@ from sklearn_haptic import (
     metrics,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.model_selection import contribution_summary
 from sklearn_haptic.recordings._biotac import PROCEDURES
 from sklearn_haptic.recordings._biotac import SENSORS as SENSORS_OF_PHAC2
 from sklearn_haptic.study import read_study, run_study
@@ -303,17 +302,6 @@ def test_other_settings(folder, setting, value):
     assert modified(folder) == before
 
 
-def test_lost_settings(copied):
-    (copied / "study.json").unlink()
-    with pytest.raises(ValueError, match=r"no study\.json that says of which"):
-        run_study(CORPUS, copied, **SETTINGS)
-    with pytest.raises(ValueError, match=r"holds no study: study\.json is missing"):
-        read_study(copied)
-    (copied / "study.json").write_text('{"version"')
-    with pytest.raises(ValueError, match=r"study\.json is damaged"):
-        read_study(copied)
-
-
 SIZE = [8, 2]
 
 
@@ -331,28 +319,6 @@ def test_corpus_that_changed(tmp_path, monkeypatch, size):
     ) as raised:
         run_study(corpus_of_size, tmp_path, **SETTINGS)
     assert "('features', 'fast_slide', 'pdc')" in raised.value.__notes__[0]
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"adjectives": ["hardness"]}, "Unknown adjective 'hardness'; .*'hard'"),
-        ({"procedures": ["poke"]}, "Unknown procedure 'poke'"),
-        ({"sensors": ["nose"]}, "Unknown sensor 'nose'"),
-        ({"n_hidden": [0, 1]}, r"n_hidden=\[0, 1\] must list whole numbers of at lea"),
-        ({"n_hidden": []}, r"n_hidden=\[\] must list whole numbers"),
-        ({"alpha": [-1]}, r"alpha=\[-1\] must list numbers of at least 0"),
-        ({"scoring": "rps"}, "'scoring' parameter|'rps' is not a valid scoring"),
-        ({"split": "loo"}, "The 'split' parameter"),
-        (
-            {"regressor": DistributionalOrdinalRegressor()},
-            "regressor has the estimator None; give it an NNPOM",
-        ),
-    ],
-)
-def test_wrong_settings(tmp_path, wrong, message):
-    with pytest.raises(ValueError, match=message):
-        run_study(CORPUS, tmp_path, **{**SETTINGS, **wrong})
 
 
 # Checks at the start ------------------------------------------------------------
@@ -484,14 +450,6 @@ def test_no_two_units_share_a_file(names, others):
     assert one.parent == Path("a/models")
 
 
-@pytest.mark.parametrize("n", [1, 5_000, 100_000])
-def test_ids_of_many_trials(tmp_path, n):
-    objects = [f"{i:06d}" for i in range(n)]
-    table = store_ids(tmp_path, list(range(n)), objects)
-    assert table["object"].tolist() == objects
-    assert table["trial"].tolist() == list(range(n))
-
-
 OBJECTS = np.unique(CORPUS(procedure="fast_slide", sensors=["tdc"]).objects)
 RENAMED = dict(zip(OBJECTS, ["007", "1", "11", "1_1", "1e1", "7", "8", "８"]))
 
@@ -520,12 +478,6 @@ def test_output_of_transformers(folder, tmp_path, container):
         study = run_study(CORPUS, tmp_path, **SETTINGS)
     assert_same_study(study, read_study(folder))
     assert data_of(tmp_path) == data_of(folder)
-
-
-def test_nothing_finished(tmp_path):
-    open_study(tmp_path, {"procedures": []})
-    with pytest.raises(ValueError, match="no finished models yet"):
-        read_study(tmp_path)
 
 
 # Starts -----------------------------------------------------------------------
@@ -627,15 +579,6 @@ def test_scores_are_those_of_probabilities_and_counts(folder):
         np.testing.assert_array_equal(scores[name], score(counts, proba, average=False))
     terms = scores[[f"rps_{k}" for k in (1, 2, 3, 4)]].sum(axis=1)
     np.testing.assert_allclose(terms, scores["rps"], rtol=1e-12)
-
-
-def test_summary_of_contributions(folder):
-    scores = read_study(folder).scores
-    summary = contribution_summary(scores, metric="rps", by=["adjective", "procedure"])
-    full = scores[scores["held_out"] == "none"].groupby("adjective")["rps"].mean()
-    np.testing.assert_allclose(
-        summary["full"], full[summary["adjective"]].to_numpy(), rtol=1e-12
-    )
 
 
 def test_baselines(folder):
