@@ -965,3 +965,8 @@ def test_a_line_for_each_unit(copied, capsys):
     lines = capsys.readouterr().err.splitlines()
     assert [line.split("]")[0] for line in lines] == ["[3/4", "[4/4"]
     assert lines[-1].endswith("about 0.0 min left")
+
+
+def test_an_adjective_that_the_corpus_does_not_have(tmp_path):
+    with pytest.raises(ValueError, match="Unknown adjective 'hardness'; .*'hard'"):
+        run_study(CORPUS, tmp_path, **SETTINGS | {"adjectives": ["hardness"]})
