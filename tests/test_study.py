@@ -968,5 +968,5 @@ def test_a_line_for_each_unit(copied, capsys):
 
 
 def test_an_adjective_that_the_corpus_does_not_have(tmp_path):
-    with pytest.raises(ValueError, match="Unknown adjective 'hardness'; .*'hard'"):
+    with pytest.raises(ValueError, match=r"Unknown adjective 'hardness'; .*'hard'"):
         run_study(CORPUS, tmp_path, **SETTINGS | {"adjectives": ["hardness"]})
