@@ -1,13 +1,14 @@
 """What was fitted stays fitted: frozen estimators, interrupted fits, new parameters."""
 
 import sys
+from copy import copy
 from pathlib import Path
 
 import mord
 import numpy as np
 import pandas as pd
 import pytest
-from fitted_models import MODELS, fitted, groups_of
+from fitted_models import MODELS, fitted, groups_of, methods_of
 from sklearn.base import clone
 from sklearn.ensemble import RandomForestRegressor
 from sklearn.exceptions import NotFittedError
@@ -295,3 +296,35 @@ def test_a_refused_refit_leaves_the_old_model(name):
     with pytest.raises((ValueError, TypeError)):
         model.fit(X[:0] if not hasattr(X, "iloc") else X.iloc[:0], y)
     assert set(vars(model)) == before
+
+
+# Parameters --------------------------------------------------------------------
+
+# Choices at prediction, as their documentation says.
+AT_PREDICTION = {"decode", "rule", "n_quantiles", "memory", "n_jobs"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OWN)
+def test_no_parameter_is_read_at_prediction(name):
+    _, X, _ = MODELS[name]
+    model = copy(fitted(name))
+    before = outcome(model, X)
+    for parameter in model.get_params(deep=False).keys() - AT_PREDICTION:
+        setattr(model, parameter, object())
+    for old, new in zip(before, outcome(model, X), strict=True):
+        np.testing.assert_array_equal(old, new)
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_what_is_not_fitted_says_so(name):
+    unfitted, X, y = MODELS[name]
+    asked = 0
+    for method, call in methods_of(clone(unfitted), X, y).items():
+        if method in ("transform", "distances", "p_values", "weights", "blur") or (
+            method.startswith(("predict", "sample", "score", "start", "expected"))
+        ):
+            asked += 1
+            with pytest.raises(NotFittedError):
+                call()
+    assert asked

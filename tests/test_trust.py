@@ -28,7 +28,7 @@ import pandas as pd
 import pytest
 import sklearn
 import skops.io
-from fitted_models import CORPUS, COUNTS, MODELS, NAMED, fitted
+from fitted_models import CORPUS, COUNTS, MODELS, NAMED, fitted, methods_of
 from load_and_predict import (
     LOADERS,
     digests,
@@ -552,41 +552,6 @@ def unusual_state():
         warnings.filterwarnings("ignore", "nothing in particular")
         yield
     pyplot.close("all")
-
-
-def methods_of(model, X, y):
-    """Calls of every public method of a fitted model of this package."""
-    calls = {
-        name: lambda name=name: list(getattr(model, name)(X))
-        for name in (
-            *("transform", "fit_transform", "predict", "predict_proba"),
-            *("predict_cdf", "predict_latent", "hidden_activations"),
-            *("predict_when_done", "distances", "p_values"),
-        )
-    }
-    calls |= {
-        "predict_quantile": lambda: model.predict_quantile(X, [0.1, 0.5]),
-        "predict_rating": lambda: model.predict_rating(X, [0.1, 0.5]),
-        "predict_proba_over_time": lambda: model.predict_proba_over_time(X, [0.5, 2]),
-        "start": lambda: model.start(),
-        "sample": lambda: model.sample(X, 2, random_state=0),
-        "weights": lambda: model.weights([["a"]]),
-        "blur": lambda: model.blur([["a"]]),
-        "expected_excess": lambda: model.expected_excess([["a"]]),
-        "score": lambda: model.score(X, y),
-        "get_params": lambda: model.get_params(),
-        "set_params": lambda: model.set_params(),
-        "get_metadata_routing": lambda: model.get_metadata_routing(),
-        "validation_share": lambda: model.validation_share(),
-        "fit": lambda: clone(model).fit(X, y),
-    }
-    if hasattr(model, "faults"):
-        calls["faults"] = lambda: model.faults(X)
-    if hasattr(model, "transform"):
-        calls["get_feature_names_out"] = lambda: model.get_feature_names_out()
-    if isinstance(getattr(model, "weights", None), str):  # a choice of a blend
-        del calls["weights"]
-    return {name: call for name, call in calls.items() if hasattr(model, name)}
 
 
 def test_every_public_method_is_called():
