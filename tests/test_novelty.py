@@ -1,13 +1,17 @@
 """How unlike others a touch is, against plain loops and searches."""
 
+import tracemalloc
+import warnings
+
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.spatial import cKDTree
 from sklearn.base import clone
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from told_groups import Told
 
 from sklearn_haptic import (
@@ -330,3 +334,68 @@ def test_groups_that_are_the_classes_are_refused():
         model.fit(X, names, groups=objects)
     model.fit(X, names, groups=np.tile([0, 1, 2], 6))  # runs
     assert (model.predict(X) == names).mean() > 0.9
+
+
+# Extremes ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("unit", [1e-200, 1.0, 1e200])
+@pytest.mark.parametrize("offset", [0.0, 1e8])
+def test_distances_do_not_cancel_or_overflow(unit, offset):
+    X, _, objects = made(7)
+    X = np.round(X * 2**10) / 2**10  # so that the offset costs no digit
+    looped = [
+        min(np.sqrt(np.mean((x - z) ** 2)) for z, b in zip(X, objects) if a != b)
+        for x, a in zip(X, objects)
+    ]
+    moved = unit * (X + offset)
+    found = nearest_distances(moved, moved, objects, objects)
+    np.testing.assert_allclose(found / unit, looped, rtol=1e-6)
+    np.testing.assert_array_equal(nearest_distances(moved, moved), 0)
+
+
+def test_a_touch_may_be_any_distance_away():
+    X, _, _ = made(7)
+    for far in (1e150, 1e250, 1e300):
+        (found,) = nearest_distances(np.full((1, 4), far), X)
+        assert found == pytest.approx(far)
+
+
+def test_distances_take_little_memory():
+    """20 000 touches would need 3.2 GB for all distances at once."""
+    rows = np.random.default_rng(0).normal(size=(20_000, 3))
+    tracemalloc.start()
+    found = nearest_distances(rows, rows, np.arange(20_000), np.arange(20_000))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2e8
+    tree = cKDTree(rows).query(rows, k=2)[0][:, 1]
+    np.testing.assert_allclose(found, tree / np.sqrt(3), rtol=1e-9)
+
+
+def test_few_objects_are_told_that_no_p_value_is_small():
+    X, counts, objects = made(18)
+    with pytest.warns(UserWarning, match="below 1/19, since there are 18 objects; giv"):
+        few = guard().fit(X, counts, groups=objects)
+    assert few.p_values(np.full((1, 4), 1e6)) == pytest.approx(1 / 19)
+    X, counts, objects = made(19)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        enough = guard().fit(X, counts, groups=objects)
+    assert enough.p_values(np.full((1, 4), 1e6)) == pytest.approx(0.05)
+
+
+def test_sensors_in_a_pipeline_without_a_column_transformer():
+    """A first step that takes the whole table of trials is as good as any."""
+    corpus = make_haptic_corpus(20, 2, sensors=["pdc", "tdc"], random_state=0)
+
+    def means(trials):
+        return np.hstack(
+            [np.stack([t.mean(axis=0) for t in trials[s]]) for s in trials]
+        )
+
+    steps = FunctionTransformer(means), StandardScaler(), NNPOM(0)
+    model = NoveltyGuard(make_pipeline(*steps), cv=2)
+    model.fit(corpus.trials, corpus.ratings["hard"], groups=corpus.objects)
+    dead = corpus.trials.assign(pdc=corpus.trials["pdc"].map(lambda t: 0 * t))
+    assert (model.p_values(dead) < 0.06).all()
