@@ -24,7 +24,7 @@ from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import KSVDTransformer, TemporalMaxPool
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.plotting import AtomsDisplay, FeatureMapDisplay, SignalsDisplay
+from sklearn_haptic.plotting import AtomsDisplay, SignalsDisplay
 
 procedures = ["squeeze", "hold", "slow_slide", "fast_slide"]
 corpora = {
@@ -135,13 +135,19 @@ print(f"{features.shape[0]} trials, {features.shape[1]} features each, such as")
 print(pipeline.get_feature_names_out()[[0, 200, -1]])
 
 # %%
-# The figure shows this for one finger and ten atoms, so that single codes are visible.
-# Below the codes are the maxima, at the places of their cells.
+# The figure shows this for one finger and ten atoms, so that single codes are visible:
+# the codes over time, and the maxima in the four quarters.
 few = make_pipeline(
     KSVDTransformer(n_atoms=10, window=22, n_nonzero_coefs=2, random_state=0),
     TemporalMaxPool((4, 2, 1)),
 ).fit([each[:, :1] for each in trials])
-display = FeatureMapDisplay.from_estimator(few, trial[:, :1], sampling_rate=rate)
-display.figure_.suptitle("Codes of one finger, and the maxima that are its features")
+codes = few[0].transform([trial[:, :1]])[0].T
+quarters = few.transform([trial[:, :1]])[0, : 4 * len(codes)].reshape(4, -1).T
+_, axes = plt.subplots(2, figsize=(6.4, 4.4), layout="constrained", sharex=True)
+seconds = 0, len(trial) / rate, len(codes) - 0.5, -0.5
+for ax, values, title in zip(axes, (codes, quarters), ("codes", "maxima of quarters")):
+    ax.imshow(np.sqrt(values), cmap="Blues", aspect="auto", extent=seconds)
+    ax.set(title=title, ylabel="atom, + then −")
+axes[1].set_xlabel("time, s")
 if matplotlib.get_backend().lower() != "agg":
     plt.show()

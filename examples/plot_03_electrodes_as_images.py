@@ -23,7 +23,7 @@ from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import STHMPTransformer, TemporalMaxPool
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.plotting import AtomsDisplay, FeatureMapDisplay
+from sklearn_haptic.plotting import AtomsDisplay
 
 corpus = make_haptic_corpus(
     30, 1, procedure="slow_slide", sensors=["electrodes"], random_state=0
@@ -99,8 +99,12 @@ pipeline = make_pipeline(coder, TemporalMaxPool((4, 2, 1)))
 features = pipeline.fit_transform(trials)
 print(f"{features.shape[0]} trials, {features.shape[1]} features each, such as")
 print(pipeline.get_feature_names_out()[[0, 1000, -1]])
-display = FeatureMapDisplay.from_estimator(pipeline, trial, sampling_rate=rate)
-display.figure_.suptitle("Codes of the slide over glass, and their maxima")
+codes = coder.transform([trial])[0]
+_, ax = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
+seconds = 0, len(codes) / rate, codes.shape[1] - 0.5, -0.5
+ax.imshow(np.sqrt(codes.T), cmap="Blues", aspect="auto", extent=seconds)
+ax.set(xlabel="time, s", ylabel="feature: 20 codes of each of 28 cells")
+ax.set_title("Codes of the slide over glass, square roots")
 
 # %%
 # 5. Other layouts

@@ -196,12 +196,21 @@ for name in first_and_last:
 # %%
 # 4. One object
 # -------------
-# How cold is the object of the first figure? The upper panel has the inverse CDF of
-# each touch by the paper's settings, the lower panel by the same model with a penalty
-# that fits (Figure 11 of the paper).
+# How cold is the object of the first figure? Models of all other objects predict a
+# rating at each of 99 positions (Figure 11 of the paper): in the upper panel with the
+# paper's settings, in the lower panel with a penalty that fits. The lines are the
+# ratings as they were predicted, so they may fall as p grows; a distribution has them
+# in order.
+positions = np.arange(1, 100) / 100
 _, panels = plt.subplots(2, 1, figsize=(6.4, 6.4), sharey=True, layout="constrained")
 for name, ax in zip(["the paper's", "+ a penalty that fits"], panels):
-    InverseCDFDisplay.from_predictions(counts, proba[name, "cold"][disputed], ax=ax)
+    model = clone(models[name]).fit(
+        X[~disputed],
+        corpus.ratings["cold"][~disputed],
+        groups=corpus.objects[~disputed],
+    )
+    ratings = model.predict_rating(X[disputed], positions)
+    InverseCDFDisplay.from_ratings(counts, ratings, positions, ax=ax)
     ax.set_title(name)
 plt.show()
 

@@ -25,6 +25,7 @@ import matplotlib.pyplot as plt
 from sklearn_haptic import NNPOM, SensorFusionNNPOM, make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.model_selection import contribution_summary, sensor_contributions
+from sklearn_haptic.plotting import SensorContributionsDisplay
 
 adjective = "hard"
 corpus = make_haptic_corpus(n_objects=40, n_trials=3, random_state=0)
@@ -95,19 +96,15 @@ print(without[columns].head(5).to_string(index=False, float_format="{:.2f}".form
 # %%
 # 5. The figure
 # -------------
-# Each point shows how much worse the model predicts without a sensor, as a mean over
-# objects with its interval of 95 %. If the interval contains zero, the sensor may add
-# nothing. :class:`~sklearn_haptic.plotting.SensorContributionsDisplay` draws such
-# differences for many adjectives at once, with deviations over random starts.
-by_sensor = by_object.groupby("held_out", sort=False)["difference"]
-mean, error = by_sensor.mean(), 1.96 * by_sensor.sem()
-_, ax = plt.subplots(figsize=(6.4, 2.8), layout="constrained")
-ax.axvline(0, color="black", linewidth=1)
-ax.errorbar(mean, mean.index, xerr=error, fmt="o", color="#0072B2", capsize=3)
-ax.invert_yaxis()
-ax.set(
-    xlabel="RPS without the sensor less RPS with all (right: the sensor helps)",
-    title=f"What each sensor adds for “{adjective}”",
-)
+# The display draws the table: above, the score of the model with all sensors ("none")
+# and without each, as in Figure 12 of the paper; below, the differences. Bars of error
+# are standard deviations over random starts. A dagger marks the differences that hold
+# over objects.
+figure, panels = plt.subplots(2, 1, figsize=(6.4, 5.6), layout="constrained")
+for ax, absolute in zip(panels, (True, False)):
+    SensorContributionsDisplay.from_scores(
+        scores, metric="rps", absolute=absolute, ax=ax
+    )
+figure.suptitle(f"What each sensor adds for “{adjective}”")
 if matplotlib.get_backend().lower() != "agg":
     plt.show()

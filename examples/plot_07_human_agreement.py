@@ -52,11 +52,11 @@ print(f"\n{len(long)} rows, {long['rating'].count()} ratings")
 # %%
 # 2. All ratings at a glance
 # --------------------------
-# Each bar is one object and one adjective; the figure has every third object, softest
-# first. If a bar has a single colour, all people agree; if it is shorter, ratings are
-# missing. The figure already shows that hard and soft are opposites, and that moldable
-# and springy are alike.
-softest_first = np.argsort(rating_mean(counts["hard"]), kind="stable")[::3]
+# Each bar is one object and one adjective, with the softest objects first (Figure 4 of
+# the paper). If a bar has a single colour, all people agree; if it is shorter, ratings
+# are missing. The figure already shows that hard and soft are opposites, and that
+# moldable and springy are alike.
+softest_first = np.argsort(rating_mean(counts["hard"]), kind="stable")
 RatingsDisplay.from_counts(
     {adjective: table.iloc[softest_first] for adjective, table in counts.items()},
     objects=[objects[i] for i in softest_first],
@@ -113,8 +113,9 @@ plt.show()
 # %%
 # Synonyms and antonyms are pairs whose correlation is significant, after Holm's
 # correction for 45 pairs, and at least 0.5 in size; cold and warm would need
-# `threshold=0.3`. Statistics do not know meanings: hard and cold are “synonyms”,
-# because many hard objects in this set are cold.
+# `threshold=0.3`. Figure 10 of the paper has no such correction: `corrected=False`.
+# Statistics do not know meanings: hard and cold are “synonyms”, because many hard
+# objects in this set are cold.
 result = adjective_correlation(wide)
 pairs = result.pairs
 print(pairs[pairs["relation"] != "neither"].to_string(index=False, float_format="%.3g"))

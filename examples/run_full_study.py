@@ -12,9 +12,11 @@ You can interrupt it at any time: the same command resumes where it stopped. It 
 the scores beside those of single sensors, of guesses without touch and, for generated
 touches, of the truth. It also says whether the combined network beats single sensors,
 whether the exploratory procedures differ, and what each sensor contributes. The folder
-then holds every prediction (see docs/study.md), and two figures like those of the
-paper: figure_11.png has the predicted and true ratings of an object, figure_12.png the
-contribution of each sensor.
+then holds every prediction (see docs/study.md), and figures like those of the paper:
+figure_11.png has the true ratings of an object and the predicted distributions of its
+touches, of "cold" and Fast Slide as in the paper if the study has them; figure_12.png
+has the scores with all sensors and without each, figure_12_differences.png what each
+sensor adds.
 """
 
 import argparse
@@ -128,8 +130,8 @@ def print_summary(study):
         print(rows[columns].to_string(index=False, float_format="{:.3f}".format))
 
 
-def plot_contributions(scores):
-    """Plot Figure 12: one row per procedure, one group of points per adjective."""
+def plot_contributions(scores, absolute):
+    """Plot Figure 12: one row per procedure, one group per adjective."""
     by_procedure = list(scores.groupby("procedure"))
     n_points = scores["adjective"].nunique() * scores["held_out"].nunique()
     figure, axes = plt.subplots(
@@ -140,7 +142,9 @@ def plot_contributions(scores):
         layout="constrained",
     )
     for ax, (procedure, rows) in zip(axes[:, 0], by_procedure):
-        SensorContributionsDisplay.from_scores(rows, by="adjective", ax=ax)
+        SensorContributionsDisplay.from_scores(
+            rows, by="adjective", absolute=absolute, ax=ax
+        )
         ax.set_title(procedure.replace("_", " "), loc="left")
     return figure
 
@@ -149,6 +153,9 @@ def plot_ratings(scores):
     """Plot Figure 11 for the object that is predicted as well as half of them."""
     keys = ["procedure", "adjective", "fold", "object"]
     model = scores[(scores["held_out"] == "none") & (scores["start"] == 0)]
+    for column, wanted in (("procedure", "fast_slide"), ("adjective", "cold")):
+        if (model[column] == wanted).any():
+            model = model[model[column] == wanted]
     errors = model.groupby(keys)["macro_mae"].mean().sort_values()
     chosen = errors.index[len(errors) // 2]
     rows = model.set_index(keys).sort_index().loc[chosen]
@@ -176,7 +183,9 @@ def main():
     print_means(study)
     print_comparisons(study)
     print_summary(study)
-    plot_contributions(study.scores).savefig(folder / "figure_12.png", dpi=150)
+    for name, absolute in (("figure_12", True), ("figure_12_differences", False)):
+        figure = plot_contributions(study.scores, absolute)
+        figure.savefig(folder / f"{name}.png", dpi=150)
     plot_ratings(study.scores).savefig(folder / "figure_11.png", dpi=150)
     print(f"\nFigures saved in {folder}")
 

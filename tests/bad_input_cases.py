@@ -1097,7 +1097,6 @@ def methods(name, *displays, **given):
 ONE_OBJECT = plotting.InverseCDFDisplay, plotting.DistributionDisplay
 DIAGRAMS = plotting.PITHistogramDisplay, plotting.ReliabilityDisplay
 OF_COUNTS = plotting.RatingsDisplay, plotting.InterraterAgreementDisplay
-ATOMS = plotting.AtomsDisplay, plotting.FeatureMapDisplay
 ask(methods("from_predictions", *ONE_OBJECT),
     check("trials of several objects", COUNTS, PROBA,
         "^y_true has different ratings for different trials; give the"),
@@ -1158,7 +1157,7 @@ ask(methods("from_trials", plotting.SignalsDisplay),
     check("no trial", {}, "^X holds no signals; give it one trial"),
     check("a negative sampling rate", {"pac": TRIALS[0]}, sampling_rate=-100,
         says="^sampling_rate=-100 must be a positive number of samples per second"))
-ask(methods("from_estimator", *ATOMS),
+ask(methods("from_estimator", plotting.AtomsDisplay),
     check("an estimator without atoms", fitted("NNPOM"), TRIALS[0],
         "^estimator is a NNPOM, which has no atoms; give a fitted"),
     check("an estimator that is not fitted", KSVDTransformer(), TRIALS[0],
@@ -1169,9 +1168,6 @@ ask(methods("from_estimator", *ATOMS),
     check("a sampling rate of 0", fitted("KSVDTransformer(window)"), TRIALS[0],
         sampling_rate=0,
         says="^sampling_rate=0 must be a positive number of samples per second"))
-ask(methods("from_estimator", plotting.FeatureMapDisplay),
-    check("a transformer fitted to a table", fitted("KSVDTransformer"), X,
-        "^estimator codes the rows of a table, .*; fit it to trials"))
 
 # Files of recordings and of ratings
 

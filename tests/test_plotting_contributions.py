@@ -38,6 +38,23 @@ def test_contributions_display_draws_what_the_table_holds(holdout_scores):
     pd.testing.assert_frame_equal(display.summary, table)
 
 
+def test_absolute_bars_are_the_scores_of_all_models(holdout_scores):
+    display = SensorContributionsDisplay.from_scores(
+        holdout_scores, metric="emd", by="procedure", absolute=True
+    )
+    by_model = holdout_scores.groupby(["procedure", "held_out", "start"], sort=False)
+    of_starts = by_model["emd"].mean().to_numpy().reshape(6, 5)
+    heights = [bar.get_height() for bar in display.bars_]
+    np.testing.assert_allclose(heights, of_starts.mean(axis=1))
+    lengths = [np.ptp(line[:, 1]) for line in display.points_[2][0].get_segments()]
+    np.testing.assert_allclose(lengths, 2 * of_starts.std(axis=1, ddof=1))
+    names = [label.get_text() for label in display.ax_.get_xticklabels()]
+    assert names == ["none", "tdc", "pac"] * 2
+    assert [mark.get_text() for mark in display.marks_] == ["", "", "", "", "", "†"]
+    assert display.ax_.get_ylabel() == "EMD, levels"
+    assert display.ax_.get_ylim()[0] == 0
+
+
 def test_contributions_display_marks_what_is_significant(holdout_scores):
     display = SensorContributionsDisplay.from_scores(
         holdout_scores, metric="emd", by="procedure"

@@ -56,6 +56,23 @@ def test_lines_are_the_inverse_cdfs_within_half_a_level(n_trials):
     np.testing.assert_array_equal(np.array(drawn) + 1, inverse_cdf(proba, p))
 
 
+def test_ratings_are_drawn_as_they_were_predicted():
+    """They may fall as the position grows; errors are those of equation 3."""
+    p = np.arange(1, 100) / 100
+    ratings = np.random.default_rng(0).integers(1, 6, size=(3, 99))
+    display = InverseCDFDisplay.from_ratings(COUNTS, ratings, p)
+    true = inverse_cdf(COUNTS[None], p)[0]
+    for line, of_trial, score in zip(display.trial_lines_, ratings, display.scores):
+        values, edges, _ = line.get_data()
+        drawn = np.rint(values)[np.searchsorted(edges[1:-1], p)]
+        np.testing.assert_array_equal(drawn + 1, of_trial)
+        errors = [np.abs(of_trial - k)[true == k].mean() for k in np.unique(true)]
+        assert score == pytest.approx(np.mean(errors))
+    assert "mean MAE$^M$" in display.ax_.get_legend().get_title().get_text()
+    with pytest.raises(ValueError, match="6"):
+        InverseCDFDisplay.from_ratings(COUNTS, [[6, 1]], [0.2, 0.7])
+
+
 def test_equal_predictions_are_set_apart():
     display = InverseCDFDisplay.from_predictions(COUNTS, np.full((10, 5), 0.2))
     heights = [line.get_data().values[0] for line in display.trial_lines_]
@@ -142,6 +159,12 @@ def test_from_estimator_equals_from_predictions(display):
     model = LogisticRegression().fit(X, y)
     rows = np.tile([3, 6, 3], (5, 1))
     drawn = display.from_estimator(model, X[:5], rows)
-    np.testing.assert_allclose(drawn.y_proba, model.predict_proba(X[:5]), rtol=1e-15)
+    proba = model.predict_proba(X[:5])
+    given = display.from_predictions([3, 6, 3], proba)
+    assert drawn.ax_.dataLim.bounds == pytest.approx(given.ax_.dataLim.bounds)
+    if display is InverseCDFDisplay:
+        np.testing.assert_allclose(drawn.scores, macro_mae(rows, proba, average=False))
+    else:
+        np.testing.assert_allclose(drawn.y_proba, proba, rtol=1e-15)
     np.testing.assert_array_equal(drawn.counts, [3, 6, 3])
     np.testing.assert_array_equal(drawn.levels, [1, 2, 3])

@@ -191,6 +191,22 @@ def test_antonyms_are_framed_and_what_is_not_significant_is_grey(answers):
     assert "|ρ| ≥ 0, p ≤ 0.99 (Holm)" in legend[0]
 
 
+def test_the_papers_level_is_not_corrected():
+    """A pair that only Holm's correction makes insignificant is written in ink."""
+    ratings = np.random.default_rng(0).normal(size=(40, 5)).round(1)
+    holm, raw = (
+        AdjectiveCorrelationDisplay.from_ratings(
+            ratings, significance=0.3, threshold=0, corrected=corrected
+        )
+        for corrected in (True, False)
+    )
+    pvalue = spearmanr(ratings).pvalue[np.tri(5, k=-1, dtype=bool)]
+    grey = [text.get_color() == "0.5" for text in raw.texts_]
+    np.testing.assert_array_equal(grey, pvalue > 0.3)
+    assert len(raw.frames_) == (pvalue <= 0.3).sum() > len(holm.frames_)
+    assert "(Holm)" not in raw.ax_.get_legend().get_texts()[0].get_text()
+
+
 def test_the_legend_lies_on_no_cell(answers):
     display = AdjectiveCorrelationDisplay.from_ratings(np.array(answers)[:, :2])
     display.figure_.canvas.draw()

@@ -667,13 +667,10 @@ def calls_of_functions(folder):
         plotting.InverseCDFDisplay.from_counts: (COUNTS[0],),
         plotting.InverseCDFDisplay.from_predictions: (COUNTS[[0]], proba[:3]),
         plotting.InverseCDFDisplay.from_estimator: (model, NAMED[:3], COUNTS[[0] * 3]),
+        plotting.InverseCDFDisplay.from_ratings: (COUNTS[0], [[1, 2]], [0.3, 0.7]),
         plotting.SpeedAccuracyDisplay.from_search: (SEARCH,),
         plotting.SignalsDisplay.from_trials: (CORPUS.trials.iloc[:2],),
         plotting.AtomsDisplay.from_estimator: (fitted("ksvd of trials"),),
-        plotting.FeatureMapDisplay.from_estimator: (
-            fitted("ksvd of trials"),
-            MODELS["ksvd of trials"][1][0],
-        ),
         plotting.DistributionDisplay.from_predictions: (COUNTS[[0]], proba[:3]),
         plotting.DistributionDisplay.from_estimator: (
             model,

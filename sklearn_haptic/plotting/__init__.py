@@ -3,9 +3,9 @@
 All raise an ImportError if matplotlib is not installed.
 """
 
+from ._atoms import AtomsDisplay
 from ._calibration import PITHistogramDisplay, ReliabilityDisplay
 from ._contributions import SensorContributionsDisplay
-from ._features import AtomsDisplay, FeatureMapDisplay
 from ._one_object import DistributionDisplay, InverseCDFDisplay
 from ._ratings import (
     AdjectiveCorrelationDisplay,
@@ -20,7 +20,6 @@ __all__ = [
     "AdjectiveCorrelationDisplay",
     "AtomsDisplay",
     "DistributionDisplay",
-    "FeatureMapDisplay",
     "InterraterAgreementDisplay",
     "InverseCDFDisplay",
     "PITHistogramDisplay",

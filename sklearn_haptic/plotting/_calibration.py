@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
 from numbers import Integral
 from typing import TYPE_CHECKING, Self
 
@@ -132,6 +133,7 @@ class _CalibrationDisplay(Display):
         return cls._of(counts, proba, levels, n_bins, objects).plot(ax)
 
 
+@dataclass(eq=False, repr=False)
 class PITHistogramDisplay(_CalibrationDisplay):
     r"""PIT histogram, which shows whether predicted distributions are calibrated.
 
@@ -195,14 +197,9 @@ class PITHistogramDisplay(_CalibrationDisplay):
 
     _n_bins = 10
 
-    def __init__(
-        self,
-        heights: NDArray[np.float64],
-        *,
-        half_widths: NDArray[np.float64] | None = None,
-    ) -> None:
-        self.heights = heights
-        self.half_widths = half_widths
+    heights: NDArray[np.float64]
+    _: KW_ONLY
+    half_widths: NDArray[np.float64] | None = None
 
     @classmethod
     def _of(cls, counts, proba, levels, n_bins, objects):
@@ -249,6 +246,7 @@ class PITHistogramDisplay(_CalibrationDisplay):
         legend_beside(ax)
 
 
+@dataclass(eq=False, repr=False)
 class ReliabilityDisplay(_CalibrationDisplay):
     r"""Predicted against observed proportion of people who rate above each threshold.
 
@@ -332,20 +330,12 @@ class ReliabilityDisplay(_CalibrationDisplay):
 
     _n_bins = 5
 
-    def __init__(
-        self,
-        predicted: Sequence[NDArray[np.float64]],
-        observed: Sequence[NDArray[np.float64]],
-        n_trials: Sequence[NDArray[np.int64]],
-        *,
-        levels: np.ndarray,
-        half_widths: Sequence[NDArray[np.float64]] | None = None,
-    ) -> None:
-        self.predicted = predicted
-        self.observed = observed
-        self.n_trials = n_trials
-        self.levels = levels
-        self.half_widths = half_widths
+    predicted: Sequence[NDArray[np.float64]]
+    observed: Sequence[NDArray[np.float64]]
+    n_trials: Sequence[NDArray[np.int64]]
+    _: KW_ONLY
+    levels: np.ndarray
+    half_widths: Sequence[NDArray[np.float64]] | None = None
 
     @classmethod
     def _of(cls, counts, proba, levels, n_bins, objects):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -24,12 +25,15 @@ _SCORE_LABELS = {
 }
 
 
+@dataclass(eq=False, repr=False)
 class SensorContributionsDisplay(Display):
     """How much a model's score changes without each sensor.
 
     Use :meth:`from_scores` to create a display. Points are mean differences to the full
     model over random starts, with error bars of one standard deviation; above zero, the
-    sensor helps. A dagger marks a sensor that helps with p < .05 over objects.
+    sensor helps. A dagger marks a sensor that helps with p < .05 over objects. With
+    ``absolute=True`` bars are the scores themselves, as in the paper, of the full model
+    ("none") too.
 
     Parameters
     ----------
@@ -39,6 +43,8 @@ class SensorContributionsDisplay(Display):
         Name of the score.
     by : sequence of str, default=()
         Columns of ``summary`` that have one group of points per value.
+    absolute : bool, default=False
+        Whether to draw the scores themselves, as bars.
 
     Attributes
     ----------
@@ -47,6 +53,8 @@ class SensorContributionsDisplay(Display):
     figure_ : matplotlib Figure
     points_ : matplotlib ErrorbarContainer
         The points and their error bars, group by group.
+    bars_ : matplotlib BarContainer
+        The scores of each group, "none" first, if ``absolute``.
     marks_ : list of matplotlib Annotation
         The daggers of each row of ``summary``.
 
@@ -75,16 +83,11 @@ class SensorContributionsDisplay(Display):
     ['pac']
     """
 
-    def __init__(
-        self,
-        summary: pd.DataFrame,
-        *,
-        metric: str = "macro_mae",
-        by: Sequence[str] = (),
-    ) -> None:
-        self.summary = summary
-        self.metric = metric
-        self.by = by
+    summary: pd.DataFrame
+    _: KW_ONLY
+    metric: str = "macro_mae"
+    by: Sequence[str] = ()
+    absolute: bool = False
 
     @classmethod
     def from_scores(
@@ -93,6 +96,7 @@ class SensorContributionsDisplay(Display):
         *,
         metric: str = "macro_mae",
         by: str | Sequence[str] | None = None,
+        absolute: bool = False,
         ax: Axes | None = None,
     ) -> Self:
         """Summarise the scores of a model and its holdouts, and plot them.
@@ -108,6 +112,8 @@ class SensorContributionsDisplay(Display):
             Columns that have one group of points per value, such as ``"procedure"``.
             ``"threshold"`` gives the terms of the ranked probability score, in place of
             ``metric``.
+        absolute : bool, default=False
+            Whether to draw the scores themselves, as bars.
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure.
 
@@ -124,44 +130,52 @@ class SensorContributionsDisplay(Display):
         by = () if by is None else (by,) if isinstance(by, str) else tuple(by)
         metric = "rps" if "threshold" in by else metric
         summary = contribution_summary(scores, metric=metric, by=by)
-        return cls(summary, metric=metric, by=by).plot(ax)
+        return cls(summary, metric=metric, by=by, absolute=absolute).plot(ax)
 
     def _draw(self, ax):
-        summary, sensors = self.summary, self.summary["held_out"].unique()
+        summary, sensors = self.summary, [*self.summary["held_out"].unique()]
         groups = summary[:: len(sensors)]  # one of its rows stands for each group
+        of = "holdout" if self.absolute else "difference"
+        values, sd, marks = (
+            np.reshape(column, (len(groups), len(sensors)))
+            for column in (summary[of], summary[f"{of}_sd"], _marks(summary))
+        )
+        score, *unit = _SCORE_LABELS.get(self.metric, (self.metric,))
+        label = f"{score} without the sensor\nless {score} with all"
+        if self.absolute:
+            sensors, label = ["none", *sensors], f"{score}"
+            values = np.column_stack((groups["full"], values))
+            sd = np.column_stack((groups["full_sd"], sd))
+            marks = np.column_stack(([""] * len(groups), marks))
         x = np.add.outer(
             (len(sensors) + 1) * np.arange(len(groups)), np.arange(len(sensors))
         )
-        difference, sd = summary[["difference", "difference_sd"]].to_numpy().T
+        style = {"fmt": "o", "color": BLUE, "markersize": 4}
+        if self.absolute:
+            colours = ["0.35"] + [BLUE] * (len(sensors) - 1)
+            self.bars_ = ax.bar(x.ravel(), values.ravel(), color=colours * len(groups))
+            style = {"fmt": "none", "color": "black"}
         ax.axhline(0, color="black", linewidth=0.8)
         self.points_ = ax.errorbar(
-            x.ravel(),
-            difference,
-            sd,
-            fmt="o",
-            color=BLUE,
-            markersize=4,
-            elinewidth=1,
-            capsize=2.5,
+            x.ravel(), values.ravel(), sd.ravel(), elinewidth=1, capsize=2.5, **style
         )
         self.marks_ = [
             ax.annotate(
                 mark, xy, (0, 2), textcoords="offset points", ha="center", va="bottom"
             )
-            for mark, xy in zip(_marks(summary), zip(x.ravel(), difference + sd))
+            for mark, *xy in zip(marks.ravel(), x.ravel(), (values + sd).ravel())
         ]
         ax.margins(y=0.15)
+        if self.absolute:
+            ax.set_ylim(bottom=0)
         ax.set_xlim(-0.6, x.max() + 0.6)
         known = "   († helps: p < .05 over objects)" * ("p_objects" in summary)
-        score, *unit = _SCORE_LABELS.get(self.metric, (self.metric,))
         ax.set(
             xlabel=f"sensor left out{known}",
-            ylabel=", ".join(
-                [f"{score} without the sensor\nless {score} with all", *unit]
-            ),
+            ylabel=", ".join([label, *unit]),
         )
         ax.set_xticks(
-            x.ravel(), [*sensors] * len(groups), rotation=90 if x.size > 8 else 0
+            x.ravel(), sensors * len(groups), rotation=90 if x.size > 8 else 0
         )
         full = [f"{score} {value:.2f}" for value in groups["full"]]
         if len(self.by):

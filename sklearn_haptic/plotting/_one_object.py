@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Self
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 
-from ..metrics import macro_mae
+from ..metrics import macro_mae, macro_mae_at_positions
 from ..ratings._checks import check_distributions, check_ratings
 from ..ratings._distributions import cdf, shares
 from ..ratings._levels import in_named_order
@@ -108,18 +110,20 @@ class _OneObjectDisplay(Display):
         return cls._of(counts, y_proba, levels).plot(ax)
 
 
+@dataclass(eq=False, repr=False)
 class InverseCDFDisplay(_OneObjectDisplay):
     """Inverse CDF of the ratings of one object, and those predicted from touches.
 
-    Use :meth:`from_counts`, :meth:`from_predictions` or :meth:`from_estimator` to
-    create a display.
+    Use :meth:`from_counts`, :meth:`from_predictions`, :meth:`from_ratings` or
+    :meth:`from_estimator` to create a display.
 
     Parameters
     ----------
     counts : ndarray of shape (n_levels,)
         How many people gave the object each rating.
-    y_proba : ndarray of shape (n_trials, n_levels)
-        Probability of each rating, predicted from each trial; there may be no trial.
+    steps : list of (values, edges)
+        For each trial, the index of the level on each interval of positions, and the
+        edges of these intervals; there may be no trial.
     levels : ndarray of shape (n_levels,)
         The ordered levels.
     scores : ndarray of shape (n_trials,)
@@ -150,23 +154,63 @@ class InverseCDFDisplay(_OneObjectDisplay):
     'rating'
     """
 
-    def __init__(
-        self,
-        counts: NDArray[np.float64],
-        y_proba: NDArray[np.float64],
-        *,
-        levels: np.ndarray,
-        scores: NDArray[np.float64],
-    ) -> None:
-        self.counts = counts
-        self.y_proba = y_proba
-        self.levels = levels
-        self.scores = scores
+    counts: NDArray[np.float64]
+    steps: Sequence[tuple[NDArray[Any], NDArray[np.float64]]]
+    _: KW_ONLY
+    levels: np.ndarray
+    scores: ArrayLike
 
     @classmethod
     def _of(cls, counts, y_proba, levels):
         scores = macro_mae(counts, y_proba, average=False)
-        return cls(counts[0], y_proba, levels=levels, scores=scores)
+        return cls(counts[0], [*map(_steps, y_proba)], levels=levels, scores=scores)
+
+    @classmethod
+    def from_ratings(
+        cls,
+        y_true: ArrayLike,
+        ratings: ArrayLike,
+        positions: ArrayLike,
+        *,
+        levels: ArrayLike | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Plot ratings as they were predicted at positions, even where they fall.
+
+        Parameters
+        ----------
+        y_true : array-like of shape (n_levels,) or (n_trials, n_levels)
+            How many people gave the object each rating; if there is one row per
+            trial, all rows must be equal.
+        ratings : array-like of shape (n_trials, n_positions)
+            What :meth:`~sklearn_haptic.DistributionalOrdinalRegressor.predict_rating`
+            returned.
+        positions : array-like of shape (n_positions,)
+            Ascending positions in the population, from 0 to 1.
+        levels : array-like of shape (n_levels,), default=None
+            The ordered levels; by default the labels of the columns, else 1, 2, ….
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : InverseCDFDisplay
+
+        Raises
+        ------
+        ValueError
+            If a rating is no level, the rows of ``y_true`` differ, or the shapes do
+            not fit.
+        """
+        counts, levels = _counts_of_one(y_true, levels, "y_true")
+        ratings, p = np.atleast_2d(ratings), np.asarray(positions, dtype=np.float64)
+        of_trials = np.tile(counts, (len(ratings), 1))
+        scores = macro_mae_at_positions(
+            of_trials, ratings, p, levels=levels, average=False
+        )
+        edges = np.concatenate(([0], (p[1:] + p[:-1]) / 2, [1]))
+        steps = [(np.searchsorted(levels, row), edges) for row in ratings]
+        return cls(counts, steps, levels=levels, scores=scores).plot(ax)
 
     @classmethod
     def from_counts(
@@ -199,36 +243,33 @@ class InverseCDFDisplay(_OneObjectDisplay):
             zero.
         """
         counts, levels = _counts_of_one(counts, levels, "counts")
-        none = np.empty(0)
-        return cls(
-            counts, none.reshape(0, len(counts)), levels=levels, scores=none
-        ).plot(ax)
+        return cls(counts, [], levels=levels, scores=np.empty(0)).plot(ax)
 
     def _draw(self, ax):
         from matplotlib import colormaps
 
-        n_trials = len(self.y_proba)
+        n_trials = len(self.steps)
         offset = min(_OFFSET, _MAX_OFFSET / max(n_trials, 1))
         offsets = offset * (np.arange(n_trials) - (n_trials - 1) / 2)
         colours = colormaps["viridis"](np.linspace(0, 0.85, n_trials))
-        self.true_line_ = _draw(
-            ax,
-            self.counts,
+        self.true_line_ = ax.stairs(
+            *_steps(self.counts),
+            baseline=None,
             color="0.7" if n_trials else BLUE,
             linewidth=5 if n_trials else 2,
             label="true ratings",
         )
         self.trial_lines_ = [
-            _draw(
-                ax,
-                proba,
-                offset,
+            ax.stairs(
+                values + offset,
+                edges,
+                baseline=None,
                 color=colour,
                 linewidth=1.4,
                 label=f"trial {trial + 1}: {score:.2f}",
             )
-            for trial, (proba, offset, colour, score) in enumerate(
-                zip(self.y_proba, offsets, colours, self.scores, strict=True)
+            for trial, ((values, edges), offset, colour, score) in enumerate(
+                zip(self.steps, offsets, colours, np.asarray(self.scores), strict=True)
             )
         ]
         ax.set(
@@ -241,7 +282,7 @@ class InverseCDFDisplay(_OneObjectDisplay):
         if n_trials:
             legend_beside(
                 ax,
-                title=f"mean MAE$^M$ {self.scores.mean():.2f}",
+                title=f"mean MAE$^M$ {np.mean(self.scores):.2f}",
                 alignment="left",
                 ncols=1 + n_trials // 16,
                 loc="center left",
@@ -249,6 +290,7 @@ class InverseCDFDisplay(_OneObjectDisplay):
             )
 
 
+@dataclass(eq=False, repr=False)
 class DistributionDisplay(_OneObjectDisplay):
     """Distribution of ratings predicted from touches of one object, beside the true.
 
@@ -290,16 +332,10 @@ class DistributionDisplay(_OneObjectDisplay):
     [0.1, 0.3, 0.4, 0.15, 0.05]
     """
 
-    def __init__(
-        self,
-        counts: NDArray[np.float64],
-        y_proba: NDArray[np.float64],
-        *,
-        levels: np.ndarray,
-    ) -> None:
-        self.counts = counts
-        self.y_proba = y_proba
-        self.levels = levels
+    counts: NDArray[np.float64]
+    y_proba: NDArray[np.float64]
+    _: KW_ONLY
+    levels: np.ndarray
 
     def _draw(self, ax):
         n_trials, n_levels = self.y_proba.shape
@@ -380,8 +416,7 @@ def _check_equal_rows(counts, name):
         )
 
 
-def _draw(ax, weights, offset=0.0, **style):
-    """Draw an inverse CDF with its steps exactly where the CDF jumps."""
+def _steps(weights):
+    """Return the levels of an inverse CDF, and exactly where the CDF jumps."""
     used = np.flatnonzero(weights)
-    edges = np.append(0, cdf(weights[used]))
-    return ax.stairs(used + offset, edges, baseline=None, **style)
+    return used, np.append(0, cdf(weights[used]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
@@ -24,6 +25,7 @@ Counts: TypeAlias = Mapping[str, ArrayLike] | ArrayLike
 _BAR_LENGTH, _BAR_HEIGHT = 0.9, 0.85  # adjectives and objects are 1 apart
 
 
+@dataclass(eq=False, repr=False)
 class RatingsDisplay(Display):
     """Ratings of every object on every adjective, as stacked bars.
 
@@ -63,16 +65,10 @@ class RatingsDisplay(Display):
     ['foam', 'tile']
     """
 
-    def __init__(
-        self,
-        counts: dict[str, NDArray[np.float64]],
-        *,
-        objects: Sequence[str],
-        levels: np.ndarray,
-    ) -> None:
-        self.counts = counts
-        self.objects = objects
-        self.levels = levels
+    counts: dict[str, NDArray[np.float64]]
+    _: KW_ONLY
+    objects: Sequence[str]
+    levels: np.ndarray
 
     @classmethod
     def from_counts(
@@ -166,6 +162,7 @@ class RatingsDisplay(Display):
         ]
 
 
+@dataclass(eq=False, repr=False)
 class InterraterAgreementDisplay(Display):
     """How far people agree on each adjective, as box plots over objects.
 
@@ -207,8 +204,7 @@ class InterraterAgreementDisplay(Display):
     ['hard', 'soft']
     """
 
-    def __init__(self, agreement: dict[str, NDArray[np.float64]]) -> None:
-        self.agreement = agreement
+    agreement: dict[str, NDArray[np.float64]]
 
     @classmethod
     def from_counts(
@@ -277,6 +273,7 @@ class InterraterAgreementDisplay(Display):
         ax.legend(loc="lower right", bbox_to_anchor=(1, 1), frameon=False)
 
 
+@dataclass(eq=False, repr=False)
 class AdjectiveCorrelationDisplay(Display):
     """Rank correlation of the ratings of every pair of adjectives, as a matrix.
 
@@ -291,6 +288,8 @@ class AdjectiveCorrelationDisplay(Display):
         The level of significance used for it.
     threshold : float, default=0.5
         The least strength of synonyms and antonyms used for it.
+    corrected : bool, default=True
+        Whether p-values are corrected for the number of pairs, after Holm.
 
     Attributes
     ----------
@@ -324,12 +323,11 @@ class AdjectiveCorrelationDisplay(Display):
     ['−.97', '−.22', '.00']
     """
 
-    def __init__(
-        self, correlation: Bunch, *, significance: float = 0.05, threshold: float = 0.5
-    ) -> None:
-        self.correlation = correlation
-        self.significance = significance
-        self.threshold = threshold
+    correlation: Bunch
+    _: KW_ONLY
+    significance: float = 0.05
+    threshold: float = 0.5
+    corrected: bool = True
 
     @classmethod
     def from_ratings(
@@ -338,6 +336,7 @@ class AdjectiveCorrelationDisplay(Display):
         *,
         significance: float = 0.05,
         threshold: float = 0.5,
+        corrected: bool = True,
         ax: Axes | None = None,
     ) -> Self:
         """Correlate the ratings of all pairs of adjectives and plot the matrix.
@@ -351,6 +350,9 @@ class AdjectiveCorrelationDisplay(Display):
             Level of significance.
         threshold : float, default=0.5
             Least strength of synonyms and antonyms.
+        corrected : bool, default=True
+            Whether to correct p-values for the number of pairs, after Holm. The paper
+            does not.
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure.
 
@@ -367,7 +369,12 @@ class AdjectiveCorrelationDisplay(Display):
         correlation = adjective_correlation(
             ratings, significance=significance, threshold=threshold
         )
-        return cls(correlation, significance=significance, threshold=threshold).plot(ax)
+        return cls(
+            correlation,
+            significance=significance,
+            threshold=threshold,
+            corrected=corrected,
+        ).plot(ax)
 
     def _figsize(self):
         return 6.4, 5.2
@@ -404,7 +411,9 @@ class AdjectiveCorrelationDisplay(Display):
             ],
             [
                 "synonyms, antonyms:\n"
-                f"|ρ| ≥ {self.threshold:g}, p ≤ {self.significance:g} (Holm)",
+                f"|ρ| ≥ {self.threshold:g}, p ≤ {self.significance:g}"
+                + " (Holm)"
+                * self.corrected,
                 f"not significant: p > {self.significance:g}",
             ],
             loc="lower right" if n == 1 else "upper right",  # in empty cells, or above
@@ -419,13 +428,14 @@ class AdjectiveCorrelationDisplay(Display):
 
         pair = row + 1, column
         rho = self.correlation.rho.iat[pair]
-        related = self.correlation.relation.iat[pair] != 0
+        pvalues = "pvalue_holm" if self.corrected else "pvalue"
+        significant = self.correlation[pvalues].iat[pair] <= self.significance
+        related = significant and abs(rho) >= self.threshold
         if related:
             frame = Rectangle(
                 (column - 0.47, row - 0.47), 0.94, 0.94, fill=False, linewidth=1.6
             )
             self.frames_.append(ax.add_patch(frame))
-        significant = self.correlation.pvalue_holm.iat[pair] <= self.significance
         text = ax.text(
             column,
             row,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Self
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 _MAX_LINES = 8
 
 
+@dataclass(eq=False, repr=False)
 class SignalsDisplay(Display):
     """Signals of trials: one row of panels per sensor, one column per trial.
 
@@ -70,18 +72,11 @@ class SignalsDisplay(Display):
     (5, 2)
     """
 
-    def __init__(
-        self,
-        signals: dict[str, list[FloatArray]],
-        *,
-        titles: Sequence[str],
-        sampling_rates: dict[str, float],
-        units: dict[str, str],
-    ) -> None:
-        self.signals = signals
-        self.titles = titles
-        self.sampling_rates = sampling_rates
-        self.units = units
+    signals: dict[str, list[FloatArray]]
+    _: KW_ONLY
+    titles: Sequence[str]
+    sampling_rates: dict[str, float]
+    units: dict[str, str]
 
     @classmethod
     def from_trials(

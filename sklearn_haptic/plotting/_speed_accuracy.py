@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from ..utils._sklearn import BaseSearchCV
 
 
+@dataclass(eq=False, repr=False)
 class SpeedAccuracyDisplay(Display):
     """Time and score of every candidate of a search, and the frontier of the two.
 
@@ -91,28 +93,16 @@ class SpeedAccuracyDisplay(Display):
     array([ True,  True, False])
     """
 
-    def __init__(
-        self,
-        seconds: NDArray[np.float64],
-        score: NDArray[np.float64],
-        score_se: NDArray[np.float64],
-        *,
-        on_frontier: NDArray[np.bool_],
-        best: int,
-        cheapest: int,
-        metric: str = "score",
-        cost: str = "time to predict, seconds per trial",
-        names: Sequence[str] | None = None,
-    ) -> None:
-        self.seconds = seconds
-        self.score = score
-        self.score_se = score_se
-        self.on_frontier = on_frontier
-        self.best = best
-        self.cheapest = cheapest
-        self.metric = metric
-        self.cost = cost
-        self.names = names
+    seconds: NDArray[np.float64]
+    score: NDArray[np.float64]
+    score_se: NDArray[np.float64]
+    _: KW_ONLY
+    on_frontier: NDArray[np.bool_]
+    best: int
+    cheapest: int
+    metric: str = "score"
+    cost: str = "time to predict, seconds per trial"
+    names: Sequence[str] | None = None
 
     @classmethod
     def from_search(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@dataclass(eq=False, repr=False)
 class TouchTimeDisplay(Display):
     """Mean score of predictions against the seconds of touch that they had.
 
@@ -69,22 +71,13 @@ class TouchTimeDisplay(Display):
     array([0.25  , 0.0625])
     """
 
-    def __init__(
-        self,
-        seconds: NDArray[np.float64],
-        score: NDArray[np.float64],
-        score_se: NDArray[np.float64],
-        *,
-        rules: Mapping[str, NDArray[np.float64]],
-        stops: NDArray[np.float64] | None = None,
-        metric: str = "RPS",
-    ) -> None:
-        self.seconds = seconds
-        self.score = score
-        self.score_se = score_se
-        self.rules = rules
-        self.stops = stops
-        self.metric = metric
+    seconds: NDArray[np.float64]
+    score: NDArray[np.float64]
+    score_se: NDArray[np.float64]
+    _: KW_ONLY
+    rules: Mapping[str, NDArray[np.float64]]
+    stops: NDArray[np.float64] | None = None
+    metric: str = "RPS"
 
     @classmethod
     def from_predictions(

@@ -1,32 +1,29 @@
-"""AtomsDisplay and FeatureMapDisplay: the numbers drawn are those of the estimators."""
-
-from itertools import pairwise
+"""AtomsDisplay: the numbers drawn are those of the estimators."""
 
 import matplotlib
 import numpy as np
 import pytest
 from sklearn.decomposition import PCA
-from sklearn.exceptions import NotFittedError
 from sklearn.pipeline import make_pipeline
 
-from sklearn_haptic import KSVDTransformer, STHMPTransformer, TemporalMaxPool
-from sklearn_haptic.plotting import AtomsDisplay, FeatureMapDisplay
+from sklearn_haptic import KSVDTransformer, STHMPTransformer
+from sklearn_haptic.plotting import AtomsDisplay
 
 RNG = np.random.default_rng(0)
 SIGNALS = [RNG.normal(size=(n, 2)).cumsum(axis=0) for n in (90, 120, 107)]
 SKIN = [RNG.normal(size=(n, 38)).cumsum(axis=0) for n in (25, 40)]
 
 
-def waveforms(sign="split", pool=None):
+def waveforms(sign="split"):
     coder = KSVDTransformer(
         7, 2, window=20, overlap=0.5, sign=sign, max_iter=5, random_state=0
     )
-    return (make_pipeline(coder, pool) if pool else coder).fit(SIGNALS)
+    return coder.fit(SIGNALS)
 
 
-def patches(pool=None):
+def patches():
     coder = STHMPTransformer(4, 2, spatial_cells=(2, 1), max_iter=3, random_state=0)
-    return (make_pipeline(coder, pool) if pool else coder).fit(SKIN)
+    return coder.fit(SKIN)
 
 
 @pytest.mark.slow
@@ -108,78 +105,12 @@ def test_atoms_of_extreme_dictionaries():
     assert len({panel.get_position().y0 for panel in display.axes_}) == 2
 
 
-def test_codes_lie_at_the_middle_of_their_windows():
-    ksvd = waveforms()
-    display = FeatureMapDisplay.from_estimator(ksvd, SIGNALS[1], sampling_rate=10)
-    codes = ksvd.transform([SIGNALS[1]])[0]
-    assert codes.shape == (11, 28)
-    np.testing.assert_array_equal(display.images_[0].get_array(), codes.T)
-    middles = (display.edges[1:] + display.edges[:-1]) / 2
-    np.testing.assert_allclose(middles, [1 + i for i in range(11)])
-    assert len(display.axes_) == 1
-    assert display.axes_[0].get_xlabel() == "time, s"
-    blocks = [text.get_text() for text in display.axes_[0].get_yticklabels()]
-    assert blocks == ["ch0", "ch1"]
-    np.testing.assert_array_equal(display.axes_[0].get_yticks(), [6.5, 20.5])
-
-
-@pytest.mark.slow
-def test_maxima_lie_where_their_cells_are():
-    pipeline = patches(TemporalMaxPool((3, 1)))
-    trial = SKIN[0]
-    display = FeatureMapDisplay.from_estimator(pipeline, trial, sampling_rate=100)
-    frames = pipeline[0].transform([trial])[0]
-    parts = [0, 8, 16, 25]
-    assert len(frames) == 25
-    np.testing.assert_allclose(display.level_edges[0], np.array(parts) / 100)
-    np.testing.assert_allclose(display.level_edges[1], [0, 0.25])
-    maxima = [frames[a:b].max(axis=0) for a, b in pairwise(parts)]
-    np.testing.assert_array_equal(display.images_[1].get_array(), np.array(maxima).T)
-    whole = frames.max(axis=0)[:, np.newaxis]
-    np.testing.assert_array_equal(display.images_[2].get_array(), whole)
-    titles = [panel.get_title(loc="left") for panel in display.axes_]
-    assert titles == ["codes", "maxima in 3 cells", "maxima in 1 cell"]
-    assert "spatial cell (s1of4: the first of 4)" in display.axes_[0].get_ylabel()
-    pool = TemporalMaxPool((3,), statistics=("mean", "max"))
-    display = FeatureMapDisplay.from_estimator(patches(pool), trial)
-    title = display.axes_[1].get_title(loc="left")
-    assert title == "maxima in 3 cells (also pooled: mean)"
-    assert len({panel.get_xlim() for panel in display.axes_}) == 1
-    cells = [text.get_text() for text in display.axes_[0].get_yticklabels()]
-    assert cells == ["s1of4", "s2of4", "s3of4", "s4of4", "s1of1"]
-    display.figure_.canvas.draw()
-
-
-def test_floor_cells_take_the_remainder_last():
-    pipeline = waveforms(pool=TemporalMaxPool((4,), split="floor"))
-    display = FeatureMapDisplay.from_estimator(pipeline, SIGNALS[1])
-    # Eleven windows of 20 samples every 10: cells begin at windows 0, 2, 4, 6.
-    np.testing.assert_allclose(display.level_edges[0], [5, 25, 45, 65, 115])
-    assert display.axes_[-1].get_xlabel() == "time, samples"
-
-
-@pytest.mark.slow
-def test_colours_follow_the_root_and_show_signs():
-    unsigned = FeatureMapDisplay.from_estimator(waveforms(), SIGNALS[0])
-    scale = unsigned.images_[0].norm
-    assert (scale.vmin, scale.vmax) == (0, unsigned.codes.max())
-    assert scale(scale.vmax / 4) == pytest.approx(0.5)
-    signed = FeatureMapDisplay.from_estimator(waveforms("none"), SIGNALS[0])
-    scale = signed.images_[0].norm
-    assert scale.vmax == -scale.vmin == np.abs(signed.codes).max()
-    assert scale(0) == pytest.approx(0.5)
-    still = FeatureMapDisplay.from_estimator(waveforms(), np.ones((40, 2)))
-    assert not still.codes.any()
-    still.figure_.canvas.draw()
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
     [
         lambda ax: AtomsDisplay.from_estimator(waveforms(), ax=ax),
         lambda ax: AtomsDisplay.from_estimator(patches(), ax=ax),
-        lambda ax: FeatureMapDisplay.from_estimator(waveforms(), SIGNALS[0], ax=ax),
     ],
 )
 def test_given_axes_hold_the_panels(make):
@@ -191,9 +122,8 @@ def test_given_axes_hold_the_panels(make):
     assert min(p.get_position().x0 for p in display.axes_) > left.get_position().x1
 
 
-def test_atoms_and_codes_are_found_in_pipelines():
+def test_atoms_are_found_in_pipelines():
     with pytest.raises(ValueError, match="a PCA, which has no atoms; give"):
         AtomsDisplay.from_estimator(make_pipeline(PCA(), waveforms()))
-    unfitted = make_pipeline(waveforms(), TemporalMaxPool())
-    with pytest.raises(NotFittedError, match="TemporalMaxPool instance is not fitted"):
-        FeatureMapDisplay.from_estimator(unfitted, SIGNALS[0])
+    display = AtomsDisplay.from_estimator(make_pipeline(waveforms(), PCA()))
+    assert len(display.axes_) == 7
