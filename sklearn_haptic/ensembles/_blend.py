@@ -17,7 +17,6 @@ from sklearn.utils.metadata_routing import (
     process_routing,
 )
 from sklearn.utils.validation import (
-    check_consistent_length,
     check_is_fitted,
     has_fit_parameter,
     validate_data,
@@ -26,7 +25,7 @@ from sklearn.utils.validation import (
 from ..models._baselines import DummyDistribution
 from ..models._ordinal import OrdinalClassifierMixin
 from ..models._shared_features import refuse_adjectives
-from ..ratings._checks import check_adjectives
+from ..ratings._checks import check_adjectives, check_rated
 from ..ratings._distributions import cdf, raised
 from ..utils._folds import TakesGroups, groups_for, warn_of_no_groups
 from ..utils._sklearn import (
@@ -213,7 +212,7 @@ class DistributionBlend(
         if counts.ndim == 3:
             refuse_adjectives(type(self).__name__)
         (X,) = indexable(X)
-        check_consistent_length(X, counts)
+        check_rated(X, counts)
         groups = check_groups(groups, X)
         if sample_weight is not None:
             sample_weight = check_weights(sample_weight, X)

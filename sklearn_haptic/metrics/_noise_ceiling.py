@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.special import xlogy
 from sklearn.utils import Bunch
 
-from ..ratings._checks import check_ratings, refuse_shares
+from ..ratings._checks import check_ratings, refuse, refuse_shares
 from ..ratings._continuous import check_answers, half_mean_difference
 from ..ratings._distributions import shares
 from ..utils._sklearn import validate_params
@@ -111,11 +111,8 @@ def noise_ceiling(
         counts, levels = check_ratings(y_true, levels, name="y_true")
         refuse_shares(counts, "y_true")
         n = counts.sum(axis=1)
-    if (n < 2).any():
-        raise ValueError(
-            f"y_true has fewer than two ratings in trial {np.argmax(n < 2)}, which "
-            "tell nothing of how people differ; leave such trials out."
-        )
+    mend = "leave out what fewer than two people rated"
+    refuse(n < 2, "has fewer than two ratings", mend, "y_true")
     if function is log_score:
         truth = _entropy(counts)
         raters = np.where(truth > 0, np.inf, 0)

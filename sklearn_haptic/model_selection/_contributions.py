@@ -16,12 +16,12 @@ from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer
-from sklearn.utils import check_random_state, indexable
+from sklearn.utils import check_random_state
 from sklearn.utils.parallel import Parallel, delayed
 
 from ..metrics._trial_scores import predict_and_score
 from ..models import DistributionalOrdinalRegressor, SensorFusionNNPOM
-from ..ratings._checks import check_adjectives
+from ..ratings._checks import check_adjectives, check_rated
 from ..utils._folds import make_splitter
 from ..utils._sklearn import (
     CrossValidator,
@@ -150,7 +150,7 @@ def sensor_contributions(
     {'pac': True, 'tdc': False}
     """
     features, regressor = _split_model(model)
-    X, y = indexable(X, y)
+    X, y = check_rated(X, y)
     groups = check_groups(groups, X)
     counts, _ = check_adjectives(y, regressor.levels)
     objects = np.arange(len(counts)) if groups is None else groups

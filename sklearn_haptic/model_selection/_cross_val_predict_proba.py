@@ -9,7 +9,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator
-from sklearn.utils import indexable
 from sklearn.utils.parallel import Parallel, delayed
 
 from ..ensembles._out_of_fold import (
@@ -20,7 +19,7 @@ from ..ensembles._out_of_fold import (
     predict_fold,
     warn_of_frozen,
 )
-from ..ratings._checks import check_ratings
+from ..ratings._checks import check_rated, check_ratings
 from ..ratings._distributions import cdf
 from ..ratings._levels import in_named_order
 from ..utils._folds import make_splitter, route
@@ -143,7 +142,7 @@ def cross_val_predict_proba(
     """
     params = {} if params is None else params
     groups = params.get("groups") if groups is None else groups
-    X, y = indexable(X, y)
+    X, y = check_rated(X, y)
     groups = check_groups(groups, X)
     splitter = make_splitter(estimator, y, groups, cv)
     for_split, for_fit = route(estimator, splitter, groups, params)

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.stats import t as student
 from sklearn.base import BaseEstimator
-from sklearn.utils import Bunch, indexable
+from sklearn.utils import Bunch
 from sklearn.utils.parallel import Parallel, delayed
 
 from ..ensembles._out_of_fold import (
@@ -25,7 +25,7 @@ from ..ensembles._out_of_fold import (
 from ..metrics import dispersion, noise_ceiling
 from ..metrics._trial_scores import score_trials
 from ..models import DummyDistribution
-from ..ratings._checks import check_adjectives
+from ..ratings._checks import check_adjectives, check_rated
 from ..ratings._levels import names_levels
 from ..utils._folds import make_splitter, route
 from ..utils._report import Report
@@ -205,7 +205,7 @@ def model_report(
         raise ValueError("y has no adjectives; give the ratings of one or more.")
     params = {} if params is None else params
     groups = params.get("groups") if groups is None else groups
-    X, *ratings = indexable(X, *targets.values())
+    X, *ratings = check_rated(X, *targets.values())
     targets = dict(zip(targets, ratings))
     groups = check_groups(groups, X)
     kinds = {_has_classes(model, each, name) for name, each in targets.items()}
@@ -215,6 +215,9 @@ def model_report(
             "calls."
         )
     classes = kinds.pop()
+    for name, each in targets.items():
+        if np.ndim(each) > 1:
+            check_adjectives(each, name=name)
     splitter = make_splitter(model, ratings[0], groups, cv)
     for_split, for_fit = route(model, splitter, groups, params)
     folds = check_folds(

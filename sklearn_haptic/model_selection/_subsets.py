@@ -14,9 +14,9 @@ from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
 from sklearn.metrics import check_scoring
 from sklearn.pipeline import Pipeline
-from sklearn.utils import indexable
 from sklearn.utils.parallel import Parallel, delayed
 
+from ..ratings._checks import check_rated
 from ..utils._folds import make_splitter, route
 from ..utils._sklearn import (
     CrossValidator,
@@ -136,7 +136,7 @@ def sensor_subsets(
         for size in range(1, len(sensors) + 1)
         for subset in combinations(sensors, size)
     ]
-    X, y = indexable(X, y)
+    X, y = check_rated(X, y)
     groups = check_groups(groups, X)
     scorer = check_scoring(model, scoring)
     splitter = make_splitter(model, y, groups, cv)

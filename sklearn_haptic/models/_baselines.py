@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import (
-    check_consistent_length,
     check_is_fitted,
     validate_data,
 )
 
-from ..ratings._checks import check_ratings
+from ..ratings._checks import check_rated, check_ratings
 from ..utils._sklearn import (
     DocumentedEstimator,
     StrOptions,
@@ -102,9 +101,10 @@ class DummyDistribution(DocumentedEstimator, OrdinalClassifierMixin, BaseEstimat
         -------
         self : DummyDistribution
         """
+        check_rated(X)
         validate_data(self, X, skip_check_array=True)
         counts, self.levels_ = check_ratings(y, self.levels)
-        check_consistent_length(X, counts)
+        check_rated(X, counts)
         self.classes_ = self.levels_
         weight = check_weights(sample_weight, X)
         share = counts / counts.sum(axis=1, keepdims=True)

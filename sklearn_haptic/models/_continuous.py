@@ -13,13 +13,13 @@ from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clon
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import (
     check_array,
-    check_consistent_length,
     check_is_fitted,
     column_or_1d,
     validate_data,
 )
 
 from ..metrics import crps
+from ..ratings._checks import check_rated
 from ..ratings._continuous import cdf_at, check_answers, quantile_at
 from ..ratings._distributions import cdf, shares
 from ..utils._folds import TakesGroups, groups_for
@@ -210,7 +210,7 @@ class ContinuousRatingsRegressor(
         required = None if y is None else "no_validation"
         validate_data(self, X, y=required, skip_check_array=True)
         answers = check_answers(y)
-        check_consistent_length(X, answers)
+        check_rated(X, answers)
         weight = check_weights(sample_weight, answers)
         grid = self._make_grid(answers, weight)
         model: Any = self.estimator

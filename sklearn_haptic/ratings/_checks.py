@@ -5,8 +5,10 @@ from __future__ import annotations
 from numbers import Real
 
 import numpy as np
+from sklearn.utils import indexable
 from sklearn.utils.validation import check_array, column_or_1d
 
+from ..utils._sklearn import _num_samples
 from ..utils._validation import (
     FLOATS,
     check_numbers,
@@ -23,6 +25,8 @@ from ._levels import (
     levels_of_ratings,
     names_levels,
 )
+
+_MISSING = ("contains NaN or None", "remove trials without a rating")
 
 
 def check_ratings(y, levels=None, *, name="y"):
@@ -54,7 +58,7 @@ def check_ratings(y, levels=None, *, name="y"):
     if array.ndim == 0:
         raise ValueError(
             f"{name} is no array but of the type {type(y).__name__}; give one rating "
-            "or one row of counts per trial."
+            "or one row of counts per trial, as RatingTable.counts_for(objects) does."
         )
     if array.ndim > 1 and array.shape[1:] != (1,):
         return check_counts(y, levels, name=name)
@@ -78,7 +82,7 @@ def check_counts(counts, levels=None, *, name="counts", unrated=False):
         ensure_min_features=2,
         input_name=name,
     )
-    _refuse_missing(np.isnan(counts).any(axis=1), name)
+    refuse(np.isnan(counts).any(axis=1), *_MISSING, name)
     counts = in_order_of_levels(counts, columns)
     if levels is None:
         levels = np.arange(1, counts.shape[1] + 1)
@@ -87,26 +91,22 @@ def check_counts(counts, levels=None, *, name="counts", unrated=False):
             f"{name} has {counts.shape[1]} columns of counts, but there are "
             f"{len(levels)} levels: give one column per level."
         )
-    if (counts < 0).any():
-        trial = int(np.argmax((counts < 0).any(axis=1)))
-        raise ValueError(
-            f"{name} has a negative count in trial {trial}; counts of ratings are 0 "
-            "or more."
-        )
-    if not unrated and not (counts > 0).any(axis=1).all():
-        trial = int(np.argmin((counts > 0).any(axis=1)))
-        raise ValueError(
-            f"{name} has no ratings in trial {trial}; remove trials whose object "
-            "nobody rated."
-        )
+    negative, unrated_trials = (counts < 0).any(axis=1), ~(counts > 0).any(axis=1)
+    refuse(negative, "has a negative count", "counts of ratings are 0 or more", name)
+    if not unrated:
+        mend = "remove trials whose object nobody rated"
+        refuse(unrated_trials, "has no ratings", mend, name)
     with np.errstate(over="ignore"):
-        finite = np.isfinite(counts.sum(axis=1))
-    if not finite.all():
-        raise ValueError(
-            f"{name} has counts in trial {np.argmin(finite)} whose sum overflows; "
-            f"divide {name} by a constant."
-        )
+        overflows = ~np.isfinite(counts.sum(axis=1))
+    mend = "divide all counts by a constant"
+    refuse(overflows, "has counts whose sum overflows", mend, name)
     return counts, levels
+
+
+def refuse(bad, what, mend, name):
+    """Raise a ValueError that names the first trial that is bad, if any is."""
+    if bad.any():
+        raise ValueError(f"{name} {what} in trial {np.argmax(bad)}; {mend}.")
 
 
 def refuse_shares(counts, name):
@@ -119,14 +119,10 @@ def refuse_shares(counts, name):
 
 
 def check_two_ratings(counts, name):
-    """Refuse rows with fewer than two ratings, whose agreement is undefined."""
+    """Refuse rows with fewer than two ratings, which do not tell how people differ."""
     refuse_shares(counts, name)
-    too_few = counts.sum(axis=1) < 2
-    if too_few.any():
-        raise ValueError(
-            f"{name} has fewer than two ratings in row {np.argmax(too_few)}; agreement "
-            "needs two people or more, so remove that object."
-        )
+    mend = "leave out what fewer than two people rated"
+    refuse(counts.sum(axis=1) < 2, "has fewer than two ratings", mend, name)
 
 
 def check_distributions(y_true, y_proba, levels):
@@ -151,16 +147,11 @@ def check_distributions(y_true, y_proba, levels):
             f"y_proba is no distribution in trial {trial} ({proba[trial].tolist()}): "
             "give probabilities of 0 or more that sum to 1."
         )
-    if counts.shape[1] != proba.shape[1]:
+    if counts.shape != proba.shape:
         raise ValueError(
-            f"y_proba has {proba.shape[1]} columns, but y_true has {counts.shape[1]} "
-            "levels; give one column per level, and levels if nobody chose some of "
-            "them."
-        )
-    if len(counts) != len(proba):
-        raise ValueError(
-            f"y_true has {len(counts)} trials, but y_proba has {len(proba)}; give one "
-            "row per trial in both."
+            f"y_proba has shape {proba.shape}, but y_true has {len(counts)} trials and "
+            f"{counts.shape[1]} levels; give one row per trial in both, one column per "
+            "level, and levels if nobody chose some of them."
         )
     return counts, shares(proba), levels
 
@@ -191,16 +182,33 @@ def weighted(counts, sample_weight):
     with np.errstate(over="ignore", under="ignore"):
         weight = (counts.T * sample_weight).T
         total = weight.sum()
-    if not np.isfinite(total):
-        raise ValueError(
-            "The total of y, times sample_weight, overflows; divide both by a constant."
+    if not np.finfo(np.float64).tiny <= total < np.inf:
+        verb, mend = (
+            ("underflows", "multiply") if total < 1 else ("overflows", "divide")
         )
-    if total < np.finfo(np.float64).tiny:
         raise ValueError(
-            "The total of y, times sample_weight, underflows; multiply both by a "
-            "constant."
+            f"The total of y, times sample_weight, {verb}; {mend} both by a constant."
         )
     return weight
+
+
+def check_rated(X, *ratings):
+    """Return trials and ratings that can be indexed; each trial has a row of ratings.
+
+    A ValueError says that there are more or fewer rows, or no trials.
+    """
+    X, *ratings = (indexable(each)[0] for each in (X, *ratings))
+    n_trials = _num_samples(X)
+    if n_trials == 0:
+        raise ValueError("X has no trials; give at least one.")
+    for n_rows in map(_num_samples, ratings):
+        if n_rows != n_trials:
+            raise ValueError(
+                "Found input variables with inconsistent numbers of samples: "
+                f"[{n_trials}, {n_rows}]; give y one row per trial, which "
+                "RatingTable.counts_for(objects) makes of one row per object."
+            )
+    return X, *ratings
 
 
 def validate_rated_trials(estimator, X, y, levels=None):
@@ -216,12 +224,7 @@ def validate_rated_trials(estimator, X, y, levels=None):
     required = None if y is None else "no_validation"
     X = check_table(estimator, X, y=required, dtype=FLOATS)
     counts, levels = check_adjectives(y, levels)
-    if len(X) != len(counts):
-        raise ValueError(
-            "Found input variables with inconsistent numbers of samples: "
-            f"[{len(X)}, {len(counts)}]; give y one row per trial, which "
-            "RatingTable.counts_for(objects) makes of one row per object."
-        )
+    check_rated(X, counts)
     return X, counts, levels
 
 
@@ -248,11 +251,7 @@ def check_adjectives(y, levels=None, *, name="y"):
 def check_levels(levels):
     """Validate given levels, which must be distinct; return them as an array."""
     levels = check_regular(levels, "levels")
-    if levels.ndim != 1:
-        raise ValueError(
-            f"levels has shape {levels.shape}; list each level once, lowest first."
-        )
-    if len(levels) == 0 or len(np.unique(levels)) != len(levels):
+    if levels.ndim != 1 or not 0 < len(np.unique(levels)) == len(levels):
         raise ValueError(
             f"levels={levels.tolist()} must be distinct and at least one; list each "
             "level once, lowest first."
@@ -287,18 +286,20 @@ def match_levels(ratings, container, levels, name, *, row="trial", rows=None):
         If a rating is not among the levels, or the ratings are continuous and nothing
         says what their levels are.
     """
+
+    def place(i):
+        return i if rows is None else rows[i]
+
     if levels is not None:
         levels = check_levels(levels)
     elif not names_levels(container) and ratings.dtype.kind == "f":
-        fraction = ratings % 1 != 0
-        if fraction.any():
-            first = int(np.argmax(fraction))
+        first = int(np.argmax(ratings % 1 != 0))
+        if ratings[first] % 1 != 0:
             raise ValueError(
                 f"Unknown label type: {name} has continuous ratings, such as "
-                f"{ratings[first].item()} in {row} "
-                f"{first if rows is None else rows[first]}, but levels are needed: "
-                "bin the ratings, for instance by numpy.digitize, give counts of "
-                "people per level, or, if these values are the levels, list all of "
+                f"{ratings[first].item()} in {row} {place(first)}, but levels are "
+                "needed: bin the ratings, for instance by numpy.digitize, give counts "
+                "of people per level, or, if these values are the levels, list all of "
                 "them in levels=."
             )
     levels = levels_of_ratings(ratings, container, levels, name)
@@ -308,8 +309,8 @@ def match_levels(ratings, container, levels, name, *, row="trial", rows=None):
         first = int(np.argmin(known))
         raise ValueError(
             f"{name} has the rating {ratings.tolist()[first]!r} in {row} "
-            f"{first if rows is None else rows[first]}, which is not among "
-            f"levels={levels.tolist()}; add it to levels or mend the rating."
+            f"{place(first)}, which is not among levels={levels.tolist()}; add it to "
+            "levels or mend the rating."
         )
     return matches, levels
 
@@ -323,30 +324,20 @@ def _one_per_trial(y, array, name):
     if array.dtype.kind not in "biufSU":
         array = _plain_values(array.astype(object), name)
     if array.dtype.kind == "f":
-        _refuse_missing(np.isnan(array), name)
+        refuse(np.isnan(array), *_MISSING, name)
     return check_array(array, ensure_2d=False, dtype=None, input_name=name)
-
-
-def _refuse_missing(missing, name):
-    if missing.any():
-        raise ValueError(
-            f"{name} contains NaN or None: trial {np.argmax(missing)} has no rating; "
-            "remove it."
-        )
 
 
 def _plain_values(array, name):
     """Return ratings that are objects as an array of numbers or of text."""
     values = array.tolist()
-    _refuse_missing(np.array([is_missing(value) for value in values]), name)
+    refuse(np.array([is_missing(value) for value in values], bool), *_MISSING, name)
+    kind = str if values and isinstance(values[0], str) else Real
     for trial, value in enumerate(values):
-        if not isinstance(value, (str, Real)) or (
-            isinstance(value, str) != isinstance(values[0], str)
-        ):
+        if not isinstance(value, kind):
             raise ValueError(
-                f"{name} has {value!r} in trial {trial}: give numbers only or words "
-                "only, one rating per trial, or an array of counts with one row per "
-                "trial."
+                f"{name} has {value!r} in trial {trial}; give one number or one word "
+                "per trial, or an array of counts with one row per trial."
             )
     return lossless_array(values)
 
