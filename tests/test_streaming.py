@@ -313,7 +313,7 @@ def test_what_is_kept_and_what_an_update_costs_do_not_grow(of_codes):
         seconds.append(time.process_time() - start)
     assert touch.seconds == 2500
     assert np.median(seconds[-500:]) < 3 * np.median(seconds[100:600]) + 1e-4
-    pools = touch._pools.values()
+    pools = touch._felt._pools.values()
     kept = [each.nbytes for p in pools for each in (p._rest, *p._kept.values())]
     assert sum(kept) < 100_000
 

@@ -39,6 +39,7 @@ from ..utils._sklearn import (
     one_blas_thread,
 )
 from ..utils._validation import check_groups, check_numbers
+from ._arriving_samples import FeltSamples
 from ._branches import fit_features, used_sensors
 from ._heads import best_power, fit_head, head_tasks
 from ._recorded_touches import (
@@ -310,11 +311,13 @@ class AnytimeRegressor(
             zip(self.sensors_, (touches.lengths()[which] >= self._needed[k]).T)
         )
         blocks = []
-        for branch in self._branches:
+        for i, branch in enumerate(self._branches):
             there = np.all([long_enough[s] for s in branch.sensors], axis=0)
             there &= needed[branch.sensors[0]] >= branch.least_samples()
             features = None
-            if there.any():
+            if there.any() and isinstance(touches, FeltSamples):
+                features = touches.features(i, k, needed)
+            elif there.any():
                 features = branch.transform(touches, which[there], needed)
             blocks.append((there, features))
         return blocks

@@ -10,6 +10,8 @@ import numpy as np
 
 from ..features import KSVDTransformer
 from ..features._pooling import cell_bounds, signed_root
+from ._branches import as_rows
+from ._recorded_touches import Touches
 
 # Windows that wait to be coded together, which takes little longer than one by itself.
 _TOGETHER = 64
@@ -194,3 +196,69 @@ class PooledCodes:
                     cells.append(kept[start:end].sum(axis=0) / n_rows)
         features = np.concatenate(cells)[np.newaxis]
         return signed_root(features) if self._root else features
+
+
+class FeltSamples:
+    """What has been felt of one touch, in the place of recorded :class:`Touches`.
+
+    Parameters
+    ----------
+    branches : list of Branch
+        What codes the samples.
+    shapes : dict of str to tuple of int
+        Shape of one sample of each sensor.
+    needed : dict of str to ndarray of int
+        Number of samples of each duration, ascending.
+    limits : dict of str to tuple of float (low, high)
+        Values at which a sensor is saturated.
+    """
+
+    def __init__(self, branches, shapes, needed, limits):
+        self._branches, self._needed = branches, needed
+        self._n_samples, self._n_arrived = (
+            dict.fromkeys(shapes, 0),
+            dict.fromkeys(shapes, 0),
+        )
+        self.menders, self._kept, self._pools = {}, {}, {}
+        for sensor, shape in shapes.items():
+            low, high = limits.get(sensor, (-np.inf, np.inf))
+            mender = MendedSamples(shape, low, high, needed[sensor][-1])
+            self.menders[sensor] = mender
+        for i, branch in enumerate(branches):
+            steps = branch.incremental()
+            for s in branch.sensors:
+                if steps is None:
+                    self._kept[s] = KeptSamples(shapes[s], needed[s][-1])
+                else:
+                    pool = PooledCodes(steps[0], steps[1], shapes[s], needed[s])
+                    self._pools[i] = pool
+
+    def add(self, samples, sensor):
+        """Mend, code and keep new samples of a sensor."""
+        self._n_arrived[sensor] += len(samples)
+        samples = self.menders[sensor].mend(samples)
+        self._n_samples[sensor] += len(samples)
+        for i, pool in self._pools.items():
+            if self._branches[i].sensors == [sensor]:
+                pool.add(samples)
+        if sensor in self._kept:
+            self._kept[sensor].add(samples)
+
+    def all_arrived(self):
+        """Whether as many samples came as the longest duration has, good or not."""
+        return all(n >= self._needed[s][-1] for s, n in self._n_arrived.items())
+
+    def lengths(self):
+        """Return the number of samples, of shape (1, n_sensors)."""
+        return np.array([[*self._n_samples.values()]])
+
+    def features(self, i, k, n_samples):
+        """Return the features of a branch at the k-th duration, (1, n_features)."""
+        if i not in self._pools:
+            kept = {s: [kept.first(n_samples[s])] for s, kept in self._kept.items()}
+            which = np.array([0])
+            return self._branches[i].transform(Touches(kept), which, n_samples)
+        features = self._pools[i].pooled(k)
+        for step in self._branches[i].incremental()[2]:
+            features = as_rows(step.transform(features))
+        return features

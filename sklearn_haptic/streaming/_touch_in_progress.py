@@ -12,14 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..recordings._trials import has_time_index, in_order, rate_of
 from ..utils._sklearn import one_blas_thread
 from ..utils._validation import check_regular
-from ._arriving_samples import KeptSamples, MendedSamples, PooledCodes
-from ._branches import as_rows
-from ._recorded_touches import (
-    ONLY_SENSOR,
-    Touches,
-    durations_complete,
-    seconds_felt,
-)
+from ._arriving_samples import FeltSamples
+from ._recorded_touches import ONLY_SENSOR, seconds_felt
 
 
 class TouchInProgress:
@@ -79,23 +73,8 @@ class TouchInProgress:
         """
         model = self._model
         needed = dict(zip(model.sensors_, model._needed.T))
-        self._n_samples = np.zeros(len(model.sensors_), dtype=np.intp)
-        self._n_arrived = np.zeros(len(model.sensors_), dtype=np.intp)
-        self._menders = {}
-        for sensor, shape in model.sample_shapes_.items():
-            low, high = self._limits.get(sensor, (-np.inf, np.inf))
-            mender = MendedSamples(shape, low, high, needed[sensor][-1])
-            self._menders[sensor] = mender
-        self._pools: dict[int, PooledCodes] = {}
-        self._kept: dict[str, KeptSamples] = {}
-        for i, branch in enumerate(model._branches):
-            steps = branch.incremental()
-            for sensor in branch.sensors:
-                shape, n_needed = model.sample_shapes_[sensor], needed[sensor]
-                if steps is None:
-                    self._kept[sensor] = KeptSamples(shape, n_needed[-1])
-                else:
-                    self._pools[i] = PooledCodes(steps[0], steps[1], shape, n_needed)
+        shapes = model.sample_shapes_
+        self._felt = FeltSamples(model._branches, shapes, needed, self._limits)
         self._stamps: dict[str, Any] = {}
         self._known: dict[tuple[bool, ...], NDArray[np.float64]] = {}
         self._path: list[NDArray[np.float64]] = []
@@ -142,14 +121,7 @@ class TouchInProgress:
             sensor: self._check_stamps(new, sensor) for sensor, new in samples.items()
         }
         for sensor, new in checked.items():
-            self._n_arrived[sensors.index(sensor)] += len(new)
-            new = self._menders[sensor].mend(new)
-            self._n_samples[sensors.index(sensor)] += len(new)
-            for i, pool in self._pools.items():
-                if self._model._branches[i].sensors == [sensor]:
-                    pool.add(new)
-            if sensor in self._kept:
-                self._kept[sensor].add(new)
+            self._felt.add(new, sensor)
         return self
 
     def _check_samples(self, samples, sensor):
@@ -181,13 +153,13 @@ class TouchInProgress:
     @property
     def seconds(self) -> float:
         """How much of the touch has been felt."""
-        seconds = self._n_samples / self._model._rates
+        seconds = self._felt.lengths()[0] / self._model._rates
         return float(seconds_felt(seconds, self._model._max_delay))
 
     @property
     def ignored(self) -> dict[str, int]:
         """How many samples of each sensor had values that were ignored."""
-        return {sensor: each.n_ignored for sensor, each in self._menders.items()}
+        return {s: each.n_ignored for s, each in self._felt.menders.items()}
 
     @property
     def done(self) -> bool:
@@ -198,7 +170,7 @@ class TouchInProgress:
             path = np.stack(self._path)[np.newaxis]
             self._stopped = bool(self._model._stops(path)[0])
         # Samples that wait for a channel without a good value will never be felt.
-        return self._stopped or bool((self._n_arrived >= self._model._needed[-1]).all())
+        return self._stopped or self._felt.all_arrived()
 
     @one_blas_thread
     def predict_proba(self) -> NDArray[np.float64]:
@@ -215,44 +187,15 @@ class TouchInProgress:
         return self._predict_at(n_complete - 1).copy()
 
     def _n_complete(self):
-        model = self._model
-        return int(
-            durations_complete(
-                self._n_samples, model._rates, model._needed, model._max_delay
-            )
-        )
+        return int(self._model._durations_reached(self._felt.lengths())[0])
 
     def _predict_at(self, k):
         """Predict from the k-th duration, once for each set of sensors that have it."""
-        model = self._model
-        there = self._n_samples >= model._needed[k]
+        there = self._felt.lengths()[0] >= self._model._needed[k]
         if (k, *there) not in self._known:
-            blocks = self._blocks(k, there)
-            proba = model._predict_rows(model._rows(blocks, k), k)[0]
-            self._known[k, *there] = proba
+            proba = self._model._predict_at(self._felt, np.array([0]), k)
+            self._known[k, *there] = proba[0]
         return self._known[k, *there]
-
-    def _blocks(self, k, there):
-        """Return each branch's features, in the form of the model's own blocks."""
-        model = self._model
-        complete = dict(zip(model.sensors_, there))
-        needed = dict(zip(model.sensors_, model._needed[k]))
-        touches = Touches(
-            {s: [kept.first(needed[s])] for s, kept in self._kept.items()}
-        )
-        blocks = []
-        for i, branch in enumerate(model._branches):
-            felt = all(complete[s] for s in branch.sensors)
-            felt &= needed[branch.sensors[0]] >= branch.least_samples()
-            features = None
-            if felt and i in self._pools:
-                features = self._pools[i].pooled(k)
-                for step in branch.incremental()[2]:
-                    features = as_rows(step.transform(features))
-            elif felt:
-                features = branch.transform(touches, np.array([0]), needed)
-            blocks.append((np.array([felt]), features))
-        return blocks
 
 
 def _name_of(sensor):
