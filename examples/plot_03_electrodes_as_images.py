@@ -103,7 +103,7 @@ codes = coder.transform([trial])[0]
 _, ax = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
 seconds = 0, len(codes) / rate, codes.shape[1] - 0.5, -0.5
 ax.imshow(np.sqrt(codes.T), cmap="Blues", aspect="auto", extent=seconds)
-ax.set(xlabel="time, s", ylabel="feature: 20 codes of each of 28 cells")
+ax.set(xlabel="time, s", ylabel="feature: 20 codes of each of 14 cells")
 ax.set_title("Codes of the slide over glass, square roots")
 
 # %%

@@ -22,7 +22,6 @@ GIVEN = {
     "AdjectiveCorrelationDisplay.from_ratings": (RNG.normal(size=(20, 3)),),
     "AtomsDisplay.from_estimator": (),
     "DistributionDisplay.from_predictions": (COUNTS[0], PROBA),
-    "FeatureMapDisplay.from_estimator": (TRIALS[0],),
     "InterraterAgreementDisplay.from_counts": (COUNTS,),
     "InverseCDFDisplay.from_predictions": (COUNTS[0], PROBA),
     "PITHistogramDisplay.from_predictions": (COUNTS, PROBA),
