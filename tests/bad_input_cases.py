@@ -259,14 +259,10 @@ def not_numbers(good, *without):
     checks = [
         check("NaN", replaced(good, np.nan), "ARG contains NaN"),
         check("infinity", replaced(good, -np.inf), "ARG contains (NaN or )?infinity"),
-        check("text", good.astype(str),
-            "^ARG is not an array of numbers .*text.*; convert it"),
-        check("dates", good.astype("M8[D]"),
-            "^ARG is not an array of numbers .*dates.*; convert it"),
-        check("masked values", masked(good),
-            "^ARG has masked values, .*; fill or remove them"),
-        check("complex numbers", good + 0j,
-            "^Complex data not supported: ARG is not an array of .*; give real"),
+        check("text", good.astype(str), "^ARG is not an array of numbers .*text"),
+        check("dates", good.astype("M8[D]"), "^ARG is not an array of numbers"),
+        check("masked values", masked(good), "^ARG has masked values, .*; fill or"),
+        check("complex numbers", good + 0j, "^Complex data not supported: ARG is not"),
     ]
     return [each for each in checks if each.given not in without]
 
@@ -287,14 +283,12 @@ OTHER_COLUMNS = [
     check("a column less", X[:, :3], "3 features, but .* expecting 4"),
 ]
 OTHER_NAMES = [
-    check("names swapped", TABLE[NAMES[::-1]],
-        "Feature names must be in the same order as they were in fit"),
+    check("names swapped", TABLE[NAMES[::-1]], "Feature names must be in the same"),
 ]
 ask(fitting(LABELLED | REGRESSED), *NOT_A_TABLE, *NOT_FEATURES, arg="X")
 ask(fitting(CODERS, y=None), *NOT_A_TABLE, arg="X")
-ask(using(LABELLED | REGRESSED, "predict_proba"),
-    *NOT_A_TABLE, *NOT_FEATURES, *OTHER_COLUMNS, arg="X")
-ask(using(CODERS, "transform"), *NOT_A_TABLE, *OTHER_COLUMNS, arg="X")
+ask(using(LABELLED | REGRESSED, "predict_proba") | using(CODERS, "transform"),
+    *NOT_A_TABLE[:1], *OTHER_COLUMNS, arg="X")
 ask(using(LABELLED | REGRESSED, "predict_proba", names=True), *OTHER_NAMES, arg="X")
 ask(using(CODERS, "transform", names=True), *OTHER_NAMES, arg="X")
 
@@ -316,12 +310,9 @@ IN_A_TRIAL = [
         "^ARG is not an array of numbers .*; give each trial as"),
     check("rows of unequal length", [[1.0] * 19, [2.0] * 18],
         "^ARG is no array of one shape; give rows of equal length"),
-    check("no samples", np.empty((0, 19)),
-        "^ARG has 0 time samples, but at least .* required; remove it"),
-    check("no channels", np.empty((9, 0)),
-        "^ARG has shape .9, 0., which holds no values; give each trial one"),
-    check("other channels", TRIALS[1][:, :18],
-        "^ARG has 18 channels, but 19 channels are expected, as in"),
+    check("no samples", np.empty((0, 19)), "^ARG has 0 time samples, but at least"),
+    check("no channels", np.empty((9, 0)), "^ARG has shape .9, 0., which holds no"),
+    check("other channels", TRIALS[1][:, :18], "^ARG has 18 channels, but 19"),
     check("None in its place", None, NO_TRIAL),
     check("times and channels exchanged", TRIALS[1].T,
         r"^Trial 2 of X has .* shape \(10, 19\)|^ARG has 9 channels, but 19"),
@@ -335,16 +326,16 @@ NOT_TRIALS = [
         SEVERAL),
 ]
 ask(fitting(TRIAL_CODERS, y=None), *NOT_TRIALS, arg="X")
-ask(using(TRIAL_CODERS, "transform"), *NOT_TRIALS, arg="X")
 ask(in_a_trial(fitting(TRIAL_CODERS, y=None)), *IN_A_TRIAL, arg="Trial 1 of X")
-ask(in_a_trial(using(TRIAL_CODERS, "transform")), *IN_A_TRIAL, arg="Trial 1 of X")
+ask(in_a_trial(using(TRIAL_CODERS, "transform")),
+    *(each for each in IN_A_TRIAL if each.given in ("NaN", "other channels")),
+    arg="Trial 1 of X")
 
 # Ratings, for every estimator, score and display that takes them
 
 NOT_COUNTS = [
     *not_numbers(COUNTS, "dates"),
-    check("a negative count", replaced(COUNTS, -1),
-        "^ARG has a negative count in trial 1; counts of ratings are 0 or more"),
+    check("a negative count", replaced(COUNTS, -1), "^ARG has a negative count in"),
     check("a trial that nobody rated", replaced(COUNTS, 0, 1),
         "^ARG has no ratings in trial 1; remove trials"),
     check("counts whose sum overflows", replaced(COUNTS, 1e308, 1),
@@ -363,8 +354,7 @@ NOT_COUNTS = [
 NOT_RATINGS = [
     *NOT_COUNTS,
     check("labels of which one is NaN", replaced(LABELS, np.nan), "contains NaN"),
-    check("continuous labels", X[:, 0],
-        "^Unknown label type: .* has continuous ratings, .*: bin .*, give counts .*or"),
+    check("continuous labels", X[:, 0], "^Unknown label type: .* has continuous"),
     check("ratings as words and numbers", ["soft", *LABELS.tolist()[:-2], 1],
         "^ARG has 1 in trial 1; give one number or one word per trial"),
     check("ratings of which one is None", replaced(LABELS, None, dtype=object),
@@ -408,8 +398,7 @@ NOT_WEIGHTS = [
     *not_numbers(np.ones(N), "dates", "complex numbers"),
     check("a negative weight", -np.ones(N), "Negative values in data passed to `ARG`"),
     check("0 only", np.zeros(N), "[Ss]ample.weight.*non-zero"),
-    check("a sum that overflows", np.full(N, 1e308),
-        "The sum of ARG overflows; divide ARG by a constant"),
+    check("a sum that overflows", np.full(N, 1e308), "The sum of ARG overflows"),
     check("a weight less", np.ones(N - 1), r"ARG.shape == \(11,\), expected \(12,\)"),
 ]
 NO_OBJECT = "^ARG has no object in (trial|row) 1; name the object of every (trial|row)"
@@ -429,7 +418,7 @@ CROSS_VALIDATION = direct(model_selection.cross_val_predict_proba,
     estimator=DummyDistribution(), X=X, y=COUNTS)
 ask(CROSS_VALIDATION,
     check("a model of sliders", estimator=ContinuousRatingsRegressor(), y=X[:, 0],
-        says="^ContinuousRatingsRegressor has no predict_proba, from which method"))
+        says="^ContinuousRatingsRegressor has no classes_, which say what"))
 MODEL_REPORT = direct(model_selection.model_report,
     model=DummyDistribution(), X=X, y=COUNTS)
 ask(MODEL_REPORT,
@@ -471,8 +460,7 @@ ask(fitting(ORDINAL | DUMMY, "y"),
         says=r"^levels=\[\[1, 2\], \[3, 4\]\] must be .*; list each level once"),
     *settings("levels", 3, says="'levels' parameter .* must be an array-like or None"))
 ask(fitting(ORDINAL, "y"),
-    check("no adjective", np.empty((N, 0, 3)),
-        r"^y has shape \(12, 0, 3\), no adjective; give at least one"),
+    check("no adjective", np.empty((N, 0, 3)), r"^y has shape \(12, 0, 3\), no"),
     check("an adjective that nobody rated", replaced(TWO, 0, (2, 1)),
         r"^y\[:, 1\] has no ratings in trial 2; remove trials"),
     check("NaN in an adjective", replaced(TWO, np.nan, (2, 1, 0)),
@@ -528,14 +516,12 @@ STHMP = {"STHMPTransformer": partial(STHMPTransformer, 3, 1, spatial_cells=(1,))
 POOL = {"TemporalMaxPool": TemporalMaxPool}
 NO_IMAGES = r"^Trial 0 of X has shape \(8, .*\); it must be \(n_times, "
 ask(fitting(KSVD, y=None),
-    check("trials, and window=None", TRIALS,
-        "X is a collection of trials, but window=None .*; set window"),
+    check("trials, and window=None", TRIALS, "X is a collection of trials, but"),
     check("a window longer than a trial", TRIALS, window=9,
         says="^Trial 0 of X has 8 time samples, but one window takes 9; remove it or"),
     check("transposed trials", [np.ones((3, 99))] * 2, window=9,
         says=r"time samples, but one .* \(3, 99\) is taken for 3 .* channels; trans"),
-    check("a table narrower than a window", window=9,
-        says="^X is a table whose rows of 4 values are taken for trials, .*; give a"),
+    check("a table narrower than a window", window=9, says="^X is a table whose rows"),
     check("an iterator over trials", iter(TRIALS), window=9,
         says="^X is a list_iterator, which is no array; give a list, an array"),
     check("dict_init of another shape", dict_init=X[:2],
@@ -545,8 +531,7 @@ ask(fitting(KSVD, y=None),
 ask(by_name("dict_init", fitting(KSVD, y=None)), *not_numbers(X[:3]), arg="dict_init")
 ask(by_name("layout", fitting(STHMP, X=TRIALS, y=None)),
     *not_numbers(np.ones((3, 3, 19))),
-    check("two dimensions", np.eye(3),
-        r"^layout has shape \(3, 3\); it must be \(height, width, n_electrodes\)"),
+    check("two dimensions", np.eye(3), r"^layout has shape \(3, 3\); it must be"),
     arg="layout")
 ask(fitting(STHMP, X=TRIALS, y=None),
     check("channels that are no multiple of the electrodes",
@@ -557,13 +542,10 @@ ask(fitting(STHMP, X=TRIALS, y=None),
     check("electrodes, and layout=None", layout=None, says=NO_IMAGES + "height"),
     check("patches larger than the images", patch_size=(9, 9),
         says=r"^patch_size=\(9, 9\) does not fit images of .*; use smaller patches"),
-    *settings("patch_size", (3,), (0, 3),
-        says=r"^patch_size=\(.*\) must be two positive integers"),
-    *settings("spatial_cells", (0,),
-        says=r"^spatial_cells=\(0,\) must list distinct positive integers"))
+    *settings("patch_size", (3,), (0, 3), says=r"^patch_size=\(.*\) must be two"),
+    *settings("spatial_cells", (0,), says=r"^spatial_cells=\(0,\) must list distinct"))
 ask(using(["STHMPTransformer(trials)"], "transform"),
-    check("a table after trials", X,
-        "X is a table, but fit was given trials; give a collection of trials"))
+    check("a table after trials", X, "X is a table, but fit was given trials; give a"))
 ask(fitting(POOL | {"SignalStatistics": SignalStatistics}, X=TRIALS, y=None),
     *settings("cells", (), (0,), (2, 2), (1.5,), ((1, 2),), ("a",),
         says=r"^cells=.* must list distinct positive integers, one per level"))
@@ -574,8 +556,7 @@ HUGE = [np.tile([[1.7e308, 1.7e308], [-1.7e308, 1.7e308]], (4, 1))] * 2
 SUMS_OVERFLOW = "^X holds values so large that their sums overflow float64; divide X"
 ask(fitting(POOL | {"SignalStatistics": SignalStatistics}, X=TRIALS, y=None),
     *settings("statistics", ["max", "sum"], says="^Unknown statistic 'sum'; .* has"),
-    *settings("statistics", ["max", "max"],
-        says="^The statistic 'max' is asked for twice; name it once"),
+    *settings("statistics", ["max", "max"], says="^The statistic 'max' is asked for"),
     *settings("statistics", [], says="^No statistic is asked for; name at least one"))
 ask({"TemporalMaxPool.transform": partial(call,
         TemporalMaxPool((1,), statistics=["mean"]).fit(HUGE).transform),
@@ -583,8 +564,7 @@ ask({"TemporalMaxPool.transform": partial(call,
         SignalStatistics().fit(HUGE).transform)},
     check("values whose sums overflow", HUGE, SUMS_OVERFLOW))
 ask(using(["TemporalMaxPool", "SignalStatistics"], "transform"),
-    check("trials after a table", TRIALS,
-        "X is a collection of trials, but fit was given a table; give both"))
+    check("trials after a table", TRIALS, "X is a collection of trials, but fit was"))
 ask({"TemporalMaxPool.transform": lambda codes_of: call(
         TemporalMaxPool((1,)).fit(codes("split")).transform, codes_of())},
     check("codes of another transformer", partial(codes, "absolute", n_atoms=6),
@@ -619,8 +599,7 @@ ask(direct(DistributionalOrdinalRegressor().fit, X=X, y=COUNTS),
         says="X_val requires an estimator that stops early; use an NNPOM"))
 STOPPING = DistributionalOrdinalRegressor(NNPOM(early_stopping=True))
 ask(direct(STOPPING.fit, X=X, y=COUNTS),
-    check("X_val without y_val", X_val=X,
-        says="X_val and y_val belong together; give both or neither"),
+    check("X_val without y_val", X_val=X, says="X_val and y_val belong together"),
     check("X_val of masked values", X_val=masked(X), y_val=COUNTS,
         says="^X has masked values"),
     check("y_val of other levels", X_val=X, y_val=COUNTS[:, :2],
@@ -644,8 +623,7 @@ ask(using(["DistributionalOrdinalRegressor"], "sample", X),
 ask(using(["DistributionalOrdinalRegressor"], "score", X),
     check("y with columns of other levels", pd.DataFrame(COUNTS, columns=[1, 2, 4]),
         r"^The columns of y_true are \[1, 2, 4\], but the levels are \[1, 2, 3\]"),
-    check("y of other levels", COUNTS[:, :2],
-        "^y_true has 2 columns of counts, but there are 3 levels"))
+    check("y of other levels", COUNTS[:, :2], "^y_true has 2 columns of counts, but"))
 ask(fitting({"SensorFusionNNPOM": partial(SensorFusionNNPOM, SENSORS)}),
     check("no sensor", sensors={}, says="names no sensor; give the columns"),
     check("a sensor of no columns", sensors={"pac": []},
@@ -663,34 +641,31 @@ ask(fitting({"SensorFusionNNPOM": partial(SensorFusionNNPOM, SENSORS)}),
         sensors=None,
         says="Column 'force' of X has no prefix .*; rename it or set sensors"))
 ask(fitting(REGRESSED, "y"),
-    check("several adjectives", TWO,
-        "^y has the ratings of several adjectives, which a RegressedDistribution"))
+    check("several adjectives", TWO, "^y has the ratings of several adjectives"))
 NEAR = RegressedDistribution(KNeighborsRegressor(2))
 ask(direct(NEAR.fit, X=X, y=COUNTS),
     check("weights that differ, and a regressor that takes none",
         sample_weight=np.arange(N),
         says="^KNeighborsRegressor takes no sample_weight, .*; give equal weights"))
 ask(fitting(BLEND, groups=OBJECTS),
-    check("no members", estimators=[],
-        says=r"^estimators=\[\] must be a list of one or more \(name, estimator"),
+    check("no members", estimators=[], says=r"^estimators=\[\] must be a list of one"),
     check("members without names", estimators=[NNPOM(0)],
         says=r"^estimators=.* must be a list of one or more \(name, estimator"),
     check("a member called marginal", estimators=[("marginal", NNPOM(0))],
         says="^Names provided are not unique"),
     check("a regressor", estimators=[("ridge", Ridge())],
-        says="^The member 'ridge' was fitted to counts of .*; give a classifier that"),
+        says="^The member 'ridge', a Ridge, has no predict_proba"),
     check("a classifier of single labels", estimators=[("one", LogisticRegression())],
-        says="y should be a 1d array"),
+        says="^The member 'one', a LogisticRegression, takes labels, but no counts"),
     check("a member of other levels", estimators=[("a", NNPOM(0, levels=[3, 2, 1]))],
-        says="^The member 'a' was fitted to counts of .*; give a classifier that"),
+        says=r"^The member 'a' has the levels \[3, 2, 1\], but \[1, 2, 3\] are req"),
     check("folds that part objects", cv=[(np.arange(6, N), np.arange(7))],
         says="^cv trains on 3 in the fold that tests it; keep whole objects"),
     *wrong(estimators="models", weights="best", cv="five", n_jobs=1.5))
 ask(fitting(BLEND, "y", groups=OBJECTS),
-    check("several adjectives", TWO,
-        "^y has the ratings of several adjectives, which a DistributionBlend"))
+    check("several adjectives", TWO, "^y has the ratings of several adjectives"))
 ask(fitting(BLEND, "groups"),
-    check("one object", np.zeros(N), "^The weights are learned on held-out objects"))
+    check("one object", np.zeros(N), "^DistributionBlend learns from held-out"))
 ask(fitting({"DistributionBlend": partial(DistributionBlend,
         [("near", NEAR), ("piped", make_haptic_pipeline(["tdc"]))])},
         "sample_weight", groups=OBJECTS),
@@ -704,14 +679,13 @@ ask(fitting(TOUCH_POOL, groups=OBJECTS),
         says="^Names provided are not unique"),
     check("a member of other levels",
         estimators=[("a", NNPOM(0, levels=[3, 2, 0]), [0])],
-        says="^The member 'a' predicts .*; give a classifier that keeps the levels"),
+        says=r"^The member 'a' has the levels \[3, 2, 0\], but \[1, 2, 3\] are req"),
     *wrong(estimators="models", cv="five", n_jobs=1.5))
 ask(fitting(TOUCH_POOL, groups=OBJECTS),
     check("a column that is missing everywhere", np.full_like(X, np.nan),
         "^No training row has all columns of the member 'linear'; give rows that"))
 ask(fitting(GUARD, groups=OBJECTS),
-    check("no pipeline", estimator=NNPOM(0),
-        says="^estimator is a NNPOM; give a Pipeline whose first steps return rows"),
+    check("no pipeline", estimator=NNPOM(0), says="^estimator is a NNPOM; give a"),
     *wrong(estimator="model", cv="five"))
 ask(fitting(TOUCH_POOL | GUARD, "y", groups=OBJECTS), *NOT_RATINGS,
     check("several adjectives", TWO, "^y has the ratings of several adjectives"),
@@ -720,8 +694,7 @@ ask(fitting(TOUCH_POOL | GUARD, "groups"),
     check("one object", np.zeros(N), "there is 1 sample or"))
 ask({"TouchPool.weights": lambda touches: call(
         TOUCH_POOL["TouchPool"]().fit(X, COUNTS, groups=OBJECTS).weights, touches)},
-    check("a member twice", [["linear", "linear"]],
-        "^The member 'linear' is asked for twice"))
+    check("a member twice", [["linear", "linear"]], "^The member 'linear' is asked"))
 ask(direct(describe_corpus),
     *(check(given, corpus, "^corpus has no trials; give what load_phac2 returns, a D")
       for given, corpus in [
@@ -750,38 +723,31 @@ ask(direct(make_haptic_pipeline),
     check("no sensor", [], "^sensors is empty; name a sensor or more"),
     check("an unknown preset", preset="best", says="preset='best' must be one of"))
 ask(direct(Signal),
-    *settings("rate", 0, -1.0, np.inf, "fast",
-        says="^rate=.* must be a positive number of samples per second, or None"),
+    *settings("rate", 0, -1.0, np.inf, "fast", says="^rate=.* must be a positive"),
     *settings("window", 0.01, says="^window=0.01 s must hold two samples or more at"))
 ask(direct(TaxelGrid),
     *settings("layout", 4, "palm", (0, 4), (2.5, 2), np.eye(4), {},
         says=r"^layout=.* must be \(n_rows, n_columns\), an array of weights of"))
 REPAIR = {"RepairTrials": RepairTrials}
 ask(fitting(REPAIR, X=TRIALS, y=None),
-    *settings("limits", (1, 0), (1,), (np.nan, 1),
-        says="^limits=.* must be the lowest and the highest value of the sensor"))
+    *settings("limits", (1, 0), (1,), (np.nan, 1), says="^limits=.* must be the"))
 SKINS = pd.DataFrame({"skin": TRIALS})
 ask(fitting(REPAIR, X=SKINS, y=None),
-    *settings("rest", {"skin": 2.5}, {"skin": 0},
-        says="^rest=.* must be a number of samples, at least 1"),
-    *settings("limits", {"skn": (0, 1)},
-        says=r"^The sensor 'skn' is none of \['skin'\]; name columns of X"))
+    *settings("rest", {"skin": 2.5}, {"skin": 0}, says="^rest=.* must be a number of"),
+    *settings("limits", {"skn": (0, 1)}, says=r"^The sensor 'skn' is none of"))
 ask(fitting(REPAIR, y=None),
     check("a sensor without any samples", [None, None], "^X holds no|Expected 2D|NaN"),
     check("text", [["a", "b"], ["c"]], "^Trial 0 of X is not an array of numbers"))
 ask({"RepairTrials.transform": partial(call, RepairTrials().fit(SKINS).transform)},
     check("a sensor fewer", SKINS.rename(columns={"skin": "palm"}),
         "^X has no column 'skin', which fit was given; give the same sensors"),
-    check("a list in place of a DataFrame", TRIALS,
-        r"^X is a list, but fit was given a DataFrame; give the columns \['skin'\]"))
+    check("a list in place of a DataFrame", TRIALS, r"^X is a list, but fit was"))
 ask({"resample_trials": lambda **bad: call(resample_trials,
         **({"trials": [[0.0, 1.0]], "times": [[0.0, 0.1]], "rate": 10} | bad))},
     *settings("rate", 0, -1, np.nan, np.inf, "fast",
         says="^rate=.* must be a positive number of samples a second, or None"),
-    *settings("longest_gap", 0, -1.0, "long",
-        says="^longest_gap=.* must be a number of seconds above 0"),
-    check("stamps of fewer trials", times=[],
-        says="^times has 0 entries, but there are 1 trials; give the time stamps"),
+    *settings("longest_gap", 0, -1.0, "long", says="^longest_gap=.* must be a number"),
+    check("stamps of fewer trials", times=[], says="^times has 0 entries, but there"),
     check("fewer stamps than samples", times=[[0.0]],
         says=r"^times\[0\] has shape \(1,\), but trial 0 has 2 time samples; give"),
     *settings("times", [[0.1, 0.1]], [[0.1, 0.0]], [[0.0, np.nan]],
@@ -793,10 +759,8 @@ ask({"resample_trials": lambda **bad: call(resample_trials,
         says=r"^times\[0\] has shape .*, but trial 0 has 2 time samples; give one"),
     check("masked stamps", times=[np.ma.masked_array([0.0, 0.1], [0, 1])],
         says=r"^times\[0\] has masked values, which are no data; fill or remove"),
-    check("no index of time", times=None,
-        says="^Trial 0 has no index of time stamps; give times, or a Series or Data"),
-    check("no such column", times="when",
-        says="^Trial 0 has no column 'when'; name the column of time stamps"))
+    check("no index of time", times=None, says="^Trial 0 has no index of time"),
+    check("no such column", times="when", says="^Trial 0 has no column 'when'; name"))
 
 # Scores and ratings
 
@@ -818,10 +782,8 @@ ask(by_name("sample_weight", RATED_AT), *NOT_WEIGHTS, arg="sample_weight")
 ask(by_name("y_pred", RATED_AT),
     check("a rating that is no level", np.full((N, 3), 4),
         r"^ARG has the rating 4 in trial 0, .* levels=\[1, 2, 3\]; add it"),
-    check("NaN", replaced(np.ones((N, 3)), np.nan),
-        "^ARG has the rating nan in trial 1, which is not among levels"),
-    check("a column less", np.ones((N, 2)),
-        r"^ARG has shape \(12, 2\), but y_true has 12 trials and p has 3 positions;"),
+    check("NaN", replaced(np.ones((N, 3)), np.nan), "^ARG has the rating nan in"),
+    check("a column less", np.ones((N, 2)), r"^ARG has shape \(12, 2\), but y_true"),
     arg="y_pred")
 ask(direct(metrics.pit_histogram, y_true=COUNTS, y_proba=PROBA),
     *settings("n_bins", 0))
@@ -840,23 +802,18 @@ ask(direct(ratings.rating_counts),
     check("an object without a name", [1, 2], ["a", None], OBJECT_WITHOUT_NAME),
     check("an object that nobody rated", [1, None], ["a", "b"],
         "Nobody rated the object 'b'; remove its rows"),
-    check("masked ratings", masked([1, 2]), ["a", "b"],
-        "^ratings has masked values, .*; fill or remove"),
+    check("masked ratings", masked([1, 2]), ["a", "b"], "^ratings has masked values"),
     check("ratings in two dimensions", [[1, 2]], ["a"], "1d array"),
-    check("text among numbers", [1, "2"], ["a", "a"],
-        "^ratings mixes text with something else; convert it"),
+    check("text among numbers", [1, "2"], ["a", "a"], "^ratings mixes text with"),
     check("a rating outside levels", [1, 3], ["a", "b"], levels=[1, 2],
         says=r"^ratings has the rating 3.* levels=\[1, 2\]; add it to"))
 TABLE_OF_RATINGS = ratings.rating_counts([1, 2, 2], [3, 3, 5])
 ask(direct(TABLE_OF_RATINGS.counts_for),
-    check("an object that nobody rated", [3, 4, 5],
-        r"^The table has no ratings of objects \[4\]; leave .* or add their ratings"),
-    check("objects as text", ["3"],
-        r"no ratings of objects \['3'\]; .* such as 3: convert .*int\)"),
+    check("an object that nobody rated", [3, 4, 5], r"^The table has no ratings of"),
+    check("objects as text", ["3"], r"no ratings of objects \['3'\]; .* such as 3"),
     check("an object without a name", [3, None], OBJECT_WITHOUT_NAME))
 ask(direct(ratings.rating_counts([1, 2], ["3", "5"]).counts_for),
-    check("objects as numbers", [3],
-        r"no ratings of objects \[3\]; .* such as '3': convert .*str\)"))
+    check("objects as numbers", [3], r"no ratings of objects \[3\]; .* such as '3'"))
 ask(direct(ratings.interrater_agreement),
     check("one rating of an object", [[0, 1, 0]],
         "^counts has fewer than two ratings in trial 0; leave out what"),
@@ -882,12 +839,10 @@ ask(direct(ratings.outlying_raters),
         r"^ratings has shape \(2,\); give a table with .* one column per adjective"),
     check("nobody who gave the ratings", X[:2], [1, 1],
         says="^ratings do not say who gave them on which object; give objects and rat"),
-    check("a table without raters", TABLE_OF_RATINGS,
-        says="^table does not know its raters; make it by rating_counts"),
+    check("a table without raters", TABLE_OF_RATINGS, says="^table does not know its"),
     check("a table with objects", TABLE_OF_RATINGS, [3, 5],
         says="^ratings is a RatingTable, which has objects and raters; leave both out"),
-    check("one person per object", X[:2], [1, 2], [1, 2],
-        "^ratings has no object that two people rated .*; give the ratings of all"))
+    check("one person per object", X[:2], [1, 2], [1, 2], "^ratings has no object"))
 ask(direct(ratings.outlying_raters, ratings=X, objects=np.arange(N) // 2,
         raters=np.arange(N)),
     *settings("significance", 0, "5%"))
@@ -924,8 +879,7 @@ SLIDERS = {"ContinuousRatingsRegressor": ContinuousRatingsRegressor}
 ask(by_name("y_true", CRPS), *NOT_ANSWERS, arg="y_true")
 ask(fitting(SLIDERS, "y"), *NOT_ANSWERS,
     check("a trial less", ANSWERS[1:], r"inconsistent numbers of samples: \[12, 11\]"),
-    check("equal ratings only", np.ones(N),
-        r"^All ratings in ARG are 1.0 .*; a grid needs at least two different"),
+    check("equal ratings only", np.ones(N), r"^All ratings in ARG are 1.0 .*; a grid"),
     check("ratings outside the grid", ANSWERS, grid=[0, 1, 2],
         says="^ARG has ratings from .*, but grid reaches from 0.0 to 2.0; widen it"),
     arg="y")
@@ -933,8 +887,7 @@ ask(fitting(SLIDERS, y=ANSWERS), *NOT_A_TABLE[:2],
     *wrong(n_cells=1, grid="log", estimator="nnpom"),
     *settings("grid", [0, 5, 1], [0, 1], says="must be three edges or more that asc"))
 ask(CRPS,
-    check("a CDF that falls", y_cdf=[1, 0],
-        says="^y_cdf falls in row 0; sort it, so that the CDF ascends"),
+    check("a CDF that falls", y_cdf=[1, 0], says="^y_cdf falls in row 0; sort it, so"),
     check("points that fall", values=[3, -3], says="^values falls in row 0; sort it"),
     check("a CDF above 1", y_cdf=[0, 1.1], says=r"^y_cdf must lie within \[0, 1\]"),
     check("a point less", values=[3], says="^y_cdf has 2 columns, .* 1 values; give"),
@@ -956,10 +909,8 @@ ask(direct(metrics.noise_ceiling),
     *NOT_COUNTS[:1], arg="y_true")
 ask(direct(ratings.shrink_counts),
     check("one object", COUNTS[:1], "^counts has one object; shrinkage needs others"),
-    check("weights instead of people", COUNTS / 2,
-        "^counts must be whole numbers of people"),
-    check("one rating of each object", np.eye(3),
-        "^counts has no object with two ratings, .*; have some .* or give strength"))
+    check("weights instead of people", COUNTS / 2, "^counts must be whole numbers of"),
+    check("one rating of each object", np.eye(3), "^counts has no object with two"))
 ask(direct(ratings.shrink_counts, counts=COUNTS), *settings("strength", -1, "cv"))
 LONG = pd.DataFrame({"object": list("aab"), "rater": list("xyx"), "rating": [1, 2, 2]})
 ask(direct(RatingTable.from_long),
@@ -970,8 +921,7 @@ ask(direct(RatingTable.from_long),
 ask(direct(RatingTable.from_wide),
     check("an object in two rows", pd.DataFrame({"object": ["a", "a"], "x": [1, 2]}),
         "^ratings has two of the object 'a' by the rater 'x'; keep one, or tell"),
-    check("no raters", LONG[["object"]],
-        "^The table has no column but 'object'; give one per rater"))
+    check("no raters", LONG[["object"]], "^The table has no column but 'object'"))
 ask(direct(make_haptic_corpus),
     *wrong(n_objects=0, n_trials=1.5, procedure="tap", n_raters=-1, random_state="a"),
     *settings("sensors", ["force"], says="^Unknown sensor 'force'; the corpus has 5"))
@@ -1005,12 +955,10 @@ ask(direct(
         model_selection.cheapest_within_one_se,
         plotting.SpeedAccuracyDisplay.from_search,
     ),
-    check("an unknown metric", RESULTS, metric="rps",
-        says=r"^metric is 'rps', which is unknown; choose one .*: \['score'\]"),
+    check("an unknown metric", RESULTS, metric="rps", says=r"^metric is 'rps', which"),
     check("several scores, and no metric", RESULTS | {"mean_test_rps": np.ones(2)},
         "^metric is missing; choose one of the search's scores"),
-    check("one split", results(without="split1"),
-        "test scores of 1 split, but .* requires at least two; choose cv with more"),
+    check("one split", results(without="split1"), "test scores of 1 split, but"),
     check("no finite score", RESULTS | {"split0_test_score": [np.nan] * 2},
         "No candidate has a finite test score .*; set error_score='raise'"),
     check("results without times", results(without="time|seconds"),
@@ -1032,28 +980,20 @@ ask(direct(
         "^scores has no value in some rows of 'object'; fill them in"),
     check("an infinite score", table_of_scores(rps=[np.inf] + [0.1] * 7),
         "^rps is not finite in the row with .*; choose another metric"),
-    check("no full model", SCORED[4:],
-        r"^held_out is \['pac'\] in scores; give the full model, 'none'"),
-    check("a row twice", pd.concat([SCORED] * 2),
-        "^scores has several rows with .*; summarise one run at a time"),
-    check("a row less", SCORED[:-1],
-        "^scores has no row with held_out=pac, .*; score every model"),
-    check("one start", SCORED.query("start == 0"),
-        "^scores has one start, but .* at least two; raise n_repeats"),
-    check("no threshold", SCORED, by="threshold",
-        says="^scores has no column rps_1, .*; make scores with"),
-    check("no row", SCORED[:0],
-        r"^held_out is \[\] in scores; give the full model, 'none'"),
-    check("scores as text", table_of_scores(rps="high"),
-        "^rps is not an array of numbers .*; convert it"),
-    check("an array", X, error=TypeError,
-        says="^scores is a ndarray; give a DataFrame, as sensor_contributions returns"))
+    check("no full model", SCORED[4:], r"^held_out is \['pac'\] in scores; give the"),
+    check("a row twice", pd.concat([SCORED] * 2), "^scores has several rows with"),
+    check("a row less", SCORED[:-1], "^scores has no row with held_out=pac,"),
+    check("one start", SCORED.query("start == 0"), "^scores has one start, but .* at"),
+    check("no threshold", SCORED, by="threshold", says="^scores has no column rps_1"),
+    check("no row", SCORED[:0], r"^held_out is \[\] in scores; give the full model"),
+    check("scores as text", table_of_scores(rps="high"), "^rps is not an array of"),
+    check("an array", X, error=TypeError, says="^scores is a ndarray; give a"))
 ask(CROSS_VALIDATION,
     check("a splitter that tests a trial twice",
         cv=RepeatedKFold(n_splits=2, n_repeats=2),
         says="^cv tests trial 0 2 times; choose a splitter that tests each"),
     check("test trials among the training trials", cv=[(np.arange(N), np.arange(N))],
-        says="^cv trains on trial 0 in the fold that tests it; leave the test"),
+        says="^cv trains on trial 0 in the fold that tests it; keep whole"),
     check("a classifier that takes each level for a label of its own",
         estimator=KNeighborsClassifier(2), y=(COUNTS > 2).astype(int), cv=2,
         says="^KNeighborsClassifier took each column of y for labels of its own"),
@@ -1072,8 +1012,7 @@ ask(CONTRIBUTIONS,
     check("one group", groups=np.zeros(N),
         says="number of splits .* greater than the number of groups: 1|groups"),
     *settings("n_repeats", 0),
-    check("a negative count", y=replaced(COUNTS, -1),
-        says="^y has a negative count in trial 1"))
+    check("a negative count", y=replaced(COUNTS, -1), says="^y has a negative count"))
 ask(direct(model_selection.sensor_subsets, X=TABLE, y=COUNTS),
     check("a model without a ColumnTransformer", model=NNPOM(), error=TypeError,
         says="^model must be a Pipeline that begins with a ColumnTransformer"),
@@ -1098,10 +1037,8 @@ ONE_OBJECT = plotting.InverseCDFDisplay, plotting.DistributionDisplay
 DIAGRAMS = plotting.PITHistogramDisplay, plotting.ReliabilityDisplay
 OF_COUNTS = plotting.RatingsDisplay, plotting.InterraterAgreementDisplay
 ask(methods("from_predictions", *ONE_OBJECT),
-    check("trials of several objects", COUNTS, PROBA,
-        "^y_true has different ratings for different trials; give the"),
-    check("masked counts", masked(COUNTS[0]), PROBA,
-        "^y_true has masked values, .*; fill or remove"),
+    check("trials of several objects", COUNTS, PROBA, "^y_true has different ratings"),
+    check("masked counts", masked(COUNTS[0]), PROBA, "^y_true has masked values,"),
     check("no distribution", COUNTS[0], replaced(PROBA, 0.9),
         "^y_proba is no distribution in trial 1"))
 ask(CALIBRATION,
@@ -1109,8 +1046,7 @@ ask(CALIBRATION,
         says="n_bins.*(== 0, must be >= 1|range .1, inf)"),
     check("half a bin", n_bins=2.5, error=(TypeError, ValueError),
         says="n_bins.* must be an (int|instance of int)"),
-    check("one object", groups=["cup"] * N,
-        says="^groups has one object, .*; leave groups out, or give trials"))
+    check("one object", groups=["cup"] * N, says="^groups has one object, .*; leave"))
 for displays, counts in [(ONE_OBJECT, COUNTS[0]), (DIAGRAMS, COUNTS)]:
     ask(methods("from_estimator", *displays, X=X),
         check("ratings of other levels", estimator=fitted("NNPOM"), y=counts[..., :2],
@@ -1118,8 +1054,7 @@ for displays, counts in [(ONE_OBJECT, COUNTS[0]), (DIAGRAMS, COUNTS)]:
         check("an estimator that is not fitted", estimator=NNPOM(), y=counts,
             says="This NNPOM instance is not fitted yet"))
 ask(methods("from_counts", *OF_COUNTS),
-    check("no adjective", {},
-        "^counts is of no adjective; give the counts of one or more"),
+    check("no adjective", {}, "^counts is of no adjective; give the counts of one or"),
     check("an object that nobody rated", {"hard": replaced(COUNTS, 0, 1)},
         r"^counts\['hard'\] has no ratings in trial 1; remove"),
     check("adjectives with other levels", {"hard": COUNTS, "soft": COUNTS[:, :2]},
@@ -1138,11 +1073,9 @@ ask(methods("from_counts", plotting.InterraterAgreementDisplay),
         r"^counts\['hard'\] has fewer than two ratings in trial 0; leave out"))
 ask(methods("from_ratings", plotting.AdjectiveCorrelationDisplay),
     ALWAYS_THE_SAME,
-    check("a threshold above 1", X, threshold=1.5,
-        says="^The 'threshold' parameter of adjective_correlation must be"))
+    check("a threshold above 1", X, threshold=1.5, says="^The 'threshold' parameter"))
 ask(methods("from_counts", plotting.InverseCDFDisplay),
-    check("ratings of several objects", COUNTS,
-        "^counts has different ratings for different trials; give the trials"),
+    check("ratings of several objects", COUNTS, "^counts has different ratings for"),
     OTHER_LEVELS._replace(args=(COUNTS[0],)), arg="counts")
 ask(methods("from_trials", plotting.SignalsDisplay),
     check("an unknown sensor and no sampling rate", {"taxels": TRIALS[0]},
@@ -1152,8 +1085,7 @@ ask(methods("from_trials", plotting.SignalsDisplay),
         r"^Trial 1 of X has the sensors \['tdc'\], but \['pac'\] are"),
     check("a trial beside a signal", {"hold": {"pac": TRIALS[0]}, "pac": TRIALS[0]},
         "^X holds trials of several sensors beside signals of one; name"),
-    check("a number in place of a signal", {"pac": 3.0},
-        r"^Trial 0 of X\['pac'\] is 3.0, not an array of shape"),
+    check("a number in place of a signal", {"pac": 3.0}, r"^Trial 0 of X\['pac'\] is"),
     check("no trial", {}, "^X holds no signals; give it one trial"),
     check("a negative sampling rate", {"pac": TRIALS[0]}, sampling_rate=-100,
         says="^sampling_rate=-100 must be a positive number of samples per second"))
@@ -1242,19 +1174,16 @@ ask({"load_phac2": loading},
     *(check(f"a file cut at {share:.0%}", change=cut(share), error=OSError,
           says=DAMAGED)
       for share in (0.01, 0.99)),
-    check("no trials", lambda file: file.clear(),
-        "has no trials; give a file with groups named <object>_<id>_<run>"),
+    check("no trials", lambda file: file.clear(), "has no trials; give a file with"),
     check("a group that is no trial", lambda file: file.create_group("notes"),
         "'notes' at the root .* is no trial; trials are named"),
     check("a trial without states", without(f"{TRIAL}/state"),
         "/sponge_114_01 of .* has no 'state'; it has"),
     check("a trial without a sensor", without(TAC), "finger_1 of .* has no 'tac'; it"),
-    check("a trial without a finger", without(FINGER),
-        "has finger_0 and finger_1, but trial .* has finger_0; load the ones apart"),
+    check("a trial without a finger", without(FINGER), "has finger_0 and finger_1"),
     check("a dataset in place of a trial", exchanged(TRIAL, 3),
         "/sponge_114_01 of .* is not a group, so it has no 'biotacs'"),
-    check("a group in place of a sensor", an_empty_group,
-        "finger_1/tac of .* is not a dataset"),
+    check("a group in place of a sensor", an_empty_group, "finger_1/tac of .* is not"),
     check("a sensor of other rows", exchanged(TAC, np.ones(8)),
         r"tac of .* has shape \(8,\); it must be \(9,\), one row per state"),
     check("a sensor that is a number", exchanged(TAC, 3.0),
@@ -1295,8 +1224,7 @@ ask({"load_phac2": loading},
           ("a trial that is an external", TRIAL, h5py.ExternalLink("o.h5", "/")),
           ("a trial that is a dangling", TRIAL, h5py.SoftLink("/nowhere")),
       ]),
-    check("values in another file", external_values,
-        "keeps its values in another file, which is not read; copy them"),
+    check("values in another file", external_values, "keeps its values in another"),
     *settings("procedure", "tap"),
     *settings("sensors", ["force"], says="^Unknown sensor 'force'"),
     *settings("trials", ["x_1_1"], says="^Unknown trial 'x_1_1'"),
@@ -1389,8 +1317,7 @@ ask({"load_phac2(ratings)": loading_answers},
         r"^ratings\['hard'\] has no ratings of objects \[602\]; leave their trials"),
     check("two answers of a person", ANSWERS.assign(rater=0),
         "^The answers on 'hard': ratings has two of the object 114 by the rater 0; k"),
-    *(check(f"a rating of {rating!r}", rating=rating,
-          says="on 'soft': ratings has the rating .* row 3, which is not among levels")
+    *(check(f"a rating of {rating!r}", rating=rating, says="on 'soft': ratings has")
       for rating in (0, 6, 2.5, np.inf)),
     in_folder=True)
 NOT_CSV = "is not a CSV file in UTF-8 .*; save it as one, or describe a MATLAB file"
@@ -1545,12 +1472,12 @@ EXPECTED = streaming.ExpectedGain().fit(PATH, COUNTS, durations=[1, 2])
 
 @cache
 def anytime():
-    return clone(ANYTIME).fit(TOUCHES, COUNTS)
+    return clone(ANYTIME).fit(TOUCHES, COUNTS, groups=range(N))
 
 
 def fit_anytime(*bad, **params):
     X, y = [*bad, *(TOUCHES, COUNTS)[len(bad):]]
-    return call(clone(ANYTIME).set_params(**params).fit, X, y)
+    return call(clone(ANYTIME).set_params(**params).fit, X, y, groups=range(N))
 
 
 def of_touches(name):
@@ -1581,8 +1508,7 @@ ask({"AnytimeRegressor.fit": fit_anytime},
     check("a column less", TOUCHES[["pac"]], "^X has no column 'tdc', which"),
     check("no pipeline", estimator=LogisticRegression(),
         says="^estimator is a LogisticRegression; give a Pipeline whose first"),
-    check("no probabilities", estimator=NO_PROBA,
-        says="^The last step of estimator, Ridge.*, has no predict_proba; take a"),
+    check("no probabilities", estimator=NO_PROBA, says="^The last step of estimator"),
     check("no weights", estimator=make_pipeline(STATISTICS, KNeighborsClassifier()),
         says="takes no sample_weight, which sharing=0.5 requires; set sharing=0"),
     check("no row of features", estimator=make_pipeline(
@@ -1611,11 +1537,9 @@ ask(of_touches("predict_proba_over_time"),
     check("times that are no list", TOUCHES, 3, "^times has shape \\(\\); give a list"),
     check("a time before the touch", TOUCHES, [-1], "^times has shape .*, 0 or more"))
 ask(of_touches("start"),
-    check("limits of an unknown sensor", {"mic": (0, 1)},
-        "^limits names the sensor 'mic'; the model has \\['pac', 'tdc'\\]"),
+    check("limits of an unknown sensor", {"mic": (0, 1)}, "^limits names the sensor"),
     check("limits of all sensors", (0, 1), "^limits is a tuple; give a dict from"),
-    check("limits in the wrong order", {"pac": (1, 0)},
-        "^limits holds \\(1, 0\\); give a pair \\(low, high\\)"))
+    check("limits in the wrong order", {"pac": (1, 0)}, "^limits holds \\(1, 0\\)"))
 ask(of_a_touch("update"),
     check("an array for two sensors", TRIALS[0], "^samples is a ndarray; give a dict"),
     check("an unknown sensor", {"mic": TRIALS[0]}, "^samples names the sensor 'mic'"),
@@ -1631,8 +1555,7 @@ for name, (rule, checks) in RULES.items():
     ask({f"{name}.fit": lambda *bad, rule=rule, **params: call(
             rule(**params).fit, *[*bad, *(PATH, COUNTS)[len(bad):]], durations=[1, 2])},
         *checks,
-        check("one duration less", PATH[:, :1],
-            says="^proba has shape \\(12, 1, 3\\).* one distribution per duration"),
+        check("one duration less", PATH[:, :1], says="^proba has shape \\(12, 1"),
         check("ratings of other trials", PATH, COUNTS[:3],
             says="^proba has shape .*, but y has shape \\(3, 3\\)"))
 BY_TIME = {"TouchTimeDisplay.from_predictions": lambda *bad, **given: call(
