@@ -9,13 +9,10 @@ from scipy.optimize import approx_fprime
 from scipy.special import expit
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
-from sklearn.model_selection import GridSearchCV, GroupKFold
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNNPOM
 from sklearn_haptic.metrics import (
-    macro_mae,
     neg_macro_mae_scorer,
-    neg_rps_scorer,
     ranked_probability_score,
 )
 from sklearn_haptic.model_selection import contribution_summary, sensor_contributions
@@ -221,22 +218,6 @@ def test_weights_equal_repeated_trials():
     assert weighted.score(X, counts, weight) == pytest.approx(-expected)
 
 
-@pytest.mark.slow
-def test_search_and_scorers():
-    X, counts, objects = touches()
-    search = GridSearchCV(
-        DistributionalOrdinalRegressor(NNPOM(3, random_state=0)),
-        {"estimator__alpha": [1, 30]},
-        scoring={"rps": neg_rps_scorer, "mae": neg_macro_mae_scorer},
-        refit="rps",
-        cv=GroupKFold(3),
-    ).fit(X, counts, groups=objects)
-    proba = search.predict_proba(X)
-    each = [macro_mae(counts[:, a], proba[:, a]) for a in range(3)]
-    assert neg_macro_mae_scorer(search, X, counts) == pytest.approx(-np.mean(each))
-    assert np.isfinite(search.cv_results_["mean_test_rps"]).all()
-
-
 def test_early_stopping_averages_the_error_of_all_adjectives():
     X, counts, objects = touches(30)
     train, held_out = objects < 24, objects >= 24
@@ -412,20 +393,6 @@ def test_combined_network_without_positions():
     )
     assert model.predict_proba(X).shape == counts.shape
     assert model.thresholds_.shape == (3, 4)
-
-
-def test_combined_network_stops_early_on_all_adjectives():
-    X, counts, objects = touches(30)
-    train, held_out = objects < 24, objects >= 24
-    final = NNPOM(8, 1e-3, tol=0, random_state=0, early_stopping=True)
-    fusion = SensorFusionNNPOM(SENSORS, NNPOM(3, random_state=0), final)
-    model = DistributionalOrdinalRegressor(fusion, decode="quantile", rule="argmax")
-    errors = []
-    for n_iter in (10, 20, 40, 80):
-        model.set_params(estimator__final_estimator__max_iter=n_iter)
-        model.fit(X[train], counts[train], X_val=X[held_out], y_val=counts[held_out])
-        errors.append(-neg_macro_mae_scorer(model, X[held_out], counts[held_out]))
-    assert (np.diff(errors) <= 1e-12).all()
 
 
 @pytest.mark.slow

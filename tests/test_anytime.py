@@ -20,7 +20,7 @@ from short_touches import (
 from sklearn.base import clone
 from sklearn.compose import make_column_transformer
 from sklearn.linear_model import LogisticRegression
-from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import make_pipeline, make_union
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from told_groups import Told
@@ -33,9 +33,7 @@ from sklearn_haptic import (
     RepairTrials,
     SignalStatistics,
     TemporalMaxPool,
-    make_haptic_pipeline,
 )
-from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import log_score, ranked_probability_score
 from sklearn_haptic.streaming._heads import best_power
 
@@ -308,21 +306,6 @@ def test_several_adjectives():
     assert model.score(TOUCHES, both) == pytest.approx(-np.mean(each))
 
 
-def test_parameters_are_searched():
-    pipeline = make_pipeline(coded("slow"), StandardScaler(), HEAD)
-    model = make_model(pipeline, durations=[1, 2], sampling_rates=10, cv=2)
-    grid = {
-        "sharing": [0, 0.5],
-        "estimator__distributionalordinalregressor__estimator__alpha": [0.1, 10],
-        "durations": [[1, 2]],
-    }
-    search = GridSearchCV(model, grid, cv=2, error_score="raise")
-    search.fit(list(TOUCHES["slow"]), COUNTS)
-    best = search.cv_results_["mean_test_score"]
-    assert search.best_score_ == best.max()
-    assert len(set(best)) == 4
-
-
 def test_very_short_and_very_long_touches(model):
     extreme = TOUCHES.iloc[:2].copy()
     extreme["fast"] = [
@@ -342,23 +325,6 @@ def test_settings_after_fit_wait_for_the_next():
     before = model.fit(slow, COUNTS).predict_proba(slow)
     model.set_params(durations=[5], sampling_rates=1, max_delay=7)
     assert (model.predict_proba(slow) == before).all()
-
-
-def test_a_preset_learns_from_generated_touches():
-    corpus = make_haptic_corpus(20, 2, sensors=["pac", "pdc"], random_state=0)
-    pipeline = make_haptic_pipeline(["pac", "pdc"], random_state=0)
-    model = make_model(
-        pipeline, durations=[0.5, 2], sampling_rates=corpus.sampling_rates, cv=2
-    )
-    model.fit(
-        corpus.trials[:24], corpus.ratings["hard"][:24], groups=corpus.objects[:24]
-    )
-    proba = model.predict_proba_over_time(corpus.trials[24:], [0, 0.5, 2])
-    guess, *later = (
-        ranked_probability_score(corpus.ratings["hard"][24:], each)
-        for each in proba.swapaxes(0, 1)
-    )
-    assert max(later) < guess
 
 
 @pytest.mark.parametrize("seconds", [0.7, 0.71, 1.3])

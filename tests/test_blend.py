@@ -335,22 +335,7 @@ def test_objects_of_weight_zero_are_as_if_left_out():
         blend.fit(X, counts, objects == 3, groups=objects)
 
 
-@pytest.mark.parametrize("cv", [[], [(range(3, 36), range(3))]])
-def test_folds_that_leave_trials_out_are_refused(cv):
-    X, counts, objects = made()
-    with pytest.raises(ValueError, match=r"cv has no folds|cv tests trial \d+ 0 times"):
-        DistributionBlend(members(), cv=cv).fit(X, counts, objects > 0, groups=objects)
-
-
 # Objects --------------------------------------------------------------------
-
-
-def test_without_groups_it_warns_and_says_how_to_mend_it():
-    X, counts, _ = made()
-    with pytest.warns(UserWarning, match="DistributionBlend: fit was given no groups"):
-        blend = DistributionBlend(members()).fit(X, counts)
-    one_each = fitted(X, counts, range(len(X)))
-    assert one_each.weights_ == blend.weights_
 
 
 def test_memory_of_objects_earns_no_weight_with_groups_and_all_without():

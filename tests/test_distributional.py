@@ -11,10 +11,7 @@ from scipy.special import expit, logit
 from sklearn.base import BaseEstimator, clone
 from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestClassifier
 from sklearn.linear_model import LogisticRegression, Ridge, RidgeClassifier
-from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.neighbors import KNeighborsClassifier
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import (
     NNPOM,
@@ -22,13 +19,11 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     DummyDistribution,
 )
-from sklearn_haptic.model_selection import cross_val_predict_proba
 from sklearn_haptic.models._decoding import decide
 from sklearn_haptic.models._quantile_positions import (
     population_quadrature,
     share_below,
     training_observations,
-    unit_gauss_legendre,
 )
 from sklearn_haptic.ratings._distributions import quantile_grid
 from sklearn_haptic.utils._folds import validation_split
@@ -255,12 +250,6 @@ def test_decide_by_hand():
     assert decide(proba, "argmax").tolist() == [2, 0, 2]
 
 
-def test_grids():
-    np.testing.assert_allclose(quantile_grid(99), np.arange(1, 100) / 100, rtol=1e-15)
-    nodes, weight = unit_gauss_legendre(4)
-    assert weight @ nodes**7 == pytest.approx(1 / 8)
-
-
 @pytest.mark.parametrize(
     ("slope", "error"), [(0.3, 1e-5), (1, 2e-5), (2, 1e-4), (4, 1e-3)]
 )
@@ -307,25 +296,6 @@ def test_share_below_of_a_response_that_falls_and_rises():
         response = np.interp(dense, inputs, row)
         expected = [np.mean(response <= cut) for cut in thresholds]
         np.testing.assert_allclose(share, expected, atol=1e-5)
-
-
-@pytest.mark.slow
-def test_search_by_object_with_two_dimensional_target():
-    X, counts, objects = ordinal_trials()
-    pipeline = make_pipeline(StandardScaler(), DistributionalOrdinalRegressor())
-    search = GridSearchCV(
-        pipeline,
-        {
-            "distributionalordinalregressor__estimator": [NNPOM(0), NNPOM(2)],
-            "distributionalordinalregressor__n_duplicates": [5, 15],
-        },
-        cv=GroupKFold(4),
-    ).fit(X, counts, groups=objects)
-    assert np.isfinite(search.cv_results_["mean_test_score"]).all()
-    proba = cross_val_predict_proba(pipeline, X, counts, groups=objects, cv=4)
-    for train, test in GroupKFold(4).split(X, groups=objects):
-        model = clone(pipeline).fit(X[train], counts[train])
-        np.testing.assert_array_equal(proba[test], model.predict_proba(X[test]))
 
 
 def test_levels_absent_from_a_fold_keep_their_column():

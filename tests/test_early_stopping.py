@@ -19,7 +19,6 @@ from sklearn_haptic.models._conditioning import EvenedFeatures
 from sklearn_haptic.models._early_stopping import validation_error
 from sklearn_haptic.models._network import Network
 from sklearn_haptic.models._observations import single_ratings
-from sklearn_haptic.utils._folds import NO_GROUPS
 
 STOPPING = NNPOM(3, early_stopping=True, n_iter_no_change=20, random_state=0)
 FUSION = SensorFusionNNPOM({"a": [0, 1], "b": [2]}, STOPPING, STOPPING, random_state=0)
@@ -42,23 +41,6 @@ def touches(n_objects=20, n_trials=4, seed=0):
     level = np.digitize(latent[:, None] + rng.logistic(size=(n_objects, 12)), [-1, 1])
     counts = np.stack([(level == k).sum(axis=1) for k in range(3)], axis=1)
     return X, counts[objects], objects
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("model", MODELS, ids=IDS)
-def test_it_warns_without_groups(model, recwarn):
-    X, counts, objects = touches()
-    with pytest.warns(UserWarning, match="fit was given no groups") as caught:
-        clone(model).fit(X, counts)
-    (warning,) = caught
-    assert warning.filename == __file__
-    assert "sklearn.set_config(enable_metadata_routing=True)" in str(warning.message)
-    assert str(warning.message) == f"{type(model).__name__}: {NO_GROUPS}"
-    clone(model).fit(X, counts, groups=objects)
-    clone(model).fit(X, counts, groups=range(len(X)))
-    if isinstance(model, DistributionalOrdinalRegressor):
-        model = clone(model).fit(X[:60], counts[:60], X_val=X[60:], y_val=counts[60:])
-    assert not recwarn
 
 
 class Witness(BaseEstimator):

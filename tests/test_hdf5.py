@@ -165,36 +165,6 @@ def test_what_compresses_well_and_is_all_there_is_read(tmp_path, n_frames, n_tri
             assert (cell == 7).all()
 
 
-@pytest.mark.slow
-def test_a_real_corpus_compressed(shared_data, tmp_path):
-    """All recordings of the pilot, each dataset compressed as far as gzip can."""
-    source = shared_data / "bolt_pilot/bolt_pilot_phac2_layout.h5"
-    path = tmp_path / "compressed.h5"
-    with h5py.File(source) as old, h5py.File(path, "w") as new:
-        trials = list(old)[::9]
-
-        def copy(name, node):
-            if isinstance(node, h5py.Dataset) and node.ndim:
-                new.create_dataset(
-                    f"{trial}/{name}",
-                    data=node[()],
-                    chunks=True,
-                    shuffle=True,
-                    compression="gzip",
-                    compression_opts=9,
-                )
-
-        for trial in trials:
-            old[trial].visititems(copy)
-    expected = load_phac2(source, trials=trials).trials
-    found = load_phac2(path, trials=trials).trials
-    for trial in trials:
-        for sensor in expected:
-            np.testing.assert_array_equal(
-                found.loc[trial, sensor], expected.loc[trial, sensor]
-            )
-
-
 WRITE = """
 import sys
 import h5py
@@ -227,16 +197,6 @@ def test_file_that_another_process_writes(tmp_path, libver):
         writer.stdin.close()
         writer.wait()
     assert len(load_phac2(path, sensors=["pdc"]).trials) == 1
-
-
-@pytest.mark.parametrize("kept", [8, 9, 95, 96, 97, 1000, 10_000, 0.5, 0.9, -1])
-def test_real_file_cut_short(shared_data, tmp_path, kept):
-    content = (shared_data / "bolt_pilot/bolt_pilot_phac2_layout.h5").read_bytes()
-    path = tmp_path / "cut.h5"
-    path.write_bytes(content[: int(kept * len(content)) if 0 < kept < 1 else kept])
-    with pytest.raises(OSError, match=r"cut\.h5 cannot be read \(.*cut short"):
-        load_phac2(path, sensors=["pdc"])
-    assert_all_closed()
 
 
 def test_damaged_values(path):

@@ -173,15 +173,6 @@ def test_what_does_not_fit(corpus, save, ratings, told, message):
         load(corpus, path, **{"axes": AXES} | told)
 
 
-@pytest.mark.parametrize("kept", [0, 10, 127, 150, 0.5, -1])
-def test_cut_short(corpus, save, ratings, kept):
-    path = save(a=ratings)
-    content = path.read_bytes()
-    path.write_bytes(content[: int(kept * len(content)) if 0 < kept < 1 else kept])
-    with pytest.raises(OSError, match=r"ratings\.mat cannot be read"):
-        load(corpus, path, axes=AXES)
-
-
 def test_links_of_version_7_3_are_not_followed(corpus, tmp_path, ratings):
     path = tmp_path / "ratings.mat"
     save_v73(tmp_path / "other.mat", {"a": ratings})

@@ -10,7 +10,7 @@ from scipy.stats import entropy, multinomial, wasserstein_distance
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.datasets import make_classification
 from sklearn.linear_model import LogisticRegression
-from sklearn.metrics import log_loss, mean_absolute_error
+from sklearn.metrics import log_loss
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -90,12 +90,6 @@ def test_macro_mae_equals_exact_arithmetic(n_quantiles):
         expected,
         rtol=1e-14,
     )
-
-
-def test_macro_mae_of_a_certain_rating_is_the_mean_absolute_error():
-    true, predicted = np.array([1, 5, 2, 3]), np.array([1, 2, 3, 5])
-    score = macro_mae(true, np.eye(5)[predicted - 1], levels=LEVELS)
-    assert score == mean_absolute_error(true, predicted)
 
 
 def test_macro_mae_is_not_proper():
@@ -500,10 +494,3 @@ def test_noise_ceiling_of_people_who_agree_is_zero():
     for score in (ranked_probability_score, log_score):
         ceiling = noise_ceiling([[0, 5, 0], [2, 0, 0]], score, average=False)
         assert ceiling.truth.tolist() == ceiling.raters.tolist() == [0, 0]
-
-
-@pytest.mark.parametrize("n_trials", [1, 5_000])
-def test_noise_ceiling_by_size(n_trials):
-    counts = np.tile([[2, 1, 1]], (n_trials, 1))
-    expected = 4 / 3 * (2 / 4 * 2 / 4 + 3 / 4 * 1 / 4)
-    assert noise_ceiling(counts).truth == pytest.approx(expected)

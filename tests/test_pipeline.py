@@ -137,27 +137,6 @@ def test_rows_stay_with_their_trial_beside_other_columns(corpus):
     np.testing.assert_array_equal(table["remainder__number"], permuted["number"])
 
 
-def test_papers_parameters_give_its_feature_counts():
-    corpus = make_haptic_corpus(3, 2, procedure="hold", random_state=0)
-    counts = {"pac": 40, "pdc": 25, "tac": 25, "tdc": 10}
-    for sensor, n_atoms in counts.items():
-        window = 22 if sensor == "pac" else 50
-        steps = make_pipeline(
-            KSVDTransformer(
-                n_atoms, window=window, max_iter=1, sign="absolute", random_state=0
-            ),
-            TemporalMaxPool(),
-        )
-        X = steps.fit_transform(corpus.trials[sensor])
-        assert X.shape == (6, 31 * n_atoms * 2)  # two fingers
-    images = make_pipeline(
-        STHMPTransformer(10, max_iter=1, sign="absolute", random_state=0),
-        TemporalMaxPool(),
-    )
-    X = images.fit_transform(corpus.trials["electrodes"])
-    assert X.shape == (6, 31 * 14 * 10)
-
-
 def electrodes_head(*, memory=None, max_iter=3):
     return make_pipeline(
         STHMPTransformer(6, 3, max_iter=max_iter, memory=memory, random_state=0),

@@ -132,16 +132,6 @@ def test_labels_and_words(n_levels):
     assert model.sample(X, 3, random_state=0).shape == (40, 3)
 
 
-@pytest.mark.parametrize("n_trials", [1, 5000, 100_000])
-def test_from_one_trial_to_many(n_trials):
-    rng = np.random.default_rng(0)
-    X, y = rng.normal(size=(n_trials, 2)), rng.integers(1, 4, size=n_trials)
-    model = RegressedDistribution(Ridge(), levels=[1, 2, 3]).fit(X, y)
-    proba = model.predict_proba(X)
-    share = np.bincount(y, minlength=4)[1:] / n_trials
-    np.testing.assert_allclose(proba.mean(axis=0), share, atol=1e-9)
-
-
 class Odd(BaseEstimator):
     """Predicts what a function makes of the right shape."""
 

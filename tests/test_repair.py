@@ -508,13 +508,6 @@ def test_a_model_predicts_from_faulty_touches_and_names_the_fault(repairing, nam
         assert (named["offset"] > 2.5).all()
 
 
-def test_refit_forgets():
-    trials = recordings()
-    repair = RepairTrials().fit(pd.DataFrame({"skin": trials})).fit(trials)
-    assert not hasattr(repair, "feature_names_in_") and repair.n_features_in_ == 4
-    assert clone(repair).get_params() == {"limits": None, "rest": None}
-
-
 def test_an_array_of_trials_keeps_all_channels():
     """One of three dimensions is as the list of its trials; one of objects likewise."""
     X = np.random.default_rng(0).normal(size=(6, 5, 2))
@@ -541,16 +534,3 @@ def test_channels_that_are_constant_equal_or_rounded_can_be_estimated(seed):
     trials.append(np.ones((3, 6)))
     repaired = RepairTrials().fit_transform(trials)
     assert all(np.isfinite(trial).all() for trial in repaired)
-
-
-def test_hundreds_of_channels_with_some_dead_in_every_trial():
-    rng = np.random.default_rng(0)
-    mixing = rng.normal(size=(5, 200))
-    clean = [rng.normal(size=(50, 5)) @ mixing for _ in range(30)]
-    trials = [trial + 0.1 * rng.normal(size=trial.shape) for trial in clean]
-    dead = rng.random((30, 200)) < 0.02
-    for trial, gone in zip(trials, dead):
-        trial[:, gone] = 0
-    repaired = RepairTrials().fit_transform(trials)
-    errors = [(r - c)[:, gone] for r, c, gone in zip(repaired, clean, dead)]
-    assert np.sqrt(np.mean(np.concatenate([e.ravel() for e in errors]) ** 2)) < 0.1

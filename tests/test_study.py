@@ -29,7 +29,6 @@ from sklearn_haptic import (
     NNPOM,
     DistributionalOrdinalRegressor,
     DummyDistribution,
-    KSVDTransformer,
     SensorFusionNNPOM,
     metrics,
 )
@@ -832,39 +831,6 @@ def test_dictionary_of_three_fifths_of_the_trials_of_each_object():
         learnt_from[i] = not np.array_equal(other_dictionary, dictionary)
         assert not np.array_equal(other[i], features[i])
     assert learnt_from.reshape(2, 5).sum(axis=1).tolist() == [3, 3]
-
-
-@pytest.mark.parametrize(
-    ("procedure", "n_windows", "cells"),
-    [
-        ("squeeze", 12, (16, 8, 4, 2, 1)),
-        ("hold", 39, (16, 8, 4, 2, 1)),
-        ("slow_slide", 18, (16, 8, 4, 2, 1)),
-        ("fast_slide", 7, (8, 4, 2, 1)),
-    ],
-)
-def test_pyramid_of_the_paper_at_full_size(procedure, n_windows, cells):
-    """The paper's section 2.2.2; the shortest of 600 trials is pooled here by hand."""
-    corpus = make_haptic_corpus(60, 10, procedure, sensors=["tdc"], random_state=0)
-    trials = list(corpus.trials["tdc"])
-    features, dictionary = features_of(trials, corpus.objects, procedure)
-    assert features.shape == (600, sum(cells) * 2 * 2 * 10)  # cells, fingers, signs
-    shortest = np.argmin([len(trial) for trial in trials])
-    coder = KSVDTransformer(window=50, dict_init=dictionary, remove_mean=False)
-    codes = coder.set_params(n_atoms=10, max_iter=0).fit(trials).transform(trials)
-    codes = codes[int(shortest)]
-    assert len(codes) == n_windows
-    pooled = features[shortest].reshape(sum(cells), -1)
-    for n in cells:
-        level, pooled = pooled[:n], pooled[n:]
-        np.testing.assert_allclose(level.max(axis=0), codes.max(axis=0), rtol=1e-5)
-        for i, cell in enumerate(level):
-            if n <= n_windows:
-                windows = range(i * n_windows // n, (i + 1) * n_windows // n)
-                expected = codes[list(windows)].max(axis=0)
-                np.testing.assert_allclose(cell, expected, rtol=1e-5)
-            else:  # cells share windows, each has the one at its middle
-                assert (cell >= codes[(2 * i + 1) * n_windows // (2 * n)] - 1e-4).all()
 
 
 def test_pyramid_of_each_sensor_is_that_of_the_paper():

@@ -17,7 +17,6 @@ from told_groups import Told
 from sklearn_haptic import (
     NNPOM,
     DummyDistribution,
-    SignalStatistics,
     TouchPool,
     make_haptic_pipeline,
 )
@@ -423,27 +422,6 @@ def test_parameters_of_members():
     ]
 
 
-def test_equal_for_any_number_of_jobs():
-    X, counts, objects = made()
-    one, two = (
-        TouchPool(MEMBERS, n_jobs=n).fit(X, counts, groups=objects).predict_proba(X)
-        for n in (1, 2)
-    )
-    np.testing.assert_array_equal(one, two)
-
-
-def test_many_rows():
-    X, counts, objects = made()
-    pool = TouchPool(MEMBERS).fit(X, counts, groups=objects)
-    many = lacking(pd.concat([X] * 1112, ignore_index=True))
-    groups = np.arange(len(many)) // 3
-    proba = pool.predict_proba(many, groups=groups)
-    assert len(proba) == 100_080
-    np.testing.assert_allclose(
-        proba[-3:], pool.predict_proba(many[-3:], groups[-3:]), atol=1e-12
-    )
-
-
 # Recordings --------------------------------------------------------------------
 
 
@@ -507,11 +485,3 @@ def test_groups_that_are_the_classes_are_refused():
     pool = TouchPool([("a", LogisticRegression(), ["a0", "a1"])])
     with pytest.raises(ValueError, match="No fold trains on a class that it tests"):
         pool.fit(X, objects.astype(str), groups=objects)
-
-
-def test_no_touches_get_no_predictions():
-    X, y, _ = made(6)
-    X = pd.DataFrame({"a": [np.full((3, 1), a) for a in X["a0"]]})
-    member = make_pipeline(SignalStatistics(), NNPOM(0))
-    pool = TouchPool([("a", member, "a")]).fit(X, y)
-    assert pool.predict_proba(X[:0]).shape == (0, N_LEVELS)
