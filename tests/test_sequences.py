@@ -25,7 +25,6 @@ NAMES = ["a", "b"]
         ([[[1j, 2.0]]], NAMES, {}, "Trial 0 holds values that are not finite real"),
         ([*ARRAYS, [[0, np.nan]]], NAMES, {}, "Trial 2 holds values that are not"),
         (ARRAYS, "ab", {}, "feature_names='ab' must list one name per column"),
-        (ARRAYS, NAMES, {"encode": 3}, "encode=3 cannot be called"),
         (ARRAYS, NAMES, {"lengths": [1]}, "lengths has 1 entries, but there are 2"),
         (ARRAYS, NAMES, {"row_index": pd.Index([*"xyz"])}, "row_index has 3 entries"),
     ],

@@ -262,12 +262,6 @@ class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         if is_table(X):
             check_numbers(X, "X")
             X = check_array(X, dtype=[np.float64, np.float32])
-            if X.shape[1] < window:
-                raise ValueError(
-                    f"X is a table whose rows of {X.shape[1]} values are taken for "
-                    f"trials, but one window takes {window} time samples; give a "
-                    "list of trials or use a shorter window."
-                )
         n_channels = None if reset else self.n_features_in_
         trials = check_trials(X, n_channels=n_channels, names=self._channel_names)
         for i, trial in enumerate(trials):

@@ -70,17 +70,10 @@ def fill_samples(trial):
     >>> fill_samples(np.array([[np.nan, 1, np.nan, 3, np.nan]]).T).ravel()
     array([1., 1., 2., 3., 3.])
     """
-    filled = trial.copy()
-    times = np.arange(len(trial))
-    for column in filled.T:
-        known = ~np.isnan(column)
-        if not known.all():
-            column[~known] = (
-                np.interp(times[~known], times[known], column[known])
-                if known.any()
-                else 0
-            )
-    return filled
+    if not np.isnan(trial).any():
+        return trial.copy()
+    filled = pd.DataFrame(trial).interpolate(limit_direction="both")
+    return filled.fillna(0).to_numpy(copy=True)
 
 
 def estimate_channels(trial, dead, mean, scale, correlation):
@@ -363,35 +356,30 @@ def read_faulty(column, name, shape=None, names=None):
     return cells, (shape, names)
 
 
-def _option(option, name, cells):
-    """Return the value of an option for a sensor."""
-    if not isinstance(option, Mapping):
-        return option
-    unknown = [key for key in option if key not in cells]
-    if unknown:
-        raise ValueError(
-            f"The sensor {unknown[0]!r} is none of {list(cells)}; name columns of X."
-        )
-    return option.get(name)
-
-
-def _limits(limits, name, cells):
-    limits = _option(limits, name, cells)
-    if limits is None:
-        return None
-    pair = np.asarray(limits)
-    if pair.shape != (2,) or pair.dtype.kind not in "iuf" or not pair[0] < pair[1]:
-        raise ValueError(
-            f"limits={limits!r} must be the lowest and the highest value of the sensor."
-        )
-    return tuple(pair.tolist())
-
-
-def _rest(rest, name, cells):
-    rest = _option(rest, name, cells)
+def _settings_of(name, cells, limits, rest):
+    """Return the limits and the samples at rest of a sensor."""
+    for option in (limits, rest):
+        unknown = [*({*option} - {*cells})] if isinstance(option, Mapping) else []
+        if unknown:
+            raise ValueError(
+                f"The sensor {unknown[0]!r} is none of {list(cells)}; name columns of "
+                "X."
+            )
+    limits, rest = (
+        option.get(name) if isinstance(option, Mapping) else option
+        for option in (limits, rest)
+    )
+    if limits is not None:
+        pair = np.asarray(limits)
+        if pair.shape != (2,) or pair.dtype.kind not in "iuf" or not pair[0] < pair[1]:
+            raise ValueError(
+                f"limits={limits!r} must be the lowest and the highest value of the "
+                "sensor."
+            )
+        limits = tuple(pair.tolist())
     if rest is not None and (not isinstance(rest, Integral) or rest < 1):
         raise ValueError(f"rest={rest!r} must be a number of samples, at least 1.")
-    return rest
+    return limits, rest
 
 
 class TrialRepair:
@@ -435,10 +423,7 @@ class TrialRepair:
                 if name == ALONE:
                     where, mend = "X", "give one trial or more that has some"
                 raise ValueError(f"{where} holds no samples at all; {mend}.")
-            settings[name] = (
-                _limits(self.limits, name, read),
-                _rest(self.rest, name, read),
-            )
+            settings[name] = _settings_of(name, read, self.limits, self.rest)
             usual[name] = usual_trials(cells, samples, *settings[name])
         if takes_trials:
             vars(self).pop("feature_names_in_", None)

@@ -100,11 +100,6 @@ class Sequences(Sequence[FloatArray]):
                 f"trials is a {type(trials).__name__}; give a list with one array per "
                 "trial."
             )
-        if not (encode is None or callable(encode)):
-            raise ValueError(
-                f"encode={encode!r} cannot be called; give a function that returns the "
-                "array of a trial, or None."
-            )
         self.feature_names = np.asarray(feature_names, dtype=object)
         if self.feature_names.ndim != 1:
             raise ValueError(

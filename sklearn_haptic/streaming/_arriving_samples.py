@@ -7,6 +7,7 @@ the durations, and an update costs the same at any time.
 """
 
 import numpy as np
+import pandas as pd
 
 from ..features import KSVDTransformer
 from ..features._pooling import cell_bounds, signed_root
@@ -57,16 +58,11 @@ class MendedSamples:
         before = self._last.astype(samples.dtype)
         samples = np.concatenate([self._waiting.astype(samples.dtype), samples])
         known = np.concatenate([before, samples])
-        flat = known.reshape(len(known), -1)
-        if not np.isfinite(flat).any(axis=0).all():
+        table = pd.DataFrame(known.reshape(len(known), -1))
+        if table.isna().all().any():
             self._waiting = samples[: self._limit]
             return samples[:0]
-        here = np.isfinite(flat)
-        row = np.where(here, np.arange(len(flat))[:, np.newaxis], -1)
-        row = np.maximum.accumulate(row, axis=0)
-        row = np.where(row < 0, here.argmax(axis=0), row)  # before the first good one
-        flat = np.take_along_axis(flat, row, axis=0)
-        mended = flat.reshape(known.shape)
+        mended = table.ffill().bfill().to_numpy(copy=True).reshape(known.shape)
         self._last, self._waiting = mended[-1:].copy(), samples[:0]
         return mended[1:]
 
