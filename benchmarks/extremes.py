@@ -1,38 +1,33 @@
 """Extreme input to this package and to its peers, and what each makes of it.
 
-    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/extremes.py [FOLDER]
+    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/extremes.py \
+        [--parts codes dictionaries networks models] [--data FOLDER]
 
-prints a Markdown table, in under a minute. Peers are optional, best in an environment
-of their own that has this package too:
+prints a Markdown table, in under a minute, a part in seconds. Peers are optional, best
+in an environment of their own that has this package too:
 ``pip install spams-bin dictlearn numba skordinal``. Every call has a process of its
 own, so that one that crashes ends nothing else. FOLDER holds ``*_stress.npz``:
 parameters of ordinal networks, what ORCA makes of them, and cost and gradient in
-arithmetic of 60 digits; without it those rows are left out.
+arithmetic of 60 digits, for the part "networks", which is left out without it.
 """
 
-import argparse
 import math
-import platform
 import warnings
-from datetime import date
-from fractions import Fraction
-from importlib.metadata import version
 from importlib.util import find_spec
-from itertools import accumulate
 from multiprocessing import get_context
 from pathlib import Path
 from signal import Signals
 
 import numpy as np
+from measure import command, head, machine
+from measure import row as print_row
 from mord import LogisticAT
-from scipy.sparse import csr_array
 from sklearn.decomposition import DictionaryLearning, SparseCoder
 from sklearn.linear_model import orthogonal_mp_gram
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import NNPOM, KSVDTransformer
-from sklearn_haptic.metrics import ranked_probability_score
 
 # Cost, gradient and probabilities at given parameters; in public they are only fitted.
 from sklearn_haptic.models._network import Layout
@@ -45,10 +40,9 @@ if find_spec("dictlearn"):
     import dictlearn
 if find_spec("skordinal"):
     from skordinal.classifiers import NNPOM as Peer
-    from skordinal.metrics import ranked_probability_score as skordinal_score
 
 OURS = "this package"
-MODULES = {"spams": "spams", "dictlearn": "dictlearn", "skordinal": "skordinal"}
+MODULES = {"spams", "dictlearn", "skordinal"}
 
 
 def outcome(function, seconds=60):
@@ -82,7 +76,7 @@ def row(case, functions, judge):
     """Print a row; peers of the same outcome share their words."""
     said = {}
     for name, function in functions.items():
-        if name not in MODULES or find_spec(MODULES[name]):
+        if name not in MODULES or find_spec(name):
             said.setdefault(outcome(function), []).append(name)
     ours = next(text for text, names in said.items() if OURS in names)
     peers = []
@@ -90,7 +84,7 @@ def row(case, functions, judge):
         names = [name for name in names if name != OURS]
         if names:
             peers.append(f"{', '.join(names)}: {text}")
-    print(f"| {case} | {'; '.join(peers)} | {ours} | {judge} |", flush=True)
+    print_row(case, "; ".join(peers), ours, judge)
 
 
 # Sparse codes ---------------------------------------------------------------
@@ -189,15 +183,6 @@ def coding_row(case, signals, atoms, n_coefs):
     row(case, functions, judge)
 
 
-def noise_coded(coder, signals, atoms, n_coefs):
-    return f"{np.any(coder(signals, atoms, n_coefs), axis=1).sum()} signals"
-
-
-def code_constants(signals, atoms, n_coefs):
-    model = KSVDTransformer(len(atoms), n_coefs, dict_init=atoms, max_iter=0)
-    return model.fit_transform(signals)  # removes means itself
-
-
 def coding():
     rng = np.random.default_rng(0)
     atoms, signals = unit_rows(rng.normal(size=(20, 10))), rng.normal(size=(100, 10))
@@ -211,28 +196,10 @@ def coding():
     largest = np.float32(3e38) * (single / np.abs(single).max())
     coding_row("float32 signals up to 3e38", largest, single_atoms, 4)
     coding_row("3 atoms, 5 coefficients", signals, atoms[:3], 5)
-    coding_row("3 samples, 5 coefficients", signals[:, :3], unit_rows(atoms[:, :3]), 5)
-    twice = np.vstack((atoms[:3], atoms[:3]))
-    coding_row("3 atoms given twice, 5 coefficients", signals, twice, 5)
-    close = unit_rows(atoms[:1] + 1e-3 * rng.normal(size=(4, 10)))
     merged = unit_rows(atoms[:1] + 1e-9 * np.vstack((np.zeros(10), atoms[1])))
     coding_row("2 atoms 1e-9 apart", signals, merged, 2)
-    coding_row("float32, 4 atoms 0.004 apart", single, close.astype(np.float32), 4)
     coding_row(
         "NaN in a signal", np.where(signals == signals[0, 0], np.nan, signals), atoms, 4
-    )
-    coding_row("int16 signals", np.rint(100 * signals).astype(np.int16), atoms, 4)
-    constants = np.repeat(rng.normal(size=(100, 1)), 10, axis=1)
-    centred = constants - constants.mean(axis=1, keepdims=True)
-    functions = {
-        name: lambda coder=coder: noise_coded(coder, centred, atoms, 4)
-        for name, coder in CODERS.items()
-    }
-    functions[OURS] = lambda: noise_coded(code_constants, constants, atoms, 4)
-    row(
-        "100 constant signals, mean removed: codes that are not zero",
-        functions,
-        "exactly zero",
     )
 
 
@@ -320,13 +287,6 @@ def learning():
         scaled = float(size) * signals
         learning_row(f"signals × {size}", scaled, start, "the row of ordinary size")
     learning_row("all signals zero", 0 * signals, start, "atoms of norm 1")
-    learning_row("5 signals, 8 atoms", signals[:5], start, "error 0: an atom a signal")
-    learning_row(
-        "one signal 50 times",
-        np.repeat(signals[:1], 50, axis=0),
-        start,
-        "error 0: that signal as an atom",
-    )
 
 
 # Ordinal models -------------------------------------------------------------
@@ -406,7 +366,7 @@ STANDARDISED = {
         StandardScaler(), make()
     )
     for name, make in MODELS.items()
-    if name != OURS and (name not in MODULES or find_spec(MODULES[name]))
+    if name != OURS and (name not in MODULES or find_spec(name))
 }
 
 
@@ -454,11 +414,6 @@ def rare(make):
     return f"{model.predict_proba(X)[0, 1]:.2e}"
 
 
-def disagreements(model, X, y):
-    proba = model.fit(X, y).predict_proba(X)
-    return f"{(model.predict(X) != proba.argmax(axis=1)).sum()} of {len(X)} trials"
-
-
 def ordinal():
     X, y = touches()
     tails = {OURS: tail_of_ours, "mord": tail_of_mord, "skordinal": tail_of_skordinal}
@@ -479,18 +434,6 @@ def ordinal():
         lambda make: described(with_levels(make, range(5)), X, gap, gap),
         "5 columns",
     )
-    words = np.array(["very soft", "soft", "medium", "hard", "very hard"])
-    model_row(
-        "Ratings in words",
-        lambda make: described(with_levels(make, words), X, words[y], words[y]),
-        "5 columns",
-    )
-    counts = 12 * np.eye(5)[y]
-    model_row(
-        "How many of twelve raters gave each rating",
-        lambda make: described(with_levels(make, range(5)), X, counts, y),
-        "5 columns",
-    )
     model_row("One rating of weight 1 between two of 1e12", rare, f"{1 / 2e12:.2e}")
     model_row(
         "Log score in training", lambda make: log_score(make(), X, y), "next two rows"
@@ -503,67 +446,26 @@ def ordinal():
             MODELS | STANDARDISED,
         )
     model_row(
-        "Ratings predicted that are not the most probable",
-        lambda make: disagreements(make(), X, y),
-        "0",
-    )
-    model_row(
         "Features × 1e-310",
         lambda make: described(make(), 1e-310 * X, y, y),
         "as without, or refused in words",
     )
-    model_row(
-        "Sparse features",
-        lambda make: described(make(), csr_array(X), y, y),
-        described(MODELS[OURS](), X, y, y),
-    )
 
 
-# Metrics --------------------------------------------------------------------
-
-
-def metrics():
-    proba = np.array([[0.1, 0.2, 0.3, 0.2, 0.2], [0.5, 0.2, 0.1, 0.1, 0.1]])
-    ratings, levels = np.array([2, 4]), np.arange(1, 6)
-    below = [[*accumulate(map(Fraction, each))] for each in proba.tolist()]
-    exact = sum(
-        (share - (level >= rating)) ** 2
-        for shares, rating in zip(below, ratings)
-        for share, level in zip(shares, levels)
-    )
-    exact = f"{float(exact / len(ratings)):.4f}"
-
-    def score(function, **levels):
-        return f"{function(ratings, proba, **levels):.4f}"
-
-    functions = {
-        OURS: lambda: score(ranked_probability_score, levels=levels),
-        "skordinal": lambda: score(skordinal_score, labels=levels),
-    }
-    row("RPS of ratings 2 and 4, levels 1 to 5 given", functions, f"fractions: {exact}")
-    functions = {
-        OURS: lambda: score(ranked_probability_score),
-        "skordinal": lambda: score(skordinal_score),
-    }
-    row("the same, levels not given", functions, f"{exact}, or refused in words")
+PARTS = {"codes": coding, "dictionaries": learning, "models": ordinal}
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path, nargs="?")
-    folder = parser.parse_args().folder
-    packages = ["sklearn_haptic", "numpy", "scipy", "scikit-learn", "mord"]
-    peers = {"spams": "spams-bin", "dictlearn": "dictlearn", "skordinal": "skordinal"}
-    packages += [name for module, name in peers.items() if find_spec(module)]
-    print(f"Python {platform.python_version()}, {date.today()}, ", end="")
-    print(", ".join(f"{name} {version(name)}" for name in packages), end="\n\n")
-    print("| case | peers | this package | judged by |\n|---|---|---|---|")
-    coding()
-    learning()
-    if folder:
-        stressed(folder)
-    ordinal()
-    metrics()
+    parser = command(__doc__)
+    parser.add_argument("--parts", nargs="+", choices=[*PARTS, "networks"])
+    parser.add_argument("--data", type=Path, metavar="FOLDER")
+    arguments = parser.parse_args()
+    parts = PARTS | {"networks": lambda: stressed(arguments.data)}
+    machine("mord", "spams-bin", "dictlearn", "skordinal")
+    head("case", "peers", "this package", "judged by")
+    for name in arguments.parts or parts:
+        if name != "networks" or arguments.data:
+            parts[name]()
 
 
 if __name__ == "__main__":
