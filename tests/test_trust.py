@@ -1,5 +1,6 @@
 """Saved models predict the same, files run nothing, and no call leaves a trace."""
 
+import doctest
 import inspect
 import io
 import json
@@ -36,7 +37,6 @@ from load_and_predict import (
     refuse_training,
 )
 from matplotlib import pyplot
-from scipy.io import savemat
 from sklearn.base import BaseEstimator, clone
 from sklearn.exceptions import InconsistentVersionWarning
 from sklearn.model_selection import GroupKFold
@@ -48,12 +48,10 @@ import sklearn_haptic
 from sklearn_haptic import (
     TemporalMaxPool,
     datasets,
-    make_haptic_pipeline,
     metrics,
     model_selection,
     plotting,
     ratings,
-    resample_trials,
     streaming,
     study,
 )
@@ -61,10 +59,8 @@ from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 from sklearn_haptic.model_selection import sensor_contributions, sensor_subsets
 from sklearn_haptic.models._quantile_positions import population_quadrature
 from sklearn_haptic.study import (
-    compare_networks,
     read_study,
     run_study,
-    score_table,
 )
 from sklearn_haptic.study._store import open_study, write_unit
 
@@ -574,137 +570,32 @@ def test_methods_change_no_global_state(name):
         clone(unfitted).fit(X[:0], y)
 
 
-SEARCH = {
-    "params": [{"size": 1}, {"size": 2}],
-    "split0_test_neg_seconds": np.array([-1.0, -2.0]),
-    "split1_test_neg_seconds": np.array([-1.0, -2.0]),
-    "mean_test_neg_seconds": np.array([-1.0, -2.0]),
-    "split0_test_score": np.array([1.0, 2.0]),
-    "split1_test_score": np.array([2.0, 2.5]),
-    "mean_test_score": np.array([1.5, 2.25]),
-}
-
-
 def public_functions():
-    """Every public function and display, by name."""
-    public = {name: getattr(sklearn_haptic, name) for name in sklearn_haptic.__all__}
-    modules = datasets, metrics, model_selection, plotting, ratings
-    for module in (*modules, streaming, study):
-        public |= {name: getattr(module, name) for name in module.__all__}
-    displays = {name for name in public if name.endswith("Display")}
-    return displays | {name for name in public if inspect.isfunction(public[name])}
+    """Every public function and display, once each, by name."""
+    modules = datasets, metrics, model_selection, plotting, ratings, streaming, study
+    for module in (sklearn_haptic, *modules):
+        for name in module.__all__:
+            each = getattr(module, name)
+            if inspect.isfunction(each) or name.endswith("Display"):
+                yield pytest.param(each, id=name)
 
 
-def _full_name(function):
-    """Name of a function, with its class if it is a class method."""
-    owner = getattr(function, "__self__", None)
-    return (
-        function.__name__ if owner is None else f"{owner.__name__}.{function.__name__}"
-    )
+class Runner(doctest.DocTestRunner):
+    """Whatever an example prints; numbers are shown with other digits here."""
 
+    def report_failure(self, *_):
+        pass
 
-def calls_of_functions(folder):
-    write_corpus(folder / "corpus.h5")
-    savemat(folder / "ratings.mat", {"a": np.tile([0, 1, 3, 2, 0], (2, 1, 1))})
-    rated = datasets.MatlabRatings(
-        folder / "ratings.mat",
-        variable="a",
-        axes=["objects", "adjectives", "levels"],
-        objects=[114, 602],
-        adjectives=["hard"],
-    )
-    model, proba = fitted("regressor"), fitted("regressor").predict_proba(NAMED)
-    scores = contributions_of_sensors()
-    calls = {
-        getattr(metrics, name): (COUNTS, proba)
-        for name in (
-            *("macro_mae", "ranked_probability_score", "log_score"),
-            *("earth_movers_distance", "pit_histogram", "dispersion"),
-        )
-    }
-    calls |= {
-        metrics.macro_mae_at_positions: (COUNTS, proba.argmax(1)[:, None] + 1, 0.5),
-        metrics.neg_rps_scorer: (model, NAMED, COUNTS),
-        metrics.neg_macro_mae_scorer: (model, NAMED, COUNTS),
-        ratings.rating_counts: ([1, 2, 2], ["a", "a", "b"]),
-        ratings.rating_distribution: (COUNTS,),
-        ratings.rating_cdf: (COUNTS,),
-        ratings.inverse_cdf: (COUNTS, [0.1, 0.5]),
-        ratings.interrater_agreement: (COUNTS,),
-        ratings.adjective_correlation: ([[1, 5], [2, 4], [4, 3], [5, 1]],),
-        ratings.rating_mean: (COUNTS,),
-        ratings.outlying_raters: (
-            [[1], [2], [2], [1], [5], [1]],
-            [0, 0, 0, 1, 1, 1],
-            [*"abc"] * 2,
-        ),
-        metrics.crps: ([1.0, 2.0], [0.0, 0.5, 1.0], [0.0, 1.0, 3.0]),
-        metrics.noise_ceiling: (COUNTS, metrics.ranked_probability_score),
-        ratings.shrink_counts: (COUNTS,),
-        make_haptic_pipeline: (["pdc"],),
-        resample_trials: ([[0.0, 1.0, 3.0]], [[0.0, 0.1, 0.3]], 10),
-        make_haptic_corpus: (2, 1),
-        model_selection.speed_accuracy_frontier: (SEARCH,),
-        model_selection.cheapest_within_one_se: (SEARCH,),
-        model_selection.contribution_summary: (scores,),
-        model_selection.cross_val_predict_proba: (model, NAMED, COUNTS),
-        model_selection.neg_seconds_scorer: (model, NAMED),
-        plotting.RatingsDisplay.from_counts: (COUNTS,),
-        plotting.InterraterAgreementDisplay.from_counts: (COUNTS,),
-        plotting.AdjectiveCorrelationDisplay.from_ratings: (
-            [[1, 5], [2, 4], [4, 3], [5, 1]],
-        ),
-        plotting.InverseCDFDisplay.from_counts: (COUNTS[0],),
-        plotting.InverseCDFDisplay.from_predictions: (COUNTS[[0]], proba[:3]),
-        plotting.InverseCDFDisplay.from_estimator: (model, NAMED[:3], COUNTS[[0] * 3]),
-        plotting.InverseCDFDisplay.from_ratings: (COUNTS[0], [[1, 2]], [0.3, 0.7]),
-        plotting.SpeedAccuracyDisplay.from_search: (SEARCH,),
-        plotting.SignalsDisplay.from_trials: (CORPUS.trials.iloc[:2],),
-        plotting.AtomsDisplay.from_estimator: (fitted("ksvd of trials"),),
-        plotting.DistributionDisplay.from_predictions: (COUNTS[[0]], proba[:3]),
-        plotting.DistributionDisplay.from_estimator: (
-            model,
-            NAMED[:3],
-            COUNTS[[0] * 3],
-        ),
-        plotting.PITHistogramDisplay.from_predictions: (COUNTS, proba),
-        plotting.PITHistogramDisplay.from_estimator: (model, NAMED, COUNTS),
-        plotting.ReliabilityDisplay.from_predictions: (COUNTS, proba),
-        plotting.ReliabilityDisplay.from_estimator: (model, NAMED, COUNTS),
-        plotting.SensorContributionsDisplay.from_scores: (scores,),
-        plotting.TouchTimeDisplay.from_predictions: (
-            COUNTS,
-            np.stack([proba, proba], axis=1),
-            [1.0, 2.0],
-        ),
-    }
-    calls = {
-        _full_name(function): partial(function, *arguments)
-        for function, arguments in calls.items()
-    }
-    seeded = ("make_haptic_pipeline", "make_haptic_corpus")
-    calls |= {name: partial(calls[name], random_state=0) for name in seeded}
-    tiny = STUDY | {"adjectives": ["hard"], "n_repeats": 1}
-    tiny["procedures"] = ["fast_slide", "hold"]
-    return calls | {
-        "describe_corpus": lambda: datasets.describe_corpus(CORPUS),
-        "model_report": lambda: model_selection.model_report(
-            model, NAMED, COUNTS, groups=np.arange(len(COUNTS)) // 3, cv=2
-        ),
-        "load_phac2": lambda: load_phac2(folder / "corpus.h5", ratings=rated),
-        "sensor_contributions": contributions_of_sensors,
-        "sensor_subsets": scores_of_subsets,
-        "run_study": lambda: run_study(folder=folder / "study", **tiny),
-        "read_study": lambda: read_study(folder / "study"),
-        "score_table": lambda: score_table(read_study(folder / "study")),
-        "compare_networks": lambda: compare_networks(read_study(folder / "study")),
-    }
+    def report_unexpected_exception(self, out, test, example, error):
+        raise error[1]
 
 
 @pytest.mark.usefixtures("unusual_state")
-def test_functions_change_no_global_state(tmp_path):
-    calls = calls_of_functions(tmp_path)
-    assert {name.partition(".")[0] for name in calls} == public_functions()
-    for name, call in calls.items():
-        with nothing_changes(name):
-            call()
+@pytest.mark.parametrize("function", [*public_functions()])
+def test_functions_change_no_global_state(function, tmp_path, monkeypatch):
+    """Called as in the example of each."""
+    monkeypatch.chdir(tmp_path)
+    (example,) = doctest.DocTestFinder(recurse=False).find(function, function.__name__)
+    assert example.examples
+    with nothing_changes(function.__name__):
+        Runner(verbose=False).run(example, out=lambda _: None)
