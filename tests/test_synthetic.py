@@ -13,7 +13,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
-from sklearn_haptic.datasets._simulated_crowd import ADJECTIVES, population, rate
+from sklearn_haptic.datasets._synthetic import ADJECTIVES, population, rate
 from sklearn_haptic.ratings import adjective_correlation, interrater_agreement
 
 pytestmark = pytest.mark.slow

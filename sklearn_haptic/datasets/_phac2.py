@@ -17,13 +17,19 @@ from numpy.typing import ArrayLike
 from sklearn.utils import Bunch
 
 from ..ratings import RatingTable
-from ..recordings._biotac import PROCEDURES, SENSORS, Procedure, columns_of
+from ..recordings._biotac import (
+    PROCEDURES,
+    SENSORS,
+    Procedure,
+    check_procedures,
+    columns_of,
+    rates_of,
+)
 from ..utils._sklearn import Names, StrOptions, validate_params
 from ..utils._validation import check_names
 from ._hdf5 import check_stored, get_node, names_in, open_hdf5, read_rows
 from ._matlab_ratings import LEVELS, MatlabRatings
 from ._phac2_ratings import rate_trials
-from ._procedures import check_procedures, rates_of
 
 PROCEDURE_STATES = {
     "squeeze": b"SQUEEZE_SET_PRESSURE_SLOW",

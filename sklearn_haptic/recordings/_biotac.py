@@ -8,6 +8,8 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
+from ..utils._validation import check_names
+
 FRAME_RATE = 100  # frames per second
 # Samples per frame and channels of each sensor of one finger.
 SENSORS = {
@@ -74,3 +76,21 @@ def biotac_layout():
         for column, electrodes in enumerate(pixels):
             layout[row, column, np.array(electrodes) - 1] = 1 / len(electrodes)
     return layout
+
+
+def check_procedures(procedure, where):
+    """Return the procedures as a list; refuse unknown ones, and none."""
+    asked = [procedure] if isinstance(procedure, str) else procedure
+    return check_names(asked, list(PROCEDURES), "procedure", where)
+
+
+def rates_of(columns):
+    """Return the sampling rate of each column of trials, by its sensor.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.recordings._biotac import rates_of
+    >>> rates_of(["pac", "hold_pac", "hold_pdc"])
+    {'pac': 2200, 'hold_pac': 2200, 'hold_pdc': 100}
+    """
+    return {column: SAMPLING_RATES[column.rsplit("_", 1)[-1]] for column in columns}
