@@ -14,6 +14,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.svm import SVC
 from sklearn.tree import DecisionTreeClassifier, DecisionTreeRegressor
+from touches import ordinal_touches
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
 from sklearn_haptic.models._quantile_positions import (
@@ -38,17 +39,8 @@ ESTIMATORS = [
 ]
 
 
-def touches(n_objects=30, n_trials=4, seed=0):
-    """Features and counts of twelve people's ratings from 1 to 5."""
-    rng = np.random.default_rng(seed)
-    latent = rng.normal(size=n_objects)
-    X = np.repeat(latent[:, None] * [1, -0.5, 0.2], n_trials, axis=0)
-    X += 0.5 * rng.normal(size=X.shape)
-    people = np.clip(
-        np.rint(3 + latent[:, None] + rng.normal(size=(n_objects, 12))), 1, 5
-    )
-    counts = np.stack([(people == k).sum(axis=1) for k in range(1, 6)], axis=1)
-    return X, counts.repeat(n_trials, axis=0)
+def touches():
+    return ordinal_touches(30, 4, [1, -0.5, 0.2], spread=1.5, noise=0.5)[:2]
 
 
 def cdf_of_many_rows(estimator, x, n_levels, decode, n_rows=20_000):

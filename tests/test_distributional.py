@@ -12,6 +12,7 @@ from sklearn.base import BaseEstimator, clone
 from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestClassifier
 from sklearn.linear_model import LogisticRegression, Ridge, RidgeClassifier
 from sklearn.neighbors import KNeighborsClassifier
+from touches import ordinal_touches
 
 from sklearn_haptic import (
     NNPOM,
@@ -29,17 +30,8 @@ from sklearn_haptic.ratings._distributions import quantile_grid
 from sklearn_haptic.utils._folds import validation_split
 
 
-def ordinal_trials(n_objects=20, n_trials=5, n_features=4, seed=0):
-    """Trials of objects whose crowd follows a proportional-odds model."""
-    rng = np.random.default_rng(seed)
-    objects = np.repeat(np.arange(n_objects), n_trials)
-    latent = rng.normal(size=n_objects) * 2
-    X = latent[objects, None] * [1, -0.5, 0.2, 0][:n_features]
-    X = X + 0.3 * rng.normal(size=(len(objects), n_features))
-    raters = latent[:, None] + rng.logistic(size=(n_objects, 12))
-    level = np.digitize(raters, [-2, -0.7, 0.7, 2])
-    counts = np.stack([(level == k).sum(axis=1) for k in range(5)], axis=1)
-    return X, counts[objects], objects
+def ordinal_trials(n_objects=20):
+    return ordinal_touches(n_objects, 5, [1, -0.5, 0.2, 0], spread=2, noise=0.3)
 
 
 @pytest.mark.parametrize("sampling", ["level", "random"])

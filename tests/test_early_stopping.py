@@ -9,6 +9,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
+from touches import ordinal_touches
 
 from sklearn_haptic import (
     NNPOM,
@@ -31,16 +32,9 @@ MODELS = [
 IDS = ["network", "fusion", "regressor", "regressor of a fusion"]
 
 
-def touches(n_objects=20, n_trials=4, seed=0):
-    rng = np.random.default_rng(seed)
-    objects = np.repeat(np.arange(n_objects), n_trials)
-    latent = rng.normal(size=n_objects)
-    X = latent[objects, None] * [1, -0.5, 0.2] + 0.5 * rng.normal(
-        size=(len(objects), 3)
-    )
-    level = np.digitize(latent[:, None] + rng.logistic(size=(n_objects, 12)), [-1, 1])
-    counts = np.stack([(level == k).sum(axis=1) for k in range(3)], axis=1)
-    return X, counts[objects], objects
+def touches(n_objects=20):
+    effects, cuts = [1, -0.5, 0.2], [-1, 1]
+    return ordinal_touches(n_objects, 4, effects, spread=1, noise=0.5, cuts=cuts)
 
 
 class Witness(BaseEstimator):

@@ -12,6 +12,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
+from touches import ordinal_touches
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNNPOM
 from sklearn_haptic.metrics import neg_rps_scorer
@@ -22,18 +23,10 @@ SENSORS = {"pac": [0, 1, 2], "pdc": [3], "tdc": [4, 5]}
 EXACT = {"tol": 1e-9, "max_iter": 20_000}
 
 
-def touches(n_objects=16, n_trials=3, seed=0):
+def touches(n_objects=16, n_trials=3):
     """Trials of six columns, three sensors; all tell something of the ratings."""
-    rng = np.random.default_rng(seed)
-    objects = np.repeat(np.arange(n_objects), n_trials)
-    latent = 2 * rng.normal(size=n_objects)
-    X = latent[objects, None] * [1, 0, 0.5, -1, 0.3, 0]
-    X = X + rng.normal(size=X.shape)
-    level = np.digitize(
-        latent[:, None] + rng.logistic(size=(n_objects, 12)), [-2, -0.7, 0.7, 2]
-    )
-    counts = np.stack([(level == k).sum(axis=1) for k in range(5)], axis=1)
-    return X, counts[objects], objects
+    effects = [1, 0, 0.5, -1, 0.3, 0]
+    return ordinal_touches(n_objects, n_trials, effects, spread=2, noise=1)
 
 
 def networks():

@@ -364,17 +364,6 @@ def test_one_sample_and_single_precision():
     assert one.tolist() == [[1.0, 1.0]] and one.dtype == np.float32
 
 
-@pytest.mark.parametrize(
-    "n_trials", [1, 5000, pytest.param(100_000, marks=pytest.mark.slow)]
-)
-def test_resampling_any_number_of_trials(n_trials):
-    trials = list(np.random.default_rng(0).normal(size=(n_trials, 10)))
-    times = np.tile(np.arange(10) / 10, (n_trials, 1))
-    resampled = resample_trials(trials, times, 20)
-    assert len(resampled) == n_trials
-    np.testing.assert_allclose(resampled[-1][::2, 0], trials[-1], atol=1e-12)
-
-
 def test_stamps_in_a_series_go_with_trials_by_place():
     times = pd.Series([np.arange(4) / 10, np.array([0, 0.1, 0.5, 0.6])], index=[1, 0])
     trials = pd.Series([np.arange(4.0)] * 2, index=[1, 0])
