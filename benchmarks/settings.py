@@ -184,7 +184,6 @@ MODELS = {
     },
     "hidden units": {"0": BASE, **vary(network, "n_hidden", [1, 5, 10, 20, 30])},
     "max_iter": vary(model, "estimator__max_iter", [500, 10, 25, 75, 200]),
-    "solver": vary(model, "estimator__solver", ["lbfgs", "irprop+"]),
     "tol, 10 hidden units": vary(network, "tol", [1e-4, 1e-5, 1e-3]),
     "solver, 10 hidden units": vary(network, "solver", ["lbfgs", "irprop+"]),
     "early stopping, 10 hidden units": {

@@ -20,8 +20,8 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     DummyDistribution,
 )
-from sklearn_haptic.models._decoding import decide
 from sklearn_haptic.models._quantile_positions import (
+    decide,
     population_quadrature,
     share_below,
     training_observations,

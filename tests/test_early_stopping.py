@@ -17,9 +17,9 @@ from sklearn_haptic import (
     SensorFusionNNPOM,
 )
 from sklearn_haptic.models._conditioning import EvenedFeatures
-from sklearn_haptic.models._early_stopping import validation_error
 from sklearn_haptic.models._network import Network
 from sklearn_haptic.models._observations import single_ratings
+from sklearn_haptic.models._solvers import validation_error
 
 STOPPING = NNPOM(3, early_stopping=True, n_iter_no_change=20, random_state=0)
 FUSION = SensorFusionNNPOM({"a": [0, 1], "b": [2]}, STOPPING, STOPPING, random_state=0)

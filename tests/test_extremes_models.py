@@ -29,11 +29,12 @@ from sklearn_haptic.metrics import (
     ranked_probability_score,
 )
 from sklearn_haptic.models._network import Layout, linear_response, sigmoid_of_sums
-from sklearn_haptic.models._network_loss import NetworkLoss, initial_params
+from sklearn_haptic.models._network_loss import NetworkLoss
 from sklearn_haptic.models._proportional_odds import (
     SoftplusGaps,
     SquaredGaps,
     level_probabilities,
+    marginal_thresholds,
     ordinal_loss,
     softplus,
     thresholds_from,
@@ -104,9 +105,8 @@ def exact_cost(params, layout, X, positions, level, weight, alpha):
     total = mpmath.mpf(alpha) / 2 * (np.sum(coef**2) + np.sum(output**2))
     for i, j in np.ndindex(weight.shape):
         inputs = np.append(X[i], [] if positions is None else positions[i, j])
-        latent = np.array([mpmath.mpf(x) for x in inputs]) @ coef
-        if layout.n_hidden:
-            latent = np.array([sigmoid(z) for z in latent + bias]) @ output
+        hidden = np.array([mpmath.mpf(x) for x in inputs]) @ coef + bias
+        latent = np.array([sigmoid(z) for z in hidden]) @ output
         proba = sigmoid(cuts[level[i, j] + 1] - latent)
         proba -= sigmoid(cuts[level[i, j]] - latent)
         total -= mpmath.mpf(weight[i, j]) * mpmath.log(proba)
@@ -127,7 +127,6 @@ def exact_cost_and_gradient(params, *data):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n_hidden", [0, 2])
 @pytest.mark.parametrize("shared", [False, True], ids=["rows", "positions"])
 @pytest.mark.parametrize("gaps", [SoftplusGaps, SquaredGaps])
 @examples(8)
@@ -137,13 +136,13 @@ def exact_cost_and_gradient(params, *data):
     weight_digits=st.integers(0, 12),
 )
 def test_cost_and_gradient_where_units_saturate(
-    n_hidden, shared, gaps, seed, size, weight_digits
+    shared, gaps, seed, size, weight_digits
 ):
     rng = np.random.default_rng(seed)
     X, level = rng.normal(size=(2, 2)), rng.integers(0, 4, (2, 2))
     positions = rng.normal(size=(2, 2)) if shared else None
     weight = 10 ** rng.uniform(-weight_digits, weight_digits, (2, 2))
-    layout = Layout(2 + shared, n_hidden, (4,), gaps)
+    layout = Layout(2 + shared, 2, (4,), gaps)
     params = size * rng.uniform(-1, 1, layout.size)
     if gaps is SquaredGaps:
         _, _, [head] = layout.split(params)
@@ -204,18 +203,9 @@ def test_softplus_and_sigmoids_at_the_ends_of_the_numbers():
 )
 def test_linear_start_has_the_frequencies_of_the_levels(weight):
     """To full precision, where one rating stands among 1e200."""
-    layout = Layout(1, 0, (len(weight),))
-    params = initial_params(layout, [np.array(weight)], None)
-    squared = Layout(1, 0, (len(weight),), SquaredGaps)
-    np.testing.assert_allclose(
-        initial_params(squared, [np.array(weight)], None)[2:] ** 2,
-        softplus(params[2:]),
-        rtol=1e-14,
-    )
+    first, gaps = marginal_thresholds(np.array(weight))
     with mpmath.workdps(300):
-        cuts = [mpmath.mpf(params[1])]
-        for gap in params[2:]:
-            cuts.append(cuts[-1] + mpmath.log1p(mpmath.exp(mpmath.mpf(gap))))
+        cuts = list(accumulate(map(mpmath.mpf, [*first, *gaps])))
         below = [mpmath.mpf(0), *(1 / (1 + mpmath.exp(-cut)) for cut in cuts), 1]
         total = mpmath.fsum(weight)
         for (start, end), w in zip(pairwise(below), weight):
@@ -464,7 +454,7 @@ def test_order_of_trials(n_hidden):
     """Sums in another order: the last digits of the cost, then those of the model."""
     X, counts = touches()
     order = np.random.default_rng(1).permutation(len(X))
-    layout = Layout(4, n_hidden, (5,))
+    layout = Layout(4, 3, (5,))
     params = np.random.default_rng(2).normal(size=layout.size)
     level = np.arange(5)[None]
     (cost, grad), (other_cost, other_grad) = (

@@ -167,9 +167,5 @@ class Conditioning:
             of_inputs = self._axes.to_features(of_inputs)
         of_features = of_inputs / self._spread
         at_centre = self._centre @ of_features
-        if self.layout.n_hidden:
-            bias = bias - at_centre
-        else:
-            heads = [head._replace(first=head.first + at_centre) for head in heads]
         coef = np.concatenate((of_features, of_position))
-        return self._features_layout.join(coef, bias, heads)
+        return self._features_layout.join(coef, bias - at_centre, heads)

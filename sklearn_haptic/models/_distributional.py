@@ -40,21 +40,26 @@ from ..utils._validation import (
     check_table,
     check_weights,
 )
-from ._decoding import (
+from ._frozen import check_frozen, unfrozen
+from ._nnpom import NNPOM, fit_linear_networks
+from ._observations import relative_weights
+from ._ordinal import OrdinalClassifierMixin
+from ._quantile_positions import (
+    clip_positions,
     is_smooth,
     mixture,
     ratings_at,
     share_between_crossings,
     share_of_medians,
     share_of_modes,
+    training_observations,
 )
-from ._early_stopping import hold_out_trials
-from ._frozen import check_frozen, unfrozen
-from ._nnpom import NNPOM, fit_linear_networks
-from ._observations import relative_weights
-from ._ordinal import OrdinalClassifierMixin
-from ._quantile_positions import clip_positions, training_observations
-from ._shared_features import has_latent_response, seed_estimator, share_features
+from ._shared_features import (
+    has_latent_response,
+    hold_out_trials,
+    seed_estimator,
+    share_features,
+)
 
 
 class DistributionalOrdinalRegressor(

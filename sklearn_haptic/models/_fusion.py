@@ -34,14 +34,13 @@ from ..utils._sklearn import (
     with_callbacks,
 )
 from ..utils._validation import FLOATS, check_groups, check_table, check_weights
-from ._early_stopping import hold_out_trials
 from ._frozen import check_frozen, unfrozen
 from ._nnpom import NNPOM
 from ._observations import single_ratings
 from ._ordinal import OrdinalClassifierMixin
+from ._shared_features import hold_out_trials
 
 _Network: TypeAlias = NNPOM | FrozenEstimator
-
 
 _NETWORK = HasMethods(["fit_with_positions", "hidden_activations_with_positions"])
 

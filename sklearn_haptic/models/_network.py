@@ -49,7 +49,7 @@ class Head(NamedTuple):
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the parts of a network lie in the flat vector of parameters.
+    """Where the parts of a hidden layer lie in the flat vector of parameters.
 
     First the weights of the inputs, those of the position last; then the biases of
     the hidden units; then the head of each adjective.
@@ -65,7 +65,7 @@ class Layout:
     @property
     def _sizes(self):
         heads = ((self.n_hidden, 1, n - 2) for n in self.n_levels)
-        n_weights = self.n_inputs * max(self.n_hidden, 1)
+        n_weights = self.n_inputs * self.n_hidden
         return n_weights, self.n_hidden, *chain.from_iterable(heads)
 
     @property
@@ -78,14 +78,13 @@ class Layout:
 
         Returns
         -------
-        coef : ndarray of shape (n_inputs, n_hidden), or (n_inputs,) without units
+        coef : ndarray of shape (n_inputs, n_hidden)
         bias : ndarray of shape (n_hidden,)
         heads : list of Head
         """
         edges = accumulate(self._sizes, initial=0)
         coef, bias, *heads = (params[i:j] for i, j in pairwise(edges))
-        if self.n_hidden:
-            coef = coef.reshape(self.n_inputs, self.n_hidden)
+        coef = coef.reshape(self.n_inputs, self.n_hidden)
         return coef, bias, list(map(Head, heads[::3], heads[1::3], heads[2::3]))
 
     @staticmethod

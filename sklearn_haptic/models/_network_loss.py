@@ -1,10 +1,10 @@
-"""What a network is fitted by: its cost with the gradient, start values and bounds."""
+"""The cost of a network with a hidden layer, and its gradient."""
 
 import numpy as np
 from scipy import sparse
 
 from ._network import Head, sigmoid, sigmoid_of_sums
-from ._proportional_odds import marginal_thresholds, ordinal_loss
+from ._proportional_odds import ordinal_loss
 
 # Entries of a hidden layer that are computed at once, so that they stay in the cache.
 _BLOCK = 1 << 16
@@ -50,9 +50,9 @@ class _AdjectiveLoss:
 
         Parameters
         ----------
-        shared : ndarray of shape (n_trials, n_hidden), or (n_trials,) without units
+        shared : ndarray of shape (n_trials, n_hidden)
             What the features and biases contribute.
-        position_coef : ndarray of shape (1, n_hidden), or (1,) without units
+        position_coef : ndarray of shape (1, n_hidden)
             Weights of the position; empty if it is no input.
         head : Head
 
@@ -62,15 +62,8 @@ class _AdjectiveLoss:
         g_shared, g_position_coef, g_head
             Its derivatives.
         """
-        layer = None
-        if len(head.output):
-            layer = self._activate(shared, position_coef)
-            latent = layer @ head.output
-        elif self.positions is None:
-            latent = shared
-        else:
-            latent = shared[self.trial] + self.positions * position_coef
-
+        layer = self._activate(shared, position_coef)
+        latent = layer @ head.output
         loss, g_latent, g_first, g_raw_gaps = ordinal_loss(
             latent[self.trial] if self.positions is None else latent,
             self.level,
@@ -79,17 +72,10 @@ class _AdjectiveLoss:
             head.raw_gaps,
             self.gaps,
         )
-        if layer is None or self.positions is None:
-            g_shared = np.bincount(self.trial, g_latent, len(shared))
-        if layer is None:
-            g_head = Head(head.output, [g_first], g_raw_gaps)
-            if self.positions is None:
-                return loss, g_shared, 0.0, g_head
-            return loss, g_shared, self.positions @ g_latent, g_head
-
         slope = np.subtract(1, layer, out=self.buffers[1])
         slope *= layer
         if self.positions is None:
+            g_shared = np.bincount(self.trial, g_latent, len(shared))
             g_head = Head(g_shared @ layer, [g_first], g_raw_gaps)
             slope *= g_shared[:, None]
             return loss, slope * head.output, 0.0, g_head
@@ -162,7 +148,7 @@ class NetworkLoss:
             1 if positions is None else weight.shape[1]
             for positions, _, weight in observations
         )
-        size = max(1, _BLOCK // (n_hidden * n_rows)) if n_hidden else n_trials
+        size = max(1, _BLOCK // (n_hidden * n_rows))
         buffers = np.empty((2, min(size, n_trials) * n_rows, n_hidden))
         blocks = []
         for start in range(0, n_trials, size):
@@ -203,8 +189,7 @@ class NetworkLoss:
                 g_trials = np.zeros(of_trials.shape)
             else:
                 of_trials, g_trials = shared[rows], g_shared[rows]
-            if len(bias):
-                of_trials += bias
+            of_trials += bias
             for i, adjective in losses:
                 part, g_part, g_position_coef, g_head = adjective(
                     of_trials[adjective.trials], coef[n_features:], heads[i]
@@ -221,18 +206,3 @@ class NetworkLoss:
             g_coef[:n_features] += self.X.T @ g_shared
         grad /= self.total
         return (loss + 0.5 * square) / self.total, grad
-
-
-def initial_params(layout, level_weights, random_state):
-    """Return start values: uniform in (-0.5, 0.5), as Gutiérrez et al. (2016) do.
-
-    The linear model has one minimum, so it starts from zero weights and the
-    thresholds of the ratings without features. `level_weights` has for each adjective
-    the weight of each of its levels, all positive.
-    """
-    if layout.n_hidden:
-        return random_state.uniform(-0.5, 0.5, layout.size)
-    (weight,) = level_weights
-    first, raw_gaps = marginal_thresholds(weight)
-    raw_gaps = layout.gaps.from_softplus(raw_gaps)
-    return np.concatenate((np.zeros(layout.n_inputs), first, raw_gaps))

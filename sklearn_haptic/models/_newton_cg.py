@@ -280,9 +280,8 @@ class _Likelihood:
 
     def start(self):
         """Return the shared parameters of the frequencies of the levels."""
-        first, raw_gaps = marginal_thresholds(self.level_weight)
         moving = np.zeros(int(self.positions is not None))
-        return np.concatenate((moving, first, softplus(raw_gaps)))
+        return np.concatenate((moving, *marginal_thresholds(self.level_weight)))
 
     def split(self, common):
         """Return the weights of the position and the thresholds."""

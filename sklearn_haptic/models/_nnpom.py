@@ -30,9 +30,8 @@ from ..utils._sklearn import (
 )
 from ..utils._validation import FLOATS, check_groups, check_table, check_weights
 from ._conditioning import Conditioning
-from ._early_stopping import Monitor, hold_out_trials, validation_error
 from ._network import Layout, Network
-from ._network_loss import NetworkLoss, initial_params
+from ._network_loss import NetworkLoss
 from ._newton_cg import LinearProblem, fit_linear
 from ._observations import (
     one_trial_each,
@@ -42,7 +41,8 @@ from ._observations import (
 )
 from ._ordinal import OrdinalClassifierMixin
 from ._proportional_odds import GAPS, thresholds_of_all_levels
-from ._solvers import SOLVERS
+from ._shared_features import hold_out_trials
+from ._solvers import SOLVERS, Monitor, validation_error
 
 
 class NNPOM(
@@ -363,7 +363,7 @@ class NNPOM(
         if not learned:  # every adjective has one level, which is always predicted
             network = layout.network(np.zeros(layout.size), present, n_levels)
             return network, 0.0, [], 0
-        start = initial_params(layout, [each.level_weight for each in learned], rng)
+        start = rng.uniform(-0.5, 0.5, layout.size)  # as Gutiérrez et al. (2016) do
         trial_weight = weight.reshape(len(weight), -1).sum(axis=1)
         scale, rotate = self.scale_features, self.solver == "lbfgs"
         features = Conditioning(X, layout, alpha, trial_weight, scale, rotate)

@@ -112,9 +112,6 @@ class RankedRatings(NamedTuple):
     present: NDArray[np.intp]
     """Indices of the levels that ratings have."""
 
-    level_weight: NDArray[np.float64]
-    """Total weight of the ratings of each of these levels."""
-
     observations: tuple[FloatArray | None, NDArray[np.intp], FloatArray]
     """Positions, ranks and weights; where the weight is not zero, a rank is an index
     into `present`."""
@@ -138,10 +135,8 @@ def rank_levels(positions, level, weight, n_levels):
     for positions_of, level_of, weight_of in of_each_adjective(
         positions, level, weight
     ):
-        level_weight = np.bincount(
-            level_of.ravel(), weight_of.ravel(), minlength=n_levels
-        )
+        level_weight = np.bincount(level_of.ravel(), weight_of.ravel(), n_levels)
         present = np.flatnonzero(level_weight)
         observations = positions_of, np.searchsorted(present, level_of), weight_of
-        ranked.append(RankedRatings(present, level_weight[present], observations))
+        ranked.append(RankedRatings(present, observations))
     return ranked

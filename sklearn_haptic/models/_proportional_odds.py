@@ -46,11 +46,6 @@ class SoftplusGaps:
         """Return the derivatives of what `forward` returns."""
         return expit(raw), expit(-raw)
 
-    @staticmethod
-    def from_softplus(raw):
-        """Return the parameters of the gaps that are the softplus of `raw`."""
-        return raw
-
 
 class SquaredGaps:
     """Each gap is the square of a free parameter, as in Gutiérrez et al. (2016).
@@ -75,11 +70,6 @@ class SquaredGaps:
         return 2 * root, 2 * root * np.exp(-gap) / -np.expm1(-gap)
 
     @staticmethod
-    def from_softplus(raw):
-        """Return the parameters of the gaps that are the softplus of `raw`."""
-        return np.sqrt(softplus(raw))
-
-    @staticmethod
     def _within_range(raw):
         return np.copysign(np.clip(np.abs(raw), 1e-150, 1e150), raw)
 
@@ -93,7 +83,7 @@ def thresholds_from(first, raw_gaps, gaps=SoftplusGaps):
 
 
 def marginal_thresholds(weight):
-    """Return the first threshold and softplus gaps of the frequencies of the levels.
+    """Return the first threshold and the gaps of the frequencies of the levels.
 
     `weight` is the positive weight of each level; both results are arrays.
     """
@@ -101,7 +91,8 @@ def marginal_thresholds(weight):
     below = np.log(np.cumsum(share))  # of this level and all before
     above = np.log(np.cumsum(share[::-1])[::-1])
     # With q = p + share, exp(logit(q) - logit(p)) - 1 = share / (p (1 - q)).
-    return below[:1] - above[1:2], np.log(share[1:-1]) - below[:-2] - above[2:]
+    gaps = softplus(np.log(share[1:-1]) - below[:-2] - above[2:])
+    return below[:1] - above[1:2], gaps
 
 
 def thresholds_of_all_levels(thresholds, present, n_levels):

@@ -17,11 +17,14 @@ from sklearn.frozen import FrozenEstimator
 from sklearn.utils import gen_batches
 from sklearn.utils.validation import has_fit_parameter
 
+from ..utils._folds import validation_split, warn_of_no_groups
 from ..utils._sklearn import FloatArray, Observations
-from ._early_stopping import validates_on_rows
 
 # Rows, and values in them, that an estimator is given at once for prediction.
 _BATCH_ROWS, _BATCH_VALUES = 2**14, 2**22
+
+# More rows than this make scikit-learn's histogram boosting stop early by itself.
+_AUTO_EARLY_STOPPING = 10_000
 
 
 class SharesFeatures(Protocol):
@@ -123,6 +126,34 @@ def fit_with_weights(estimator, X, y, weight, refusal):
             f"{type(estimator).__name__} takes no sample_weight, but {refusal}"
         )
     return estimator.fit(X, y)
+
+
+def hold_out_trials(estimator, n_trials, groups, fraction, random_state):
+    """Split off validation trials; return the indices of both parts.
+
+    Whole objects validate if the trials' `groups` are given; else a warning names the
+    estimator, whose ``fit`` calls this. `fraction` is the share of the objects, or of
+    the trials, that validates; at least one does. If nothing would be left to train on,
+    a ValueError says so.
+    """
+    split = validation_split(n_trials, groups, fraction, random_state)
+    if groups is None:
+        warn_of_no_groups(estimator, stacklevel=6)
+    return split
+
+
+def validates_on_rows(estimator, n_rows):
+    """Return whether an estimator, or a step of it, validates on some of its rows."""
+    params = estimator.get_params()
+    for name, fraction in params.items():
+        step = name.removesuffix("validation_fraction")
+        if step == name or fraction is None:
+            continue
+        patient = params.get(f"{step}n_iter_no_change") is not None
+        early = params.get(f"{step}early_stopping", patient)
+        if early is True or (early == "auto" and n_rows > _AUTO_EARLY_STOPPING):
+            return True
+    return False
 
 
 def refuse_adjectives(name):

@@ -1,7 +1,10 @@
-"""Minimisers of a smooth cost: L-BFGS and iRprop+."""
+"""Minimisers of a smooth cost, L-BFGS and iRprop+, and when they stop early."""
 
 import numpy as np
 from scipy import optimize
+
+from ..ratings._distributions import macro_error
+from ._observations import of_each_adjective
 
 # Igel & Hüsken's iRprop+ as used by Gutiérrez et al. (2016).
 _GROW, _SHRINK, _FIRST_STEP, _LARGEST_STEP = 1.2, 0.5, 0.0123, 50.0
@@ -12,6 +15,9 @@ _ROUNDING = 1e-6
 
 
 _CACHED = 8192  # parameters that a step is computed for at once, to stay in the cache
+
+
+_VALIDATION_INTERVAL = 10  # iterations between two looks at the validation error
 
 
 _STOPPED = 99  # status that scipy gives a search which a callback ended
@@ -116,3 +122,55 @@ def lbfgs(fun, x0, *, max_iter, tol, callback):
 
 
 SOLVERS = {"lbfgs": lbfgs, "irprop+": irprop_plus}
+
+
+def validation_error(network, X, positions, level, weight):
+    """Return the error of a network on validation trials.
+
+    It is the absolute error of the most probable level, averaged over the levels that
+    occur in a trial, over trials by weight, and over adjectives. The validation trials
+    are given as to `NNPOM.fit_with_positions`.
+    """
+    errors = []
+    for i, (at, true, counted) in enumerate(
+        of_each_adjective(positions, level, weight)
+    ):
+        own = X[:, i] if X.ndim == 4 else X
+        predicted = network.adjective(i).predict_proba(own, at)[:, :, 0].argmax(axis=-1)
+        error = macro_error(predicted, true, counted > 0)
+        errors.append(np.average(error, weights=counted.max(axis=1)))
+    return np.mean(errors)
+
+
+class Monitor:
+    """Callback of a solver that records the costs and keeps the best parameters.
+
+    Parameters
+    ----------
+    validation_error : callable or None
+        Returns the validation error of parameters; None for no early stopping.
+    patience : int
+        Number of iterations without a smaller error after which the search stops.
+    on_iteration : callable or None
+        Called with the number of each iteration; the search stops if it returns true.
+    """
+
+    def __init__(self, validation_error, patience, on_iteration):
+        self.validation_error = validation_error
+        self.patience = patience
+        self.on_iteration = on_iteration
+        self.costs = []
+        self.best_error, self.best_params, self.best_iter = np.inf, None, 0
+
+    def __call__(self, params, cost):
+        self.costs.append(float(cost))
+        iteration = len(self.costs)
+        if self.on_iteration is not None and self.on_iteration(iteration):
+            return True
+        if self.validation_error is None or iteration % _VALIDATION_INTERVAL:
+            return False
+        error = self.validation_error(params)
+        if error < self.best_error:
+            self.best_error, self.best_iter = error, iteration
+            self.best_params = params.copy()
+        return iteration - self.best_iter >= self.patience

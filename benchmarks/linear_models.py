@@ -1,0 +1,125 @@
+"""Seconds and memory that linear models of ratings take to learn, by number of touches.
+
+    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/linear_models.py
+
+Generated float32 features whose variances fall as those of codes and spectra of touches
+do, and the ratings of twelve people. "24 at once" are four penalties times all touches
+and five folds. "off by" is the largest difference of a probability at any position to a
+fit of float64 features to a tolerance of 1e-9. LogisticRegression learns the most
+frequent rating of a touch with the same penalty; OrderedModel (statsmodels) learns one
+rating of each touch from 30 features, since its time grows with their cube. Processor
+time; the largest memory is that of a process of its own, with the features. Ten minutes
+and 8 GB on one core; pass numbers of touches to measure fewer.
+"""
+
+import resource
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import measure
+import numpy as np
+from sklearn.linear_model import LogisticRegression
+
+from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
+from sklearn_haptic.models._distributional import fit_linear_models
+
+N_FEATURES, N_AXES = 16_584, 500
+ALPHAS = (1, 3, 10, 30)
+POSITIONS = np.array([-2.0, 0.0, 2.0])
+
+
+def touches(n_touches):
+    """Features of a total variance of 1, and counts of five levels."""
+    rng = np.random.default_rng(0)
+    axes = rng.standard_normal((N_AXES, N_FEATURES), np.float32)
+    variance = np.arange(1, N_AXES + 1) ** -1.4
+    axes *= np.sqrt(0.9 * variance / variance.sum() / N_FEATURES)[:, None]
+    X = np.empty((n_touches, N_FEATURES), np.float32)
+    latent = np.empty(n_touches)
+    felt = rng.normal(size=N_AXES) * np.arange(1, N_AXES + 1) ** -0.3
+    for start in range(0, n_touches, 1000):
+        rows = slice(start, start + 1000)
+        factors = rng.standard_normal((len(X[rows]), N_AXES), np.float32)
+        X[rows] = factors @ axes
+        noise = rng.standard_normal(X[rows].shape, np.float32)
+        X[rows] += np.sqrt(0.1 / N_FEATURES) * noise
+        latent[rows] = factors @ (felt * np.sqrt(variance))
+    latent *= 1.5 / latent.std()
+    ratings = latent[:, None] + rng.logistic(size=(n_touches, 12))
+    level = np.digitize(ratings, [-2, -0.5, 0.5, 2])
+    return X, (level[:, :, None] == np.arange(5)).sum(axis=1), level[:, 0]
+
+
+def linear(alpha=3.0, tol=1e-4):
+    return DistributionalOrdinalRegressor(NNPOM(0, alpha, tol=tol))
+
+
+def one(X, counts, level):
+    return linear().fit(X, counts)
+
+
+def many(X, counts, level):
+    folds = np.arange(len(X)) % 5 != np.arange(6)[:, None]
+    models = [linear(alpha) for alpha in ALPHAS for _ in folds]
+    weights = np.tile(1.0 * folds, (len(ALPHAS), 1))
+    return fit_linear_models(models, X, counts, weights, np.arange(1, 6))
+
+
+def logistic(X, counts, level):
+    return LogisticRegression(C=15 / 3, max_iter=1000).fit(X, counts.argmax(axis=1))
+
+
+def ordered(X, counts, level):
+    from statsmodels.miscmodels.ordinal_model import OrderedModel
+
+    few = X[:, :30].astype(np.float64) * np.sqrt(N_FEATURES)
+    return OrderedModel(level, few, distr="logit").fit(method="bfgs", disp=False)
+
+
+def measured(fit, n_touches, exact=False):
+    """Seconds, GB and, if asked for, the distance to the optimum."""
+    data = touches(n_touches)
+    started = time.process_time()
+    model = fit(*data)
+    seconds = time.process_time() - started
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    if not exact:
+        return seconds, memory, np.nan
+    X, counts, _ = data
+    optimum = linear(tol=1e-9).fit(X.astype(np.float64), counts)
+    proba = [
+        each.estimator_.predict_proba_with_positions(X, POSITIONS)
+        for each in (model, optimum)
+    ]
+    return seconds, memory, np.abs(np.subtract(*proba)).max()
+
+
+def main():
+    parser = measure.command(__doc__)
+    default = [100, 500, 2000, 5000, 10_000, 20_000]
+    parser.add_argument("n_touches", type=int, nargs="*", default=default)
+    sizes = parser.parse_args().n_touches
+    measure.machine("statsmodels")
+    print("| model | touches | seconds | GB | off by |\n|---|---|---|---|---|")
+    largest = {one: 20_000, many: 20_000, logistic: 2000, ordered: 5000}
+    for fit, n_most in largest.items():
+        for n in [size for size in sizes if size <= n_most]:
+            exact = fit is one and n <= 5000
+            context = get_context("spawn")
+            with ProcessPoolExecutor(1, mp_context=context) as process:
+                try:
+                    taken = process.submit(measured, fit, n, exact).result()
+                except ImportError as missing:
+                    print(f"| {fit.__name__} | {n} | {missing} | | |", flush=True)
+                    continue
+            print(
+                "| {} | {:,} | {:.2f} | {:.1f} | {:.0e} |".format(
+                    fit.__name__, n, *taken
+                ),
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
