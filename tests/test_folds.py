@@ -134,7 +134,8 @@ def test_one_object_is_too_few(learner):
 def test_folds_of_labels_without_groups_have_all_labels():
     y = np.repeat(["cork", "foam", "tile"], 20)
     model = TouchPool([("a", LINEAR, [0])], cv=4)
-    folds, objects = make_folds(model, X, y, None)
+    with pytest.warns(UserWarning, match="no groups"):
+        folds, objects = make_folds(model, X, y, None, [LINEAR])
     np.testing.assert_array_equal(objects, np.arange(60))
     for _, test in check_folds(folds, 60):
         assert [(y[test] == name).sum() for name in np.unique(y)] == [5, 5, 5]

@@ -8,7 +8,7 @@ from callback_recorder import Recorder
 from sklearn import config_context
 from sklearn.base import BaseEstimator, ClassifierMixin, clone
 from sklearn.ensemble import RandomForestClassifier
-from sklearn.exceptions import NotFittedError, UnsetMetadataPassedError
+from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LogisticRegression, Ridge
 from sklearn.model_selection import (
     GridSearchCV,
@@ -348,16 +348,14 @@ class TestParams:
             np.testing.assert_allclose(predicted[test, 0], self.weight[train].sum())
             np.testing.assert_array_equal(predicted[test, 1], 8)
 
-    def test_groups_go_to_fit_only_if_asked(self):
+    def test_groups_go_to_fit_unless_refused(self):
         options = {"groups": OBJECTS, "cv": 3, "method": "predict"}
         predicted = cross_val_predict_proba(Noted(), X, COUNTS, **options)
-        np.testing.assert_array_equal(predicted[:, 1], -1)
+        np.testing.assert_array_equal(predicted[:, 1], 8)
         with config_context(enable_metadata_routing=True):
             model = Noted().set_fit_request(groups=False)
             predicted = cross_val_predict_proba(model, X, COUNTS, **options)
             np.testing.assert_array_equal(predicted[:, 1], -1)
-            with pytest.raises(UnsetMetadataPassedError, match="groups"):
-                cross_val_predict_proba(Noted(), X, COUNTS, **options)
 
     @pytest.mark.parametrize("routing", [False, True])
     def test_groups_in_params_split_too(self, routing):

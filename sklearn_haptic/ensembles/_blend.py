@@ -27,7 +27,7 @@ from ..models._ordinal import OrdinalClassifierMixin
 from ..models._shared_features import refuse_adjectives
 from ..ratings._checks import check_adjectives, check_rated
 from ..ratings._distributions import cdf, raised
-from ..utils._folds import TakesGroups, groups_for, warn_of_no_groups
+from ..utils._folds import TakesGroups, groups_for
 from ..utils._sklearn import (
     CrossValidator,
     DocumentedEstimator,
@@ -38,7 +38,7 @@ from ..utils._sklearn import (
 )
 from ..utils._validation import check_groups, check_weights
 from ._blend_weights import cautious_exponent, cautious_weights
-from ._out_of_fold import Task, check_members, make_folds, run_tasks, warn_of_frozen
+from ._out_of_fold import Task, check_members, make_folds, run_tasks
 
 MARGINAL = "marginal"
 
@@ -222,12 +222,21 @@ class DistributionBlend(
         y = counts if len(levels) > 1 else np.repeat(levels, len(counts))
         share, exponent, scores = _equal(len(members)), 1.0, []
         if self.weights == "learned":
-            if groups is None:
-                warn_of_no_groups(self)
-            warn_of_frozen(members.values())
-            share, exponent, scores = self._learn(
-                members, X, y, counts, levels, sample_weight, groups, params
-            )
+            weight = check_weights(sample_weight, X)
+            folds, objects = make_folds(self, X, y, groups, members.values(), weight)
+            tasks = [
+                Task(name, member, X, y, fold, params[name])
+                for name, member in members.items()
+                for fold in folds
+            ]
+            proba = [each for _, each in run_tasks(tasks, levels, n_jobs=self.n_jobs)]
+            tested = np.concatenate([test for _, test in folds])
+            proba = np.reshape(np.concatenate(proba), (len(members), len(tested), -1))
+            weight, objects = weight[tested], objects[tested]
+            if groups is not None:
+                total = np.bincount(objects, weight)
+                weight = weight / np.where(total, total, 1)[objects]
+            share, exponent, scores = _learn(proba, counts[tested], weight, objects)
         used = [name for name, w in zip(members, share) if w > 0]
         every = np.arange(len(counts)), np.arange(0)
         tasks = [Task(name, members[name], X, y, every, params[name]) for name in used]
@@ -282,29 +291,16 @@ class DistributionBlend(
             params[name] = given | groups_for(member, groups)
         return params
 
-    def _learn(self, members, X, y, counts, levels, sample_weight, groups, params):
-        """Return weights, the exponent, and each member's score on held-out trials."""
-        weight = check_weights(sample_weight, X)
-        folds, objects = make_folds(self, X, y, groups, weight)
-        tasks = [
-            Task(name, member, X, y, fold, params[name])
-            for name, member in members.items()
-            for fold in folds
-        ]
-        proba = [each for _, each in run_tasks(tasks, levels, n_jobs=self.n_jobs)]
-        tested = np.concatenate([test for _, test in folds])
-        proba = np.reshape(np.concatenate(proba), (len(members), len(tested), -1))
-        true = cdf(counts[tested])[:, :-1]
-        departure = np.moveaxis(cdf(proba)[..., :-1], 0, 1) - true[:, None]
-        weight, objects = weight[tested], objects[tested]
-        if groups is not None:
-            total = np.bincount(objects, weight)
-            weight = weight / np.where(total, total, 1)[objects]
-        share = cautious_weights(departure, weight, objects, _equal(len(members)))
-        mean = np.einsum("m,mtk->tk", share, proba)
-        exponent = cautious_exponent(mean, true, weight, objects)
-        scores = (departure**2).sum(axis=2).T + (true * (1 - true)).sum(axis=1)
-        return share, exponent, np.average(scores, axis=1, weights=weight).tolist()
+
+def _learn(proba, counts, weight, objects):
+    """Return weights, the exponent, and each member's score on held-out trials."""
+    true = cdf(counts)[:, :-1]
+    departure = np.moveaxis(cdf(proba)[..., :-1], 0, 1) - true[:, None]
+    share = cautious_weights(departure, weight, objects, _equal(len(proba)))
+    mean = np.einsum("m,mtk->tk", share, proba)
+    exponent = cautious_exponent(mean, true, weight, objects)
+    scores = (departure**2).sum(axis=2).T + (true * (1 - true)).sum(axis=1)
+    return share, exponent, np.average(scores, axis=1, weights=weight).tolist()
 
 
 def _equal(n_members):

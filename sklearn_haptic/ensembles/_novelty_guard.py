@@ -25,11 +25,11 @@ from sklearn.utils import gen_batches
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from ..features import SignalStatistics
-from ..models._ordinal import PerhapsOrderedMixin
+from ..models._ordinal import OrdinalClassifierMixin
 from ..recordings import RepairTrials
 from ..recordings._sequences import Sequences
 from ..recordings._trials import channel_names, check_trials, is_table, trial_columns
-from ..utils._folds import TakesGroups, groups_for, warn_of_no_groups
+from ..utils._folds import TakesGroups, groups_for
 from ..utils._pipeline_steps import flat_steps
 from ..utils._sklearn import (
     CrossValidator,
@@ -39,7 +39,7 @@ from ..utils._sklearn import (
     _fit_context,
     _safe_indexing,
 )
-from ..utils._validation import check_groups, column_of
+from ..utils._validation import column_of
 from ._out_of_fold import (
     Task,
     check_folds_know,
@@ -50,7 +50,6 @@ from ._out_of_fold import (
     predict_at,
     run_tasks,
     true_shares,
-    warn_of_frozen,
 )
 
 # So few objects that no p-value falls below .05.
@@ -252,7 +251,7 @@ class NoveltyGuard(
     DocumentedEstimator,
     TakesGroups,
     MetaEstimatorMixin,
-    PerhapsOrderedMixin,
+    OrdinalClassifierMixin,
     BaseEstimator,
 ):
     """Say how unlike the training touches a touch is, and believe the model less then.
@@ -368,11 +367,7 @@ class NoveltyGuard(
             )
         true, classes = true_shares(y, type(self).__name__)
         check_consistent_length(X, true)
-        groups = check_groups(groups, X)
-        if groups is None:
-            warn_of_no_groups(self)
-        warn_of_frozen([self.estimator])
-        folds, objects = make_folds(self, X, y, groups)
+        folds, objects = make_folds(self, X, y, groups, [self.estimator])
         self._warn_of_few_objects(objects.max() + 1)
         fitted = clone(self.estimator)
         *_, (name, last) = fitted.steps

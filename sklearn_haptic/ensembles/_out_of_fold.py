@@ -23,8 +23,9 @@ from sklearn.utils.parallel import Parallel, delayed
 from ..models._shared_features import refuse_adjectives
 from ..ratings._checks import check_adjectives
 from ..ratings._distributions import cdf, shares
-from ..utils._folds import ObjectKFold, number_objects
+from ..utils._folds import ObjectKFold, number_objects, warn_of_no_groups
 from ..utils._sklearn import _check_method_params, _num_samples, _safe_indexing
+from ..utils._validation import check_groups
 
 Fold = tuple[NDArray[np.intp], NDArray[np.intp]]
 
@@ -37,18 +38,24 @@ FROZEN = (
 # Folds -------------------------------------------------------------------------
 
 
-def make_folds(estimator, X, y, groups, weight=None):
+def make_folds(estimator, X, y, groups, members, weight=None, *, stacklevel=6):
     """Return the folds of an estimator's ``cv``, which keep objects whole.
+
+    It warns if there are no groups, and of members that learned before.
 
     Parameters
     ----------
     estimator : estimator object
         It has a parameter ``cv``; a number makes at most one fold per object.
     X, y : array-like of length n_trials
-    groups : ndarray of shape (n_trials,) or None
+    groups : array-like of shape (n_trials,) or None
         Without groups, the trials of each label are dealt to the folds in turn.
+    members : iterable of estimator objects
+        What is fitted to the folds.
     weight : ndarray of shape (n_trials,), default=None
         Trials of weight 0 are in no fold that is made here, and need not be tested.
+    stacklevel : int, default=6
+        Where the user is: beyond ``fit``, which calls this, and its decorators.
 
     Returns
     -------
@@ -63,6 +70,10 @@ def make_folds(estimator, X, y, groups, weight=None):
         or the folds do not test each trial once.
     """
     n_trials, cv = _num_samples(X), estimator.cv
+    groups = check_groups(groups, X)
+    if groups is None:
+        warn_of_no_groups(estimator, stacklevel=stacklevel)
+    warn_of_frozen(members, stacklevel=stacklevel)
     objects = number_objects(groups, n_trials)
     used = np.flatnonzero(np.ones(n_trials) if weight is None else weight)
     n_objects = len(np.unique(objects[used]))
@@ -154,10 +165,10 @@ def is_frozen(estimator):
     )
 
 
-def warn_of_frozen(estimators):
+def warn_of_frozen(estimators, *, stacklevel=3):
     """Warn of models whose predictions are of no fold."""
     if any(map(is_frozen, estimators)):
-        warnings.warn(FROZEN, UserWarning, stacklevel=2)
+        warnings.warn(FROZEN, UserWarning, stacklevel=stacklevel)
 
 
 # Models ------------------------------------------------------------------------

@@ -11,14 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, MetaEstimatorMixin
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
-from ..models._ordinal import PerhapsOrderedMixin
+from ..models._ordinal import OrdinalClassifierMixin
 from ..models._regressed import proper_shares
 from ..ratings._distributions import shares
 from ..utils._folds import (
     TakesGroups,
     groups_for,
     number_objects,
-    warn_of_no_groups,
 )
 from ..utils._sklearn import (
     CrossValidator,
@@ -40,7 +39,6 @@ from ._out_of_fold import (
     predict_at,
     run_tasks,
     true_shares,
-    warn_of_frozen,
 )
 from ._pool_moments import (
     Moments,
@@ -62,7 +60,7 @@ class TouchPool(
     DocumentedEstimator,
     TakesGroups,
     MetaEstimatorMixin,
-    PerhapsOrderedMixin,
+    OrdinalClassifierMixin,
     _BaseComposition,
 ):
     """Pool the predictions of several models over the touches of an object.
@@ -223,11 +221,8 @@ class TouchPool(
         self._validate_names([*names, MARGINAL])
         true, classes = true_shares(y, type(self).__name__)
         check_consistent_length(X, true)
-        groups = check_groups(groups, X)
-        if groups is None:
-            warn_of_no_groups(self)
-        warn_of_frozen(estimator for _, estimator, _ in self.estimators)
-        folds, objects = make_folds(self, X, y, groups)
+        members = [estimator for _, estimator, _ in self.estimators]
+        folds, objects = make_folds(self, X, y, groups, members)
         fitted, oof = self._fit_members(X, y, objects, folds, classes)
         marginal = mean_without(true, folds)[:, np.newaxis]
         ordered = np.ndim(y) == 2 or all(map(knows_order, fitted.values()))

@@ -22,7 +22,7 @@ from ..ensembles._out_of_fold import (
 from ..ratings._checks import check_rated, check_ratings
 from ..ratings._distributions import cdf
 from ..ratings._levels import in_named_order
-from ..utils._folds import make_splitter, route
+from ..utils._folds import groups_for, make_splitter
 from ..utils._sklearn import (
     CrossValidator,
     HasMethods,
@@ -91,9 +91,7 @@ def cross_val_predict_proba(
         Number of jobs, each of which fits and predicts one fold.
     params : dict, default=None
         Further arguments of the estimator's ``fit``. Of values that are as long as
-        ``X``, those of the training trials are passed. With metadata routing enabled,
-        ``params`` and ``groups`` go to whichever of the splitter and ``fit`` requests
-        them.
+        ``X``, those of the training trials are passed.
 
     Returns
     -------
@@ -145,8 +143,8 @@ def cross_val_predict_proba(
     X, y = check_rated(X, y)
     groups = check_groups(groups, X)
     splitter = make_splitter(estimator, y, groups, cv)
-    for_split, for_fit = route(estimator, splitter, groups, params)
-    folds = check_folds(splitter.split(X, y, **for_split), _num_samples(X))
+    for_fit = groups_for(estimator, groups) | dict(params)
+    folds = check_folds(splitter.split(X, y, groups), _num_samples(X))
     warn_of_frozen([estimator])
     outcomes = Parallel(n_jobs=n_jobs)(
         delayed(_run_fold)(estimator, X, y, *fold, for_fit, method) for fold in folds

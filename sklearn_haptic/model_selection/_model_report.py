@@ -27,7 +27,7 @@ from ..metrics._trial_scores import score_trials
 from ..models import DummyDistribution
 from ..ratings._checks import check_adjectives, check_rated
 from ..ratings._levels import names_levels
-from ..utils._folds import make_splitter, route
+from ..utils._folds import groups_for, make_splitter
 from ..utils._report import Report
 from ..utils._sklearn import (
     CrossValidator,
@@ -219,10 +219,8 @@ def model_report(
         if np.ndim(each) > 1:
             check_adjectives(each, name=name)
     splitter = make_splitter(model, ratings[0], groups, cv)
-    for_split, for_fit = route(model, splitter, groups, params)
-    folds = check_folds(
-        splitter.split(X, ratings[0], **for_split), _num_samples(X), least=0
-    )
+    for_fit = groups_for(model, groups) | dict(params)
+    folds = check_folds(splitter.split(X, ratings[0], groups), _num_samples(X), least=0)
     method = "predict" if classes else "predict_proba"
     outcomes = Parallel(n_jobs=n_jobs)(
         delayed(_fit_and_time)(model, X, each, *fold, for_fit, method)

@@ -17,7 +17,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.parallel import Parallel, delayed
 
 from ..ratings._checks import check_rated
-from ..utils._folds import make_splitter, route
+from ..utils._folds import groups_for, make_splitter
 from ..utils._sklearn import (
     CrossValidator,
     Scorer,
@@ -141,12 +141,12 @@ def sensor_subsets(
     scorer = check_scoring(model, scoring)
     splitter = make_splitter(model, y, groups, cv)
     rest = model[1:]
-    for_split, for_fit = route(rest, splitter, groups, {})
+    for_fit = groups_for(rest, groups)
     folds = Parallel(n_jobs=n_jobs)(
         delayed(_score_subsets)(
             sensors, rest, subsets, scorer, X, y, train, test, for_fit
         )
-        for train, test in splitter.split(X, y, **for_split)
+        for train, test in splitter.split(X, y, groups)
     )
     return _as_cv_results(subsets, folds)
 

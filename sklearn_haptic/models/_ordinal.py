@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import ClassifierMixin
+from sklearn.metrics import accuracy_score
 from sklearn.utils import check_random_state
-from sklearn.utils.validation import check_is_fitted
 
 from ..metrics import neg_rps_scorer
 from ..ratings._distributions import cdf, level_at
@@ -111,32 +111,39 @@ class DistributionMixin:
 
 
 class OrdinalClassifierMixin(DistributionMixin, ClassifierMixin):
-    """Use in place of `ClassifierMixin`, for classes that are always ordered."""
+    """Use in place of `ClassifierMixin`, for classes that have an order, or may have.
+
+    Models around others set `_ordered` in ``fit``, whether the model inside knows one.
+    """
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.classifier_tags.poor_score = True  # on classes that have no order
         return tags
 
-    def predict(self, X: Trials) -> np.ndarray:
+    def predict(self, X: Trials, **params: Any) -> np.ndarray:
         """Predict the most common rating; ``predict_quantile(X, 0.5)`` is the median.
 
         Parameters
         ----------
         X : array-like of shape (n_trials, n_features)
             Features of each trial, or whatever `predict_proba` takes.
+        **params : dict
+            Further arguments of `predict_proba`, where it has any.
 
         Returns
         -------
         rating : ndarray of shape (n_trials,) or (n_trials, n_adjectives)
         """
-        proba = self.predict_proba(X)
+        proba = self.predict_proba(X, **params)
         return self.classes_[proba.argmax(axis=-1)]
 
     def score(
         self, X: Trials, y: ArrayLike, sample_weight: ArrayLike | None = None
     ) -> float:
         """Return the negative mean ranked probability score; higher is better.
+
+        Of classes that have no order, the accuracy is returned.
 
         It scores labels and counts. The accuracy, the score of scikit-learn's own
         classifiers, ignores the order of the levels and the predicted probabilities;
@@ -157,48 +164,6 @@ class OrdinalClassifierMixin(DistributionMixin, ClassifierMixin):
         -------
         score : float
         """
-        return neg_rps_scorer(self, X, y, sample_weight)
-
-
-class PerhapsOrderedMixin(DistributionMixin, ClassifierMixin):
-    """Use in place of `ClassifierMixin`, for classes that the model inside knows.
-
-    `fit` sets `classes_` and `_ordered`, whether the model inside knows an order.
-    """
-
-    def predict(self, X: Trials, **params: Any) -> np.ndarray:
-        """Predict the most probable level or class.
-
-        Parameters
-        ----------
-        X : array-like of length n_trials
-            Touches, as `predict_proba` takes them.
-        **params : dict
-            Further arguments of `predict_proba`, where it has any.
-
-        Returns
-        -------
-        predicted : ndarray of shape (n_trials,)
-            With several adjectives of shape (n_trials, n_adjectives).
-        """
-        proba = self.predict_proba(X, **params)
-        return self.classes_[proba.argmax(axis=-1)]
-
-    def score(self, X: Trials, y: ArrayLike) -> float:
-        """Score the prediction of each row of `X`; higher is better.
-
-        Parameters
-        ----------
-        X, y
-            As for `fit`.
-
-        Returns
-        -------
-        score : float
-            The negative ranked probability score if the model knows an order of levels,
-            else the accuracy.
-        """
-        check_is_fitted(self)
         if self._ordered:
-            return neg_rps_scorer(self, X, y)
-        return float(np.mean(self.predict(X) == np.asarray(y)))
+            return neg_rps_scorer(self, X, y, sample_weight)
+        return float(accuracy_score(y, self.predict(X), sample_weight=sample_weight))

@@ -22,12 +22,11 @@ from ..ensembles._out_of_fold import (
     make_folds,
     predict_at,
     run_tasks,
-    warn_of_frozen,
 )
-from ..models._ordinal import PerhapsOrderedMixin
+from ..models._ordinal import OrdinalClassifierMixin
 from ..ratings._checks import check_adjectives
 from ..ratings._distributions import raised, shares
-from ..utils._folds import TakesGroups, warn_of_no_groups
+from ..utils._folds import TakesGroups
 from ..utils._pipeline_steps import flat_steps
 from ..utils._sklearn import (
     CrossValidator,
@@ -38,7 +37,7 @@ from ..utils._sklearn import (
     _fit_context,
     one_blas_thread,
 )
-from ..utils._validation import check_groups, check_numbers
+from ..utils._validation import check_numbers
 from ._arriving_samples import FeltSamples
 from ._branches import fit_features, used_sensors
 from ._heads import best_power, fit_head, head_tasks
@@ -54,7 +53,7 @@ from ._touch_in_progress import TouchInProgress, check_limits
 class AnytimeRegressor(
     DocumentedEstimator,
     TakesGroups,
-    PerhapsOrderedMixin,
+    OrdinalClassifierMixin,
     MetaEstimatorMixin,
     BaseEstimator,
 ):
@@ -220,11 +219,7 @@ class AnytimeRegressor(
         self.sensors_ = used_sensors(steps, list(rates))
         touches = check_touches(X, {s: rates[s] for s in self.sensors_})
         check_consistent_length(X, y)
-        groups = check_groups(groups, X)
-        if groups is None:
-            warn_of_no_groups(self, stacklevel=7)
-        warn_of_frozen([self.estimator])
-        folds, objects = make_folds(self, X, y, groups)
+        folds, objects = make_folds(self, X, y, groups, [self.estimator], stacklevel=8)
         self._channel_names = touches.channels
         self._rates = np.array([rates[sensor] for sensor in self.sensors_])
         self.sample_shapes_ = {
@@ -460,18 +455,14 @@ class AnytimeRegressor(
         """
         touches = self._touches(X)
         n_reached = self._durations_reached(touches.lengths())
-        index = n_reached - 1
-        path = np.full(
-            (len(touches), len(self.durations_), *self.shares_.shape), np.nan
-        )
-        going = n_reached > 0
-        for k in range(len(self.durations_)):
-            which = np.flatnonzero(going & (n_reached > k))
-            if len(which) == 0:
-                break
+        shape = len(touches), len(self.durations_), *self.shares_.shape
+        path = np.full(shape, np.nan)
+        for k in range(n_reached.max(initial=0)):
+            which = np.flatnonzero(n_reached > k)
             path[which, k] = self._predict_at(touches, which, k)
-            stop = which[self._stops(path[which, : k + 1])]
-            index[stop], going[stop] = k, False
+        index = n_reached - 1
+        if self.stopping_ is not None:
+            index = self.stopping_.stop_at(path)
         proba = path[np.arange(len(index)), index]
         proba[n_reached == 0] = self.shares_
         return proba, np.where(n_reached == 0, 0.0, self.durations_[index])

@@ -9,12 +9,7 @@ from sklearn import get_config
 from sklearn.base import is_classifier
 from sklearn.model_selection import GroupKFold, GroupShuffleSplit, check_cv
 from sklearn.pipeline import Pipeline
-from sklearn.utils.metadata_routing import (
-    MetadataRouter,
-    MethodMapping,
-    get_routing_for_object,
-    process_routing,
-)
+from sklearn.utils.metadata_routing import MetadataRequest, get_routing_for_object
 
 from ._sklearn import BaseSearchCV
 
@@ -93,40 +88,8 @@ def make_splitter(estimator, y, groups=None, cv=None):
     return check_cv(cv, y, classifier=is_classifier(estimator))
 
 
-def route(estimator, splitter, groups, params):
-    """Return the arguments of the splitter's ``split`` and of the estimator's ``fit``.
-
-    Groups are for the splitter, and for ``fit`` as by `groups_for`; `params`, a dict,
-    for ``fit``. With metadata routing, both are for whichever requests them.
-
-    Examples
-    --------
-    >>> from sklearn.dummy import DummyClassifier
-    >>> from sklearn.model_selection import GroupKFold
-    >>> from sklearn_haptic import NNPOM
-    >>> from sklearn_haptic.utils._folds import route
-    >>> route(DummyClassifier(), GroupKFold(2), ["cork", "foam"], {})
-    ({'groups': ['cork', 'foam']}, {})
-    >>> route(NNPOM(), GroupKFold(2), ["cork", "foam"], {})[1]
-    {'groups': ['cork', 'foam']}
-    """
-    if not get_config()["enable_metadata_routing"]:
-        return {"groups": groups}, groups_for(estimator, groups) | params
-    if groups is not None:
-        params = {**params, "groups": groups}
-    router = MetadataRouter(owner="cross-validation")
-    for name, each, callee in [
-        ("splitter", splitter, "split"),
-        ("estimator", estimator, "fit"),
-    ]:
-        mapping = MethodMapping().add(caller="fit", callee=callee)
-        router.add(method_mapping=mapping, **{name: each})
-    routed = process_routing(router, "fit", **params)
-    return routed.splitter.split, routed.estimator.fit
-
-
 def groups_for(estimator, groups):
-    """Return the arguments that tell an estimator's ``fit`` the groups it requests.
+    """Return the arguments that tell an estimator's ``fit`` the groups that it takes.
 
     Without metadata routing, the last step of a pipeline is told by its name, and the
     estimator in a search only if it is in such a step: the search keeps ``groups`` for
@@ -162,7 +125,12 @@ def _requested(consumer, method, groups):
         routing = get_routing_for_object(consumer)
     except NotImplementedError:  # by AdaBoost, which takes no metadata
         return {}
-    return dict.fromkeys(routing.consumes(method, ["groups"]), groups)
+    if routing.consumes(method, ["groups"]) or (
+        isinstance(routing, MetadataRequest)  # where None is a parameter of no request
+        and getattr(routing, method).requests.get("groups", False) is None
+    ):
+        return {"groups": groups}
+    return {}
 
 
 def validation_split(n_trials, groups, fraction, random_state):
