@@ -249,12 +249,6 @@ def test_classes_that_a_fold_has_not_seen_get_no_share():
     assert model.predict(TOUCHES).dtype == names.dtype
 
 
-def test_groups_that_are_the_classes_are_refused():
-    pipeline = make_pipeline(features(), LogisticRegression(max_iter=1000))
-    with pytest.raises(ValueError, match="No fold trains on a class that it tests"):
-        make_model(pipeline).fit(TOUCHES, OBJECTS.astype(str), groups=OBJECTS)
-
-
 def test_inner_pipelines_are_steps_in_their_place():
     head = DistributionalOrdinalRegressor(NNPOM(0), random_state=0)
     flat = make_pipeline(RepairTrials(), features(), StandardScaler(), head)

@@ -244,18 +244,6 @@ def test_where_a_mean_is_too_broad_it_is_sharpened():
     assert score < 0.9 * before
 
 
-def test_a_hopeless_member_beside_a_good_one_gets_little_weight():
-    X, counts, objects = made(1, n_objects=60)
-    pair = [
-        ("linear", NNPOM(0)),
-        ("noise", make_pipeline(
-            FunctionTransformer(lambda X: np.sin(1e6 * X)),
-            RegressedDistribution(KNeighborsRegressor(1)))),
-    ]  # fmt: skip
-    blend = DistributionBlend(pair).fit(X, counts, groups=objects)
-    assert blend.weights_["noise"] < 0.1 < blend.rps_["noise"] - blend.rps_["linear"]
-
-
 def test_members_may_have_features_of_their_own():
     X, counts, objects = made()
     trials = pd.DataFrame(X, columns=["pac", "pdc", "tac", "tdc"])
@@ -336,16 +324,6 @@ def test_objects_of_weight_zero_are_as_if_left_out():
 
 
 # Objects --------------------------------------------------------------------
-
-
-def test_memory_of_objects_earns_no_weight_with_groups_and_all_without():
-    X, counts, objects = made(2, n_objects=40, signal=0)
-    X = np.random.default_rng(0).normal(size=(40, 4))[objects]  # says which object
-    heart = [("heart", RegressedDistribution(KNeighborsRegressor(1)))]
-    blend = DistributionBlend(heart)
-    assert blend.fit(X, counts, groups=objects).weights_["heart"] < 0.5
-    with pytest.warns(UserWarning, match="learned from and held out at once"):
-        assert blend.fit(X, counts).weights_["heart"] > 0.99
 
 
 def test_groups_reach_it_and_the_searches_in_it_by_metadata_routing():

@@ -60,50 +60,6 @@ def test_level_sampling_integrates_over_the_population():
         assert ours == pytest.approx(exact, rel=1e-12)
 
 
-def test_paper_settings_are_the_papers_procedure():
-    """Section 2.3.1 of the paper, spelled out with plain loops."""
-    X, counts, objects = ordinal_trials()
-    model = DistributionalOrdinalRegressor(**PAPER_2020, random_state=7)
-    model.fit(X, counts, groups=objects)
-    network = model.estimator_
-    assert network.solver == "irprop+" and network.n_features_in_ == X.shape[1] + 1
-
-    rng = np.random.RandomState(7)
-    rng.randint(np.iinfo(np.int32).max, size=1)  # the seed of the network
-    uniform = rng.uniform(size=(len(X), 15))
-    positions, level, weight = training_observations(
-        counts.astype(float), 15, "random", _Replay(uniform)
-    )
-    np.testing.assert_array_equal(positions, uniform)
-    np.testing.assert_array_equal(weight, 1)
-    for t in range(len(X)):
-        ratings = np.sort(np.repeat(np.arange(5), counts[t]))
-        for w in range(15):
-            rank = Fraction(uniform[t, w]) * len(ratings)
-            assert level[t, w] == ratings[-int(-rank // 1) - 1]
-
-    for t in (0, 33, 99):
-        predicted = []
-        for i in range(1, 100):
-            duplicate = np.append(X[t], i / 100)[None]
-            predicted.append(np.argmax(network.predict_proba(duplicate)) + 1)
-        share = np.bincount(predicted, minlength=6)[1:] / 99
-        np.testing.assert_allclose(model.predict_proba(X[t : t + 1])[0], share)
-        np.testing.assert_array_equal(
-            model.predict_quantile(X[t : t + 1], np.arange(1, 100) / 100)[0],
-            np.sort(predicted),
-        )
-
-
-class _Replay:
-    def __init__(self, values):
-        self.values = values
-
-    def uniform(self, size):
-        assert self.values.shape == size
-        return self.values
-
-
 def test_paper_settings_never_change():
     """What is made of them may be changed, as any estimator."""
     model = DistributionalOrdinalRegressor(**PAPER_2020)

@@ -373,15 +373,6 @@ def test_features_far_from_zero(model, offset):
     )
 
 
-def test_a_large_constant_beside_a_feature():
-    X, counts = touches()
-    padded = np.column_stack((np.full(30, 1e12), X, np.zeros(30)))
-    model = NNPOM(0, tol=1e-8)
-    expected = model.fit(X, counts).predict_proba(X)
-    proba = clone(model).fit(padded, counts).predict_proba(padded)
-    np.testing.assert_allclose(proba, expected, rtol=1e-6)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("model", NETWORKS)
 def test_weights_of_zero_and_of_a_million_million(model):
@@ -398,20 +389,6 @@ def test_weights_of_zero_and_of_a_million_million(model):
         np.testing.assert_allclose(
             light.predict_proba(X), removed.predict_proba(X), atol=1e-5
         )
-
-
-class LargeDraws(np.random.RandomState):
-    def uniform(self, *args, **kwargs):
-        return 100 * super().uniform(*args, **kwargs)
-
-
-@pytest.mark.parametrize("solver", ["lbfgs", "irprop+"])
-def test_start_values_a_hundred_times_as_large(solver):
-    X, counts = touches()
-    model = NNPOM(3, solver=solver, random_state=LargeDraws(0))
-    proba = fit_quietly(model.fit)(X, counts).predict_proba(X)
-    assert_distributions(proba)
-    assert model.loss_ < model.loss_curve_[0]
 
 
 def test_a_penalty_that_leaves_the_cost_without_digits():
@@ -749,16 +726,6 @@ def test_scores_of_subnormal_probabilities(proba):
         assert score([counts], [proba]) == pytest.approx(expected[score])
     heights = pit_histogram([counts], [proba], n_bins=4)
     assert heights.sum() == pytest.approx(4) and (heights >= 0).all()
-
-
-@pytest.mark.slow
-def test_scores_of_hundreds_of_levels():
-    rng = np.random.default_rng(0)
-    counts, parts = rng.integers(0, 10**12, 400), rng.integers(0, 2**30, 400)
-    proba = parts / parts.sum()
-    for score, expected in exact_scores(counts.tolist(), proba.tolist()).items():
-        assert score([counts], [proba]) == pytest.approx(expected, rel=1e-11)
-    np.testing.assert_allclose(pit_histogram([parts], [proba]), 1, rtol=1e-10)
 
 
 def test_log_score_is_never_negative():

@@ -1,12 +1,11 @@
 import pickle
 from fractions import Fraction
 from functools import partial
-from itertools import combinations_with_replacement, product
 
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import entropy, multinomial, wasserstein_distance
+from scipy.stats import entropy, wasserstein_distance
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.datasets import make_classification
 from sklearn.linear_model import LogisticRegression
@@ -90,27 +89,6 @@ def test_macro_mae_equals_exact_arithmetic(n_quantiles):
         expected,
         rtol=1e-14,
     )
-
-
-def test_macro_mae_is_not_proper():
-    # Expected score over all ways in which 12 raters may be drawn from the truth.
-    counts = np.array([c for c in product(range(13), repeat=5) if sum(c) == 12])
-    truth, bolder = np.array([[0.9, 0.06, 0.02, 0.01, 0.01], [0.84, 0.16, 0, 0, 0]])
-    weight = multinomial.pmf(counts, 12, truth)
-    mae_truth, mae_bolder = (
-        macro_mae(counts, np.tile(p, (len(counts), 1)), sample_weight=weight)
-        for p in (truth, bolder)
-    )
-    rps_truth, rps_bolder = (
-        ranked_probability_score(
-            counts, np.tile(p, (len(counts), 1)), sample_weight=weight
-        )
-        for p in (truth, bolder)
-    )
-    assert mae_truth > 1.1 * mae_bolder
-    # Sum of F(1 - F), and the squared differences of the CDFs on top.
-    assert rps_truth == pytest.approx(0.09 + 0.0384 + 0.0196 + 0.0099)
-    assert rps_bolder == pytest.approx(rps_truth + 0.06**2 + 0.04**2 + 0.02**2 + 1e-4)
 
 
 # Ranked probability score, earth mover's distance, log score
@@ -356,33 +334,6 @@ def test_macro_mae_of_level_indices_by_hand():
     assert macro_error(predicted, level).tolist() == [0.5, 1.5]
     counted = np.array([[True] * 4, [False, True, True, True]])
     assert macro_error(predicted, level, counted).tolist() == [0.5, 0]
-
-
-@pytest.mark.slow
-def test_sorting_never_increases_the_mean_error_but_can_increase_the_macro_mae():
-    levels, n = range(3), 5
-    worse = 0
-    for predicted in product(levels, repeat=n):
-        for true in combinations_with_replacement(levels, n):
-            errors, macro = [], []
-            for each in (predicted, sorted(predicted)):
-                error = [abs(a - b) for a, b in zip(each, true)]
-                by_level = [
-                    np.mean([e for e, t in zip(error, true) if t == level])
-                    for level in set(true)
-                ]
-                errors.append(sum(error))
-                macro.append(np.mean(by_level))
-                assert macro_error(np.array([each]), np.array([true]))[0] == (
-                    pytest.approx(macro[-1])
-                )
-            assert errors[1] <= errors[0]
-            worse += macro[1] > macro[0] + 1e-12
-    assert worse > 0
-    true = np.array([[2] * 8 + [4] * 91])  # of the counts 0, 0, 1, 0, 11
-    predicted = np.array([[2] * 8 + [0] * 91])
-    assert macro_error(predicted, true)[0] == 2
-    assert macro_error(np.sort(predicted), true)[0] == pytest.approx(2.912, abs=1e-3)
 
 
 # Units of the scale, and the noise ceiling

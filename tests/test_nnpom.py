@@ -6,7 +6,6 @@ import pytest
 from callback_recorder import Recorder
 from scipy.special import expit, logit
 from sklearn.base import clone
-from sklearn.decomposition import PCA
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV
@@ -192,19 +191,6 @@ def test_counts_equal_one_row_for_each_rating():
         )
 
 
-def test_weights_equal_repeated_rows():
-    rng = np.random.default_rng(0)
-    X, y = rng.normal(size=(40, 3)), rng.integers(0, 3, 40)
-    weight = rng.integers(0, 4, 40)
-    model = NNPOM(2, random_state=0, tol=1e-9)
-    repeated = clone(model).fit(np.repeat(X, weight, axis=0), np.repeat(y, weight))
-    weighted = clone(model).fit(X, y, sample_weight=weight)
-    np.testing.assert_allclose(
-        weighted.predict_proba(X), repeated.predict_proba(X), atol=1e-6
-    )
-    assert weighted.loss_ == pytest.approx(repeated.loss_, rel=1e-9)
-
-
 def test_two_levels_linear_is_logistic_regression():
     rng = np.random.default_rng(1)
     X = rng.normal(size=(200, 5))
@@ -261,20 +247,6 @@ def test_conditioning_and_back(scale, rotate):
     )
     for proba in others:
         np.testing.assert_allclose(proba, expected, rtol=1e-9)
-
-
-def test_features_that_are_principal_axes_already():
-    """After PCA the same model, with no axes to find."""
-    rng = np.random.default_rng(2)
-    X, y = rng.normal(size=(30, 50)) @ rng.normal(size=(50, 50)), rng.integers(0, 4, 30)
-    X = X - X.mean(axis=0)
-    rotated = PCA().fit_transform(X)
-    model = NNPOM(0, tol=1e-9)
-    np.testing.assert_allclose(
-        clone(model).fit(rotated, y).predict_proba(rotated),
-        model.fit(X, y).predict_proba(X),
-        rtol=1e-6,
-    )
 
 
 @pytest.mark.parametrize("n_hidden", [0, 3])

@@ -293,21 +293,6 @@ def test_a_guard_takes_touches_that_its_model_repairs(sensors):
     )
 
 
-def test_channels_are_found_by_name():
-    rng = np.random.default_rng(0)
-    level = np.arange(24) // 2
-    framed = [
-        pd.DataFrame(rng.normal(k, [1, 5, 9], (40, 3)), columns=[*"xyz"]) for k in level
-    ]
-    counts = np.eye(5)[level * 5 // 12]
-    model = NoveltyGuard(make_haptic_pipeline(Signal(), random_state=0))
-    model.fit(framed, counts, groups=level)
-    swapped = [frame[["z", "x", "y"]] for frame in framed]
-    np.testing.assert_array_equal(model.distances(swapped), model.distances(framed))
-    with pytest.raises(ValueError, match="differ in the column"):
-        model.distances([frame.rename(columns={"x": "w"}) for frame in framed])
-
-
 def test_touches_of_one_channel_may_be_of_one_length():
     """A list of arrays is one of touches, whatever their lengths."""
     rng = np.random.default_rng(0)

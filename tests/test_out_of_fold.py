@@ -20,15 +20,12 @@ from sklearn.model_selection import (
     StratifiedKFold,
     TimeSeriesSplit,
 )
-from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import (
     NNPOM,
     PAPER_2020,
     DistributionalOrdinalRegressor,
     DummyDistribution,
-    KSVDTransformer,
-    TemporalMaxPool,
     make_haptic_pipeline,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
@@ -125,29 +122,6 @@ def test_containers_of_counts_and_groups(container):
     y = container(COUNTS)
     predicted = cross_val_predict_proba(REGRESSOR, X, y, groups=pd.Series(groups))
     expected = by_hand(REGRESSOR, X, y, whole_objects(np.array(groups), 5))
-    np.testing.assert_array_equal(predicted, expected)
-
-
-def uneven_trials(kind):
-    rng = np.random.default_rng(1)
-    trials = [rng.normal(size=(40 + 3 * (i % 5), 2)) for i in range(len(X))]
-    if kind is list:
-        return trials
-    cells = np.empty(len(trials), dtype=object)
-    cells[:] = trials
-    return cells if kind is object else pd.Series(cells, index=OBJECTS)
-
-
-@pytest.mark.parametrize("kind", [list, object, pd.Series])
-def test_recordings_of_unequal_length(kind):
-    model = make_pipeline(
-        KSVDTransformer(4, window=8, max_iter=1, random_state=0),
-        TemporalMaxPool((2, 1)),
-        DistributionalOrdinalRegressor(),
-    )
-    trials = uneven_trials(kind)
-    predicted = cross_val_predict_proba(model, trials, COUNTS, groups=OBJECTS, cv=2)
-    expected = by_hand(model, trials, COUNTS, whole_objects(OBJECTS, 2))
     np.testing.assert_array_equal(predicted, expected)
 
 

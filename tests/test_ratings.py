@@ -360,23 +360,6 @@ def test_pairs_are_those_of_the_matrices_strongest_first():
     )
 
 
-def test_correlation_of_what_hands_feel(shared_data):
-    long = pd.read_csv(shared_data / "tactile_ratings" / "ratings_long.csv")
-    long = long[long.Condition == "hand"]
-    people = long.pivot(index=["Participant", "Texture"], columns="Metric")
-    people = people["level5"]
-    result = adjective_correlation(people)
-    assert result.rho.columns.tolist() == ["hardness", "roughness", "slipperiness"]
-    expected = people.corr(method="spearman", min_periods=3)  # pairwise, of pandas
-    np.testing.assert_allclose(result.rho, expected, atol=1e-12)
-    given = people.notna().to_numpy().astype(int)
-    np.testing.assert_array_equal(result.n_ratings, given.T @ given)
-    # In these data the door mat has the highest "slipperiness", the tile a low one.
-    first = result.pairs.loc[0, ["first", "second", "relation"]]
-    assert first.tolist() == ["roughness", "slipperiness", "synonyms"]
-    assert result.rho.at["roughness", "slipperiness"] > 0.5
-
-
 def test_continuous_ratings_are_refused_unless_their_levels_are_given():
     ratings, objects = [0.5, 1.25, 0.5], ["foam", "foam", "tile"]
     with pytest.raises(ValueError, match=r"continuous ratings, such as 0\.5 in row 0"):

@@ -383,18 +383,6 @@ def test_images_and_single_precision():
     )
 
 
-def test_named_channels_are_put_in_order():
-    trials = [pd.DataFrame(trial, columns=list("abcd")) for trial in recordings()]
-    shuffled = [trial[list("dbca")] for trial in trials]
-    repair = RepairTrials().fit(trials)
-    for one, other in zip(repair.transform(shuffled), trials):
-        np.testing.assert_array_equal(one, other.to_numpy())
-    with pytest.raises(
-        ValueError, match=r"^Trial 0 of X and fit differ in the column 'a'"
-    ):
-        repair.transform([trials[0].rename(columns={"a": "x"})])
-
-
 @pytest.mark.parametrize("output", ["pandas", "polars"])
 def test_set_output_leaves_trials_as_they_are(output):
     trials = recordings()

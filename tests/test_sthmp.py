@@ -1,14 +1,10 @@
-import pickle
-
 import numpy as np
 import pandas as pd
 import pytest
 from cached_rows import assert_an_entry_each
 from sklearn.base import clone
-from sklearn.compose import ColumnTransformer
 from sklearn.linear_model import orthogonal_mp
-from sklearn.pipeline import Pipeline, make_pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import KSVDTransformer, Sequences, STHMPTransformer, TemporalMaxPool
 from sklearn_haptic.features import _dictionary_coder
@@ -460,39 +456,6 @@ def test_refit_on_trials_forgets_a_table():
 
 
 # Composition
-
-
-@pytest.mark.slow
-def test_pipeline_of_sensors_in_a_frame(tmp_path):
-    X = pd.DataFrame(
-        {"electrodes": electrodes((40, 25, 30)), "finger": electrodes((16, 20, 17), 1)}
-    )
-
-    def sensor(**params):
-        return Pipeline(
-            [("codes", small(**params)), ("pool", TemporalMaxPool((2, 1)))],
-            memory=str(tmp_path),
-        )
-
-    model = make_pipeline(
-        ColumnTransformer(
-            [
-                ("electrodes", sensor(), "electrodes"),
-                ("finger", sensor(patch_size=(2, 2), spatial_cells=(1,)), "finger"),
-            ]
-        ),
-        StandardScaler(),
-    ).set_output(transform="pandas")
-    frame = model.fit_transform(X)
-    assert frame.shape == (3, 3 * (14 + 1) * 12)
-    assert frame.columns.tolist() == model.get_feature_names_out().tolist()
-    assert frame.columns[0] == "electrodes__t1of2_s1of9_atom0+"
-    assert all(name.count("__") == 1 for name in frame.columns)
-
-    again = clone(model).fit(X).transform(X)  # from the cache
-    pd.testing.assert_frame_equal(again, frame)
-    loaded = pickle.loads(pickle.dumps(model))
-    pd.testing.assert_frame_equal(loaded.transform(X), frame)
 
 
 def test_cached_rows_depend_on_every_parameter(tmp_path):

@@ -474,19 +474,3 @@ def test_hardness_is_easy_and_roughness_hard_to_predict():
     assert 0.7 < score["hard"] < 0.98
     assert 0.5 < score["cold"] < 0.95
     assert score["rough"] < 0.5
-
-
-def test_texture_is_weakly_in_the_vibration():
-    # Below one standard deviation between rough and smooth: a correlation of 0.45
-    # or so with the rated roughness, of a little more with the texture itself.
-    def centroid(pac):
-        frequency, density = signal.welch(pac, 2200, nperseg=2200, axis=0)
-        band = (frequency >= 20) & (frequency < 200)
-        return frequency[band] @ density[band] / density[band].sum(axis=0)
-
-    corpus = signals("fast_slide")
-    values = each(corpus, "pac", centroid)
-    texture = corpus.properties.roughness.loc[corpus.objects]
-    assert 0.3 < stats.spearmanr(values, texture).statistic < 0.8
-    rated = corpus.true_proba["rough"] @ corpus.levels
-    assert 0.1 < stats.spearmanr(values, rated).statistic < 0.6
