@@ -1,0 +1,188 @@
+"""Do the statistics of reports keep their word? Each claim, simulated.
+
+    python benchmarks/claims.py --parts interval ceiling raters report contributions
+
+interval       share of 95% intervals of `model_report` that hold the true gain
+ceiling        bias of `noise_ceiling`
+raters         false alarms of `outlying_raters`, and careless people found
+report         adjectives that cannot be felt: verdicts of `model_report`
+contributions  sensors that tell nothing: p-values of `contribution_summary`
+
+Brackets hold standard errors over repetitions.
+"""
+
+import warnings
+
+import numpy as np
+from measure import command, head, machine, plus_minus, row
+from scipy.stats import entropy
+
+from sklearn_haptic import (
+    DistributionalOrdinalRegressor,
+    SensorFusionNNPOM,
+    make_haptic_pipeline,
+)
+from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.metrics import (
+    log_score,
+    noise_ceiling,
+    ranked_probability_score,
+)
+from sklearn_haptic.model_selection import (
+    contribution_summary,
+    model_report,
+    sensor_contributions,
+)
+from sklearn_haptic.model_selection._model_report import gain_over_objects
+from sklearn_haptic.ratings import outlying_raters
+
+
+def interval(n_repeats):
+    """Gains of objects that are normal or skew, of equally many touches or not."""
+    head("objects", "gains", "touches alike", "1 to 8 touches", title="Coverage")
+    rng = np.random.default_rng(0)
+    gains = {"normal": (lambda z: z, 0.0), "skew": (lambda z: z - 0.4 * z**2, -0.4)}
+    for n_objects in (4, 6, 12, 24):
+        for name, (gain, truth) in gains.items():
+            held = np.empty((2, 20 * n_repeats))
+            for unequal, each in np.ndindex(held.shape):
+                low, high = (1, 9) if unequal else (3, 4)
+                touches = rng.integers(low, high, n_objects)
+                objects = np.repeat(np.arange(n_objects), touches)
+                of_objects = gain(rng.normal(size=n_objects))[objects]
+                found = gain_over_objects(
+                    of_objects + 0.5 * rng.normal(size=len(objects)), objects
+                )
+                held[unequal, each] = found["lower"] < truth < found["upper"]
+            shown = [plus_minus(each, 3, sign="") for each in held]
+            row(n_objects, name, *shown)
+
+
+def ceiling(n_repeats):
+    """Crowds of few people from populations that agree much or little."""
+    head("people", "agreement", "RPS", "log score", title="Bias of the ceiling, %")
+    rng = np.random.default_rng(0)
+    for n_people in (2, 3, 6, 12):
+        for name, concentration in [("much", 0.15), ("little", 1.0)]:
+            bias = []
+            for _ in range(n_repeats):
+                truth = rng.dirichlet(np.full(5, concentration), size=500)
+                counts = rng.multinomial(n_people, truth)
+                below = np.cumsum(truth, axis=1)
+                expected = (below * (1 - below)).sum(axis=1), entropy(truth, axis=1)
+                found = [
+                    noise_ceiling(counts, score).truth
+                    for score in (ranked_probability_score, log_score)
+                ]
+                bias.append(100 * (found / np.mean(expected, axis=1) - 1))
+            row(n_people, name, *(plus_minus(each, 1) for each in np.transpose(bias)))
+
+
+def raters(n_repeats):
+    """Honest people differ in shift, spread and care; one or three may be careless."""
+    columns = ("false alarm", "one at random", "three at random", "one reversed")
+    head(
+        "objects", "people", "habits", "care", *columns, title="Raters called outlying"
+    )
+    rng = np.random.default_rng(0)
+    for n_objects, n_people in [(20, 12), (60, 12), (20, 36)]:
+        for habit, care in [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (1.0, 0.3)]:
+            found = np.empty((4, n_repeats))
+            for kind, each in np.ndindex(found.shape):
+                felt = 1.2 * rng.normal(size=(n_objects, 1, 3))
+                noise = 0.8 * np.exp(care * rng.normal(size=(1, n_people, 1)))
+                felt = felt + noise * rng.normal(size=(n_objects, n_people, 3))
+                shift, spread = habit * rng.normal(size=(2, 1, n_people, 3))
+                answers = 3 + np.exp(0.4 * spread) * felt + 0.6 * shift
+                answers = np.clip(np.rint(answers), 1, 5)
+                careless = [0, 1, 3, 1][kind]
+                answers[:, :careless] = (
+                    6 - answers[:, :careless]
+                    if kind == 3
+                    else rng.integers(1, 6, size=(n_objects, careless, 3))
+                )
+                objects, people = map(np.ravel, np.indices((n_objects, n_people)))
+                called = outlying_raters(answers.reshape(-1, 3), objects, people)
+                called = called["outlying"].to_numpy()
+                found[kind, each] = called[:careless].mean() if kind else called.any()
+            shown = [plus_minus(each, 2, sign="") for each in found]
+            row(n_objects, n_people, habit, care, *shown)
+
+
+def report(n_repeats):
+    """Ratings of generated objects, permuted over the objects."""
+    head(
+        "objects", "better", "worse", "dispersion", title="Verdicts of permuted ratings"
+    )
+    for n_objects in (20, 40):
+        verdicts, dispersions = [], []
+        for seed in range(max(n_repeats // 40, 2)):
+            corpus = make_haptic_corpus(
+                n_objects, 2, "slow_slide", sensors=["pac", "pdc"], random_state=seed
+            )
+            model = make_haptic_pipeline(["pac", "pdc"], random_state=0)
+            features = model[:-1].fit_transform(corpus.trials)
+            _, first, which = np.unique(
+                corpus.objects, return_index=True, return_inverse=True
+            )
+            rng = np.random.default_rng(seed)
+            permuted = {
+                name: y[rng.permutation(first)[which]]
+                for name, y in corpus.ratings.items()
+            }
+            gains = model_report(
+                model[-1], features, permuted, groups=corpus.objects
+            ).gains
+            verdicts.append(
+                [np.mean(gains["verdict"] == v) for v in ("better", "worse")]
+            )
+            dispersions.append(gains["dispersion"].mean())
+        better, worse = np.transpose(verdicts)
+        shown = [plus_minus(each, 2, sign="") for each in (better, worse, dispersions)]
+        row(n_objects, *shown)
+
+
+def contributions(n_repeats):
+    """One sensor of four tells the ratings of 24 objects."""
+    head("score", "useless sensors, p < .05", "the useful one", title="Contributions")
+    rng, found = np.random.default_rng(0), {"rps": [], "macro_mae": []}
+    sensors = {f"useless {i}": [2 + 2 * i, 3 + 2 * i] for i in range(3)}
+    fusion = SensorFusionNNPOM({"useful": [0, 1], **sensors})
+    for seed in range(max(n_repeats // 10, 2)):
+        X = rng.normal(size=(24, 8))
+        weights = np.exp(-0.5 * (np.arange(5) - 2 - 1.5 * X[:, :1]) ** 2)
+        counts = rng.multinomial(12, weights / weights.sum(axis=1, keepdims=True))
+        scores = sensor_contributions(
+            DistributionalOrdinalRegressor(fusion),
+            *(X, counts),
+            cv=3,
+            n_repeats=2,
+            random_state=seed,
+        )
+        for metric, shares in found.items():
+            p = contribution_summary(scores, metric=metric).set_index("held_out")
+            p = p["p_objects"] < 0.05
+            shares.append([p[list(sensors)].mean(), p["useful"]])
+    for metric, shares in found.items():
+        row(metric, *(plus_minus(each, 3, sign="") for each in np.transpose(shares)))
+
+
+PARTS = {
+    function.__name__: function
+    for function in (interval, ceiling, raters, report, contributions)
+}
+
+
+def main():
+    parser = command(__doc__)
+    parser.add_argument("--parts", nargs="+", default=list(PARTS), choices=PARTS)
+    parser.add_argument("--n-repeats", type=int, default=200)
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore")  # of fits that are to end early
+    machine()
+    for part in arguments.parts:
+        PARTS[part](arguments.n_repeats)
+
+
+if __name__ == "__main__":
+    main()
