@@ -267,7 +267,6 @@ def not_numbers(good, *without):
     return [each for each in checks if each.given not in without]
 
 
-NO_NUMBERS = "^X is not an array of numbers .*text.*; convert it"
 NOT_A_TABLE = [
     *not_numbers(X),
     check("a column of dates", TABLE.assign(when=[date(2020, 1, 1)] * N),
@@ -745,7 +744,6 @@ ask({"resample_trials": lambda **bad: call(resample_trials,
 # Scores and ratings
 
 OBJECT_WITHOUT_NAME = "^objects has no object in row 1; name the object of every row"
-EMPTY = "^ratings holds no values at all; at least one is required"
 ALWAYS_THE_SAME = check(
     "an adjective always rated the same", replaced(X, 1.0, (slice(None), 0)),
     "^All ratings of 'x0' in the rows that have 'x1' too are equal, .*; leave one of")
@@ -1312,7 +1310,6 @@ def reading(folder, **files):
 ALPHA = r"^alpha=\[.*\] must list numbers of at least 0"
 HIDDEN = r"^n_hidden=\[.*\] must list whole numbers of at least 1"
 CUT_SETTINGS = "study.json is damaged .*; restore it, or run the study in another"
-DAMAGED_SETTINGS = "study.json is damaged .*; restore it"
 DAMAGED_UNIT = r"hold\.npz is missing or damaged .*; delete it, and run_study does"
 ask({"run_study": studying},
     *wrong(n_splits=0, n_repeats=1.5, n_starts=0, split="random", corpus=[1, 2]),
@@ -1391,7 +1388,6 @@ ANYTIME = streaming.AnytimeRegressor(
     make_pipeline(STATISTICS, DistributionalOrdinalRegressor()),
     durations=[0.5, 0.8], sampling_rates={"pac": 10, "tdc": 10}, cv=2)
 PATH = np.full((N, 2, 3), 1 / 3)
-EXPECTED = streaming.ExpectedGain().fit(PATH, COUNTS, durations=[1, 2])
 
 
 @cache
