@@ -351,7 +351,12 @@ def run_study(
         random_state=int(random_state),
         **PROTOCOLS[protocol] | given,
     )
-    _check_regressor(study.regressor, study.scoring)
+    if not isinstance(study.regressor.estimator, NNPOM):
+        raise ValueError(
+            f"regressor has the estimator {study.regressor.estimator!r}; give it an "
+            "NNPOM."
+        )
+    check_scoring(study.regressor, study.scoring)
     procedures = check_names(procedures, known_procedures, "procedure", "the corpus")
     open_study(study.folder, study.settings)
 
@@ -363,14 +368,16 @@ def _complete_study(study, procedures, adjectives, n_jobs, verbose):
     """Compute the units that are not finished: trials, then features, then models."""
     trials = list(product(["trials"], procedures))
     complete_units(study, trials, n_jobs=n_jobs)
-    models = [
-        ("models", procedure, adjective, fold)
-        for procedure in procedures
-        for adjective in _choose_adjectives(study, procedure, adjectives)
-        for fold in range(study.n_folds)
-    ]
+    models, features = [], {}
+    for procedure in procedures:
+        known = adjectives_of(read_table(study.folder, ("trials", procedure))[0])
+        asked = check_names(adjectives, known, "adjective", "the corpus")
+        for name in product([procedure], asked, range(study.n_folds)):
+            models.append(("models", *name))
+            for sensor in study.sensors:  # a dictionary serves several models
+                features[study.features_unit(procedure, sensor, *name[1:])] = None
     check_models(study, models)
-    features = _features_of(study, models)
+    features = [*features]
     report = None
     if verbose:
         report = Progress(study.folder, features + models, effective_n_jobs(n_jobs))
@@ -384,24 +391,6 @@ def _forgotten(**_):
     raise AssertionError("models read no recordings")
 
 
-def _features_of(study, models):
-    """Units of the features that models take, each once."""
-    units = [
-        study.features_unit(procedure, sensor, adjective, fold)
-        for _, procedure, adjective, fold in models
-        for sensor in study.sensors
-    ]
-    return list(dict.fromkeys(units))
-
-
-def _check_regressor(regressor, scoring):
-    if not isinstance(regressor.estimator, NNPOM):
-        raise ValueError(
-            f"regressor has the estimator {regressor.estimator!r}; give it an NNPOM."
-        )
-    check_scoring(regressor, scoring)
-
-
 def _check_coders(sensors):
     """Return the transformers that sensors are given; none if they are only named."""
     coders = dict(sensors) if isinstance(sensors, Mapping) else {}
@@ -412,11 +401,6 @@ def _check_coders(sensors):
                 "STHMPTransformer, or name the sensors in a list."
             )
     return coders
-
-
-def _choose_adjectives(study, procedure, adjectives):
-    trials, _ = read_table(study.folder, ("trials", procedure))
-    return check_names(adjectives, adjectives_of(trials), "adjective", "the corpus")
 
 
 def _check_grid(name, values, kind, least):
