@@ -1450,7 +1450,8 @@ ask(of_touches("predict_proba") | of_touches("predict") |
     check("other channels than in fit", lacking("pac", TRIALS[0][:, :7]),
         r"^Trial 0 of X\['pac'\] has 7 channels"))
 ask(of_touches("predict_proba_over_time"),
-    check("a time before the touch", TOUCHES, [-1], "^times has shape .*, 0 or more"))
+    check("a time before the touch", TOUCHES, [-1], "^times holds -1; give sec"),
+    check("a time that is NaN", TOUCHES, [1, np.nan], "^times holds nan; give sec"))
 ask(of_touches("start"),
     check("limits of an unknown sensor", {"mic": (0, 1)}, "^limits names the sensor"),
     check("limits of all sensors", (0, 1), "^limits is a tuple; give a dict from"),

@@ -559,8 +559,9 @@ def _check_rates(sampling_rates):
 def _check_times(times):
     check_numbers(times, "times")
     times = np.asarray(times, dtype=np.float64)
-    if times.ndim != 1 or not (times >= 0).all():
-        raise ValueError(
-            f"times has shape {times.shape}; give a list of seconds, 0 or more."
-        )
+    if times.ndim != 1:
+        raise ValueError(f"times has shape {times.shape}; give a list of seconds.")
+    if not (times >= 0).all():
+        bad = times[~(times >= 0)][0]
+        raise ValueError(f"times holds {bad:g}; give seconds, 0 or more.")
     return times
