@@ -15,7 +15,7 @@ from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 from sklearn.utils.validation import check_memory
 
-from sklearn_haptic import make_haptic_pipeline
+from sklearn_haptic import TemporalMaxPool, make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_rps_scorer
 from sklearn_haptic.model_selection import (
@@ -25,6 +25,7 @@ from sklearn_haptic.model_selection import (
     speed_accuracy_frontier,
 )
 from sklearn_haptic.model_selection._cost import without_caches
+from sklearn_haptic.streaming._branches import Branch
 
 CLOCK = SimpleNamespace(now=0.0)
 
@@ -215,3 +216,11 @@ def test_sensor_subsets_have_the_same_cost_with_a_cache(clock, tmp_path):
             costs.append(results["mean_test_neg_seconds"])
     np.testing.assert_allclose(costs, [[-4.5, -1.5, -5.5]] * 4)
     assert cheapest_within_one_se(results) == 1
+
+
+def test_caches_are_off_inside_named_tuples(tmp_path):
+    """As in the branches of an `AnytimeRegressor`."""
+    held = Branch(TemporalMaxPool(memory=str(tmp_path)), "pdc")
+    copied = without_caches([held])[0]
+    assert copied.transformer.memory is None and copied.columns == "pdc"
+    assert held.transformer.memory == str(tmp_path)

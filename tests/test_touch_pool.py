@@ -345,6 +345,15 @@ def test_more_is_never_expected_to_be_worse():
     assert 0.3 * one < ten < one
 
 
+@pytest.mark.parametrize("n", [1, 10, 100, 10_000])
+def test_a_mean_square_is_never_negative(n):
+    """Also where products of errors, estimated one by one, cannot be those of any."""
+    for seed in range(5):
+        X, counts, objects = made(n_objects=6, seed=seed)
+        pool = TouchPool(MEMBERS, cv=3).fit(X, counts, groups=objects)
+        assert pool.expected_excess([["a", "b"]] * n) >= 0
+
+
 def test_pools_score_better_and_are_calibrated():
     X, counts, objects = made(300)
     pool = TouchPool(MEMBERS).fit(X, counts, groups=objects)
