@@ -5,16 +5,14 @@ import pickle
 import numpy as np
 import pytest
 from mpmath import mp, mpf
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import approx_fprime
 from scipy.special import expit
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNNPOM
-from sklearn_haptic.metrics import (
-    neg_macro_mae_scorer,
-    ranked_probability_score,
-)
+from sklearn_haptic.metrics import neg_macro_mae_scorer, ranked_probability_score
 from sklearn_haptic.model_selection import contribution_summary, sensor_contributions
 from sklearn_haptic.models._network import Layout
 from sklearn_haptic.models._network_loss import NetworkLoss
@@ -91,7 +89,7 @@ def test_cost_and_gradient(seed):
         exact = by_hand(layout, X, observations, 0.7, params, mpf)
         assert abs(cost / exact - 1) < 1e-14
     numeric = approx_fprime(params, lambda x: loss(x)[0], 1e-7)
-    np.testing.assert_allclose(gradient, numeric, atol=1e-6)
+    assert_allclose(gradient, numeric, atol=1e-6)
 
 
 def test_the_fit_is_a_minimum_of_the_cost_written_out():
@@ -127,7 +125,7 @@ def test_the_fit_is_a_minimum_of_the_cost_written_out():
         ]
     )
     assert model.loss_ == pytest.approx(cost(fitted), rel=1e-12)
-    np.testing.assert_allclose(approx_fprime(fitted, cost, 1e-6), 0, atol=1e-5)
+    assert_allclose(approx_fprime(fitted, cost, 1e-6), 0, atol=1e-5)
 
 
 @pytest.mark.parametrize("sampling", ["level", "random"])
@@ -139,7 +137,7 @@ def test_one_adjective_is_no_special_case(sampling, solver):
     model = DistributionalOrdinalRegressor(network, sampling=sampling, random_state=0)
     one = clone(model).fit(X, counts[:, 0]).predict_proba(X)
     among = clone(model).fit(X, counts[:, :1]).predict_proba(X)
-    np.testing.assert_allclose(among[:, 0], one, rtol=1e-6)
+    assert_allclose(among[:, 0], one, rtol=1e-6)
 
 
 @pytest.mark.parametrize("decode", ["mixture", "quantile"])
@@ -150,17 +148,17 @@ def test_what_is_predicted_has_an_axis_of_adjectives(decode):
     ).fit(X, counts)
     proba, cdf = model.predict_proba(X), model.predict_cdf(X)
     assert proba.shape == counts.shape
-    np.testing.assert_allclose(proba.sum(axis=-1), 1, rtol=1e-14)
-    np.testing.assert_allclose(cdf, np.cumsum(proba, axis=-1), atol=1e-14)
+    assert_allclose(proba.sum(axis=-1), 1, rtol=1e-14)
+    assert_allclose(cdf, np.cumsum(proba, axis=-1), atol=1e-14)
     p = np.array([0.2, 0.5, 0.9])
     quantiles = model.predict_quantile(X, p)
     for t, a, i in np.ndindex(quantiles.shape):
         assert quantiles[t, a, i] == 1 + np.searchsorted(cdf[t, a], p[i])
-    np.testing.assert_array_equal(model.predict_quantile(X, 0.5), quantiles[..., 1])
-    np.testing.assert_array_equal(model.predict(X), proba.argmax(axis=-1) + 1)
+    assert_array_equal(model.predict_quantile(X, 0.5), quantiles[..., 1])
+    assert_array_equal(model.predict(X), proba.argmax(axis=-1) + 1)
     sample = model.sample(X[:2], 4000, random_state=0)
     share = np.mean(sample[..., None] == np.arange(1, 6), axis=2)
-    np.testing.assert_allclose(share, proba[:2], atol=0.04)
+    assert_allclose(share, proba[:2], atol=0.04)
     each = [ranked_probability_score(counts[:, a], proba[:, a]) for a in range(3)]
     assert model.score(X, counts) == pytest.approx(-np.mean(each), rel=1e-14)
 
@@ -175,7 +173,7 @@ def test_quantile_decoding_equals_a_fine_grid():
         below = [(latent[..., a] <= b).mean(axis=1) for b in thresholds]
         cdf = np.stack(below, axis=1)
         found = np.cumsum(model.predict_proba(X)[:, a], axis=1)[:, :-1]
-        np.testing.assert_allclose(found, cdf, atol=0.01)
+        assert_allclose(found, cdf, atol=0.01)
 
 
 def test_levels_that_an_adjective_never_has():
@@ -186,13 +184,13 @@ def test_levels_that_an_adjective_never_has():
     model = DistributionalOrdinalRegressor(NNPOM(3, random_state=0)).fit(X, counts)
     proba = model.predict_proba(X)
     assert not proba[:, 0, [1, 4]].any() and proba[:, 0, [0, 2, 3]].all()
-    np.testing.assert_array_equal(proba[:, 1], [[0, 0, 0, 1, 0]] * len(X))
+    assert_array_equal(proba[:, 1], [[0, 0, 0, 1, 0]] * len(X))
     assert proba[:, 2].all()
     assert (np.ptp(proba[:, 2], axis=0) > 0.01).all()
     all_agree = np.zeros_like(counts)
     all_agree[..., 2] = 8
     proba = model.fit(X, all_agree).predict_proba(X)
-    np.testing.assert_array_equal(proba, all_agree / 8)
+    assert_array_equal(proba, all_agree / 8)
 
 
 def test_weights_equal_repeated_trials():
@@ -202,9 +200,7 @@ def test_weights_equal_repeated_trials():
     model = DistributionalOrdinalRegressor(network)
     weighted = clone(model).fit(X, counts, sample_weight=weight)
     repeated = clone(model).fit(X.repeat(weight, 0), counts.repeat(weight, 0))
-    np.testing.assert_allclose(
-        weighted.predict_proba(X), repeated.predict_proba(X), atol=1e-5
-    )
+    assert_allclose(weighted.predict_proba(X), repeated.predict_proba(X), atol=1e-5)
     expected = np.repeat(
         ranked_probability_score(
             counts.reshape(-1, 5),
@@ -231,7 +227,7 @@ def test_early_stopping_averages_the_error_of_all_adjectives():
     assert (np.diff(errors) <= 1e-12).all()
     drawn = clone(model).set_params(random_state=0).fit(X, counts, groups=objects)
     loaded = pickle.loads(pickle.dumps(drawn))
-    np.testing.assert_array_equal(loaded.predict_proba(X), drawn.predict_proba(X))
+    assert_array_equal(loaded.predict_proba(X), drawn.predict_proba(X))
 
 
 def test_without_positions():
@@ -241,12 +237,8 @@ def test_without_positions():
     assert network.predict_latent(X).shape == (len(X), 3)
     assert network.hidden_activations(X).shape == (len(X), 3)
     hidden = expit(X @ network.coefs_[0] + network.intercepts_)
-    np.testing.assert_allclose(
-        network.predict_latent(X), hidden @ network.coefs_[1], rtol=1e-12
-    )
-    np.testing.assert_array_equal(
-        network.predict(X), network.predict_proba(X).argmax(axis=-1) + 1
-    )
+    assert_allclose(network.predict_latent(X), hidden @ network.coefs_[1], rtol=1e-12)
+    assert_array_equal(network.predict(X), network.predict_proba(X).argmax(axis=-1) + 1)
 
 
 def test_a_combined_network_without_units_to_share():
@@ -333,7 +325,7 @@ def test_combined_network_is_a_minimum_of_costs_written_out(held_out):
         ]
     )
     assert final.loss_ == pytest.approx(cost(params), rel=1e-12)
-    np.testing.assert_allclose(approx_fprime(params, cost, 1e-6), 0, atol=2e-6)
+    assert_allclose(approx_fprime(params, cost, 1e-6), 0, atol=2e-6)
     # And it predicts, for any position, what the plain loops do.
     p = np.array([-1.0, 2.0])
     predicted = fitted.predict_proba_with_positions(X, p)
@@ -346,7 +338,7 @@ def test_combined_network_is_a_minimum_of_costs_written_out(held_out):
         expected = plain_network(
             hidden, final.coefs_, final.intercepts_, final.thresholds_, a
         )[1]
-        np.testing.assert_allclose(predicted[:, i, a], expected, atol=1e-14)
+        assert_allclose(predicted[:, i, a], expected, atol=1e-14)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -367,7 +359,7 @@ def test_gradient_where_rows_belong_to_one_adjective_each(seed):
     cost, gradient = loss(params)
     assert cost == pytest.approx(exact, rel=1e-13)
     numeric = approx_fprime(params, lambda x: loss(x)[0], 1e-7)
-    np.testing.assert_allclose(gradient, numeric, atol=1e-6)
+    assert_allclose(gradient, numeric, atol=1e-6)
 
 
 @pytest.mark.slow
@@ -380,7 +372,7 @@ def test_combined_network_of_one_adjective_is_no_special_case(sampling, held_out
     )
     one = clone(model).fit(X, counts[:, 0]).predict_proba(X)
     among = clone(model).fit(X, counts[:, :1]).predict_proba(X)
-    np.testing.assert_allclose(among[:, 0], one, atol=1e-6)
+    assert_allclose(among[:, 0], one, atol=1e-6)
 
 
 def test_combined_network_without_positions():
@@ -388,7 +380,7 @@ def test_combined_network_without_positions():
     model = SensorFusionNNPOM(SENSORS, NNPOM(2), random_state=0).fit(X, counts)
     assert model.final_network_.n_hidden == 10
     alone = clone(model.final_network_).fit(model.hidden_activations(X), counts)
-    np.testing.assert_array_equal(
+    assert_array_equal(
         model.predict_proba(X), alone.predict_proba(model.hidden_activations(X))
     )
     assert model.predict_proba(X).shape == counts.shape

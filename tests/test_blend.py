@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import minimize
 from sklearn import config_context
 from sklearn.base import clone
@@ -68,14 +69,14 @@ def test_best_weights_meet_the_conditions_of_a_minimum(n_members, unit):
     share = best_weights(departure, weight)
     gram = np.einsum("t,tik,tjk->ij", weight, departure, departure) / weight.sum()
     slope, least = gram @ share, share @ gram @ share
-    np.testing.assert_allclose(slope[share > 0], least, rtol=1e-8)
+    assert_allclose(slope[share > 0], least, rtol=1e-8)
     assert np.all(slope >= least * (1 - 1e-8))
 
 
 def test_best_weights_of_a_perfect_member_and_of_none():
     departure = np.random.default_rng(0).normal(size=(9, 3, 2))
     departure[:, 1] = 0
-    np.testing.assert_array_equal(best_weights(departure, np.ones(9)), [0, 1, 0])
+    assert_array_equal(best_weights(departure, np.ones(9)), [0, 1, 0])
     assert best_weights(0 * departure, np.ones(9)).sum() == pytest.approx(1)
 
 
@@ -114,7 +115,7 @@ def test_cautious_weights_are_those_of_plain_loops(seed):
     )
     weight = 1 / np.bincount(objects)[objects]
     start = np.array([0.5, 0.5, 0])
-    np.testing.assert_allclose(
+    assert_allclose(
         cautious_weights(departure, weight, objects, start),
         cautious_by_loops(departure, objects, start),
         atol=0.011,  # a step more or less
@@ -184,7 +185,7 @@ def test_a_blend_is_that_of_plain_loops():
             proba = clone(member).fit(X[train], counts[train]).predict_proba(X[test])
             departure[test, m] = np.cumsum(proba, axis=1)[:, :-1] - below[test]
     share = cautious_by_loops(departure, objects, np.array([0.5, 0.5, 0]))
-    np.testing.assert_allclose([*blend.weights_.values()], share, atol=0.011)
+    assert_allclose([*blend.weights_.values()], share, atol=0.011)
     for m, (name, _) in enumerate(named):
         rps = (departure[:, m] ** 2 + below * (1 - below)).sum(axis=1).mean()
         assert blend.rps_[name] == pytest.approx(rps)
@@ -198,8 +199,8 @@ def test_a_blend_is_that_of_plain_loops():
     exponent = exponent_by_loops(held_out, below, objects)
     assert blend.exponent_ == pytest.approx(exponent)
     expected = expected**exponent / (expected**exponent).sum(axis=1, keepdims=True)
-    np.testing.assert_allclose(blend.predict_proba(new), expected, atol=1e-12)
-    np.testing.assert_array_equal(blend.predict(new), expected.argmax(axis=1) + 1)
+    assert_allclose(blend.predict_proba(new), expected, atol=1e-12)
+    assert_array_equal(blend.predict(new), expected.argmax(axis=1) + 1)
 
 
 def test_equal_weights_hold_nothing_out():
@@ -259,7 +260,7 @@ def test_members_may_have_features_of_their_own():
     ).fit(trials, counts, groups=objects)
     parts = [blend.estimators_[name] for name in ("shaking", "heat")]
     assert [part[-1].n_features_in_ for part in parts] == [1, 2]
-    np.testing.assert_allclose(blend.predict_proba(trials).sum(axis=1), 1)
+    assert_allclose(blend.predict_proba(trials).sum(axis=1), 1)
 
 
 @pytest.mark.parametrize("levels", [[1, 2, 3, 4], ["soft", "firm", "hard", "stone"]])
@@ -269,8 +270,8 @@ def test_ratings_are_the_same_as_counts_of_one_person(levels):
     ratings = np.array(levels)[index]
     one = DistributionBlend(members(), levels=levels).fit(X, ratings, groups=objects)
     plain = fitted(X, np.eye(4)[index], objects)
-    np.testing.assert_array_equal(one.predict_proba(X), plain.predict_proba(X))
-    np.testing.assert_array_equal(one.classes_, levels)
+    assert_array_equal(one.predict_proba(X), plain.predict_proba(X))
+    assert_array_equal(one.classes_, levels)
     assert set(one.predict(X)) <= set(levels)
 
 
@@ -288,15 +289,13 @@ def test_a_weight_of_two_equals_the_trial_given_twice():
         X[rows], counts[rows], groups=objects[rows]
     )
     assert twice.weights_ == pytest.approx(weighted.weights_, abs=1e-6)
-    np.testing.assert_allclose(
-        twice.predict_proba(X), weighted.predict_proba(X), atol=1e-6
-    )
+    assert_allclose(twice.predict_proba(X), weighted.predict_proba(X), atol=1e-6)
 
 
 def test_jobs_change_no_bit():
     X, counts, objects = made()
     one, two = (fitted(X, counts, objects, n_jobs=n) for n in (1, 2))
-    np.testing.assert_array_equal(one.predict_proba(X), two.predict_proba(X))
+    assert_array_equal(one.predict_proba(X), two.predict_proba(X))
 
 
 def test_parameters_of_members_are_set_by_name():
@@ -306,7 +305,7 @@ def test_parameters_of_members_are_set_by_name():
     blend.fit(X, counts, groups=objects)
     flat = blend.estimators_["ridge"].predict_proba(X)
     mean = DummyDistribution().fit(X, counts).predict_proba(X)
-    np.testing.assert_allclose(flat, mean, atol=1e-6)
+    assert_allclose(flat, mean, atol=1e-6)
 
 
 def test_objects_of_weight_zero_are_as_if_left_out():
@@ -316,9 +315,7 @@ def test_objects_of_weight_zero_are_as_if_left_out():
     weighted = DistributionBlend(members()).fit(X, counts, used, groups=objects)
     assert weighted.weights_ == pytest.approx(blend.weights_, abs=1e-6)
     assert weighted.rps_ == pytest.approx(blend.rps_, abs=1e-6)
-    np.testing.assert_allclose(
-        weighted.predict_proba(X), blend.predict_proba(X), atol=1e-6
-    )
+    assert_allclose(weighted.predict_proba(X), blend.predict_proba(X), atol=1e-6)
     with pytest.raises(ValueError, match="there is 1 sample or object"):
         blend.fit(X, counts, objects == 3, groups=objects)
 
@@ -351,7 +348,7 @@ def test_groups_reach_it_and_the_searches_in_it_by_metadata_routing():
         for groups, (train, _) in zip(
             Recorded.seen, GroupKFold(3).split(X, groups=objects)
         ):
-            np.testing.assert_array_equal(groups, objects[train])
+            assert_array_equal(groups, objects[train])
         predicted = cross_val_predict_proba(model, X, counts, groups=objects, cv=2)
     assert predicted.shape == counts.shape
 
@@ -369,9 +366,7 @@ def test_sample_weight_goes_to_members_that_request_it():
         blend = DistributionBlend(pair, weights="equal")
         blend.fit(X, counts, sample_weight=weight, groups=objects)
     alone = NNPOM(0).fit(X, counts, weight)
-    np.testing.assert_array_equal(
-        blend.estimators_["linear"].coefs_[0], alone.coefs_[0]
-    )
+    assert_array_equal(blend.estimators_["linear"].coefs_[0], alone.coefs_[0])
     in_pipeline = [("scaled", make_pipeline(StandardScaler(), NNPOM(0)))]
     with pytest.raises(ValueError, match="The member 'scaled' takes no sample_weight"):
         DistributionBlend(in_pipeline).fit(X, counts, weight, groups=objects)

@@ -61,10 +61,7 @@ PREDICTORS = [
     RegressedDistribution(Ridge()),
     RegressedDistribution(KernelRidge(), random_state=0),
     DistributionBlend(
-        [
-            ("ordinal", NNPOM(0, tol=1e-10)),
-            ("ridge", RegressedDistribution(Ridge())),
-        ]
+        [("ordinal", NNPOM(0, tol=1e-10)), ("ridge", RegressedDistribution(Ridge()))]
     ),
     ContinuousRatingsRegressor(NNPOM(0, tol=1e-10), n_cells=5),
 ]

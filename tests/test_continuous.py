@@ -5,6 +5,7 @@ import numpy as np
 import pandas as pd
 import polars as pl
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
@@ -67,9 +68,7 @@ def test_crps_is_the_integral(seed):
         cdf[:, 0], cdf[:, -1] = 0, 1
     answers = 2 * rng.normal(size=(4, 3))
     expected = [integral(*each) for each in zip(answers, cdf, values)]
-    np.testing.assert_allclose(
-        crps(answers, cdf, values, average=False), expected, atol=1e-8
-    )
+    assert_allclose(crps(answers, cdf, values, average=False), expected, atol=1e-8)
 
 
 def test_crps_of_levels_is_the_ranked_probability_score_of_the_scale():
@@ -99,7 +98,7 @@ def test_crps_takes_weights_and_uneven_answers():
     ragged, padded = [[1, 2, 4], [3]], [[1, 2, 4], [3, np.nan, np.nan]]
     cdf, values = [0, 0.5, 1], [[0, 2, 5], [1, 3, 4]]
     each = crps(ragged, cdf, values, average=False)
-    np.testing.assert_array_equal(crps(padded, cdf, values, average=False), each)
+    assert_array_equal(crps(padded, cdf, values, average=False), each)
     assert crps(ragged, cdf, values, sample_weight=[3, 1]) == pytest.approx(
         (3 * each[0] + each[1]) / 4
     )
@@ -117,8 +116,8 @@ def test_crps_of_many_trials(n_trials):
 def test_noise_ceiling_of_continuous_ratings_is_the_gini_mean_difference():
     answers = [[1.0, 4, 9], [2, 2, np.nan]]
     ceiling = noise_ceiling(answers, crps, average=False)
-    np.testing.assert_allclose(ceiling.truth, [(3 + 8 + 5) / 3 / 2, 0])
-    np.testing.assert_allclose(ceiling.raters, [(3 + 8 + 5) / 3 / 2 * 4 / 3, 0])
+    assert_allclose(ceiling.truth, [(3 + 8 + 5) / 3 / 2, 0])
+    assert_allclose(ceiling.raters, [(3 + 8 + 5) / 3 / 2 * 4 / 3, 0])
 
 
 # Answers
@@ -143,7 +142,7 @@ def test_noise_ceiling_of_continuous_ratings_is_the_gini_mean_difference():
     ],
 )
 def test_answers_in_any_container(y):
-    np.testing.assert_array_equal(check_answers(y), [[1, 2], [3, np.nan]])
+    assert_array_equal(check_answers(y), [[1, 2], [3, np.nan]])
 
 
 # The regressor
@@ -177,15 +176,13 @@ def test_predictions_are_those_of_the_levels_of_the_grid():
     model = ContinuousRatingsRegressor(grid=edges).fit(X, y)
     counts = np.stack([np.histogram(each, edges)[0] for each in y])
     proba = DistributionalOrdinalRegressor().fit(X, counts).predict_proba(X)
-    np.testing.assert_allclose(np.diff(model.predict_cdf(X), axis=1), proba, atol=1e-12)
+    assert_allclose(np.diff(model.predict_cdf(X), axis=1), proba, atol=1e-12)
     points = [-1, 0, 37.5, 100, 200]
     at = model.predict_cdf(X, points)
-    np.testing.assert_array_equal(at[:, [0, 1, 3, 4]], [[0, 0, 1, 1]] * len(X))
-    np.testing.assert_allclose(at[:, 2], proba[:, 0] + proba[:, 1] / 2)
-    np.testing.assert_allclose(
-        model.predict(X), proba @ [15, 37.5, 52.5, 70, 90], rtol=1e-12
-    )
-    np.testing.assert_array_equal(model.predict_cdf(X, 37.5), at[:, 2])
+    assert_array_equal(at[:, [0, 1, 3, 4]], [[0, 0, 1, 1]] * len(X))
+    assert_allclose(at[:, 2], proba[:, 0] + proba[:, 1] / 2)
+    assert_allclose(model.predict(X), proba @ [15, 37.5, 52.5, 70, 90], rtol=1e-12)
+    assert_array_equal(model.predict_cdf(X, 37.5), at[:, 2])
 
 
 def test_quantiles_invert_the_cdf():
@@ -194,8 +191,8 @@ def test_quantiles_invert_the_cdf():
     p = np.array([0.01, 0.3, 0.5, 0.99])
     quantiles = model.predict_quantile(X, p)
     for x, row in zip(X, quantiles):
-        np.testing.assert_allclose(model.predict_cdf([x], row)[0], p, atol=1e-12)
-    np.testing.assert_array_equal(model.predict_quantile(X, 0.5), quantiles[:, 2])
+        assert_allclose(model.predict_cdf([x], row)[0], p, atol=1e-12)
+    assert_array_equal(model.predict_quantile(X, 0.5), quantiles[:, 2])
     ends = model.predict_quantile(X, [0, 1])
     assert (ends >= model.grid_[0]).all() and (ends <= model.grid_[-1]).all()
 
@@ -203,7 +200,7 @@ def test_quantiles_invert_the_cdf():
 def test_grid_of_quantiles_holds_equally_many_and_merges_heaps():
     y = np.r_[np.zeros(50), np.arange(1, 51)]
     model = ContinuousRatingsRegressor(n_cells=10).fit(np.zeros((100, 1)), y)
-    np.testing.assert_array_equal(model.grid_, [0, 10, 20, 30, 40, 50])
+    assert_array_equal(model.grid_, [0, 10, 20, 30, 40, 50])
     two = ContinuousRatingsRegressor().fit([[0.0], [1], [2], [3]], [0, 0, 1, 1])
     assert two.grid_.tolist() == [0, 0.5, 1]
 
@@ -223,7 +220,7 @@ def test_regressor_in_searches_pipelines_and_with_ragged_answers():
     other = GridSearchCV(model, search.param_grid, cv=search.cv)
     other.fit(X, ragged, groups=groups)
     assert search.best_score_ == other.best_score_
-    np.testing.assert_array_equal(search.predict(X), other.predict(X))
+    assert_array_equal(search.predict(X), other.predict(X))
 
 
 @pytest.mark.parametrize("grid", ["quantile", "even", [0, 2, 4, 8]])
@@ -256,8 +253,8 @@ def test_groups_reach_the_estimator_also_behind_other_steps():
     for estimator, last in [(model, lambda m: m), (scaled, lambda m: m[-1][-1])]:
         fitted = ContinuousRatingsRegressor(estimator).fit(X, y, weight, groups=objects)
         groups, weights = last(fitted.estimator_).given_
-        np.testing.assert_array_equal(groups, objects)
-        np.testing.assert_array_equal(weights, weight)
+        assert_array_equal(groups, objects)
+        assert_array_equal(weights, weight)
 
 
 def test_groups_keep_objects_whole_in_early_stopping():
@@ -285,7 +282,7 @@ def test_groups_are_those_of_the_folds_of_a_search():
         base, {"estimator__alpha": [1, 3]}, cv=Spied(3), scoring=neg_rps_scorer
     )
     ContinuousRatingsRegressor(search, n_cells=5).fit(X, y, groups=objects)
-    np.testing.assert_array_equal(folds[0], objects)
+    assert_array_equal(folds[0], objects)
 
 
 def test_groups_change_nothing_where_none_are_needed():
@@ -293,7 +290,7 @@ def test_groups_change_nothing_where_none_are_needed():
     model = ContinuousRatingsRegressor(DummyDistribution())
     alone = model.fit(X, y).predict_cdf(X)
     model.fit(X, y, groups=np.arange(len(X)))
-    np.testing.assert_array_equal(model.predict_cdf(X), alone)
+    assert_array_equal(model.predict_cdf(X), alone)
 
 
 def test_trials_without_weight_may_lie_outside_a_given_grid():
@@ -302,7 +299,7 @@ def test_trials_without_weight_may_lie_outside_a_given_grid():
     grid = np.linspace(0, 13, 5)
     without = ContinuousRatingsRegressor(grid=grid).fit(X[:-1], y[:-1])
     model = ContinuousRatingsRegressor(grid=grid).fit(X, y, weight)
-    np.testing.assert_allclose(model.predict_cdf(X), without.predict_cdf(X))
+    assert_allclose(model.predict_cdf(X), without.predict_cdf(X))
 
 
 @pytest.mark.parametrize("answer", [-1.0, 0.0, 0.5, 1.0])

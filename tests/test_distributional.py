@@ -6,6 +6,7 @@ import mord
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
 from scipy.special import expit, logit
 from sklearn.base import BaseEstimator, clone
@@ -43,7 +44,7 @@ def test_labels_are_the_exact_inverse_cdf(sampling):
         counts, 15, sampling, np.random.RandomState(0)
     )
     assert ((positions > 0) & (positions < 1)).all()
-    np.testing.assert_allclose(weight.sum(axis=1), 15)
+    assert_allclose(weight.sum(axis=1), 15)
     for t, w in np.argwhere(weight > 0):
         rank = Fraction(positions[t, w]) * int(counts[t].sum())
         below = np.cumsum(counts[t].astype(int))
@@ -94,7 +95,7 @@ def test_any_base_beats_the_marginal_and_agrees_with_itself(estimator, decode):
     model = DistributionalOrdinalRegressor(estimator, decode=decode, random_state=0)
     model.fit(X[train], counts[train])
     proba = model.predict_proba(X[~train])
-    np.testing.assert_allclose(proba.sum(axis=1), 1, rtol=1e-14)
+    assert_allclose(proba.sum(axis=1), 1, rtol=1e-14)
     assert proba.shape == (50, 5) and (proba >= 0).all()
     marginal = DummyDistribution().fit(X[train], counts[train])
     assert model.score(X[~train], counts[~train]) > marginal.score(
@@ -106,14 +107,12 @@ def test_any_base_beats_the_marginal_and_agrees_with_itself(estimator, decode):
     quantiles = model.predict_quantile(X[~train], grid)
     assert (np.diff(quantiles, axis=1) >= 0).all()
     share = np.stack([(quantiles == k).mean(axis=1) for k in range(1, 6)], axis=1)
-    np.testing.assert_allclose(share, proba, atol=0.02)
-    np.testing.assert_array_equal(
-        model.predict_quantile(X[~train], 0.5), quantiles[:, 49]
-    )
-    np.testing.assert_array_equal(model.predict(X[~train]), proba.argmax(axis=1) + 1)
+    assert_allclose(share, proba, atol=0.02)
+    assert_array_equal(model.predict_quantile(X[~train], 0.5), quantiles[:, 49])
+    assert_array_equal(model.predict(X[~train]), proba.argmax(axis=1) + 1)
     sample = model.sample(X[~train], 4000, random_state=0)
     share = np.stack([(sample == k).mean(axis=1) for k in range(1, 6)], axis=1)
-    np.testing.assert_allclose(share, proba, atol=0.04)
+    assert_allclose(share, proba, atol=0.04)
 
 
 def test_both_decodings_come_from_one_fit():
@@ -126,10 +125,10 @@ def test_both_decodings_come_from_one_fit():
         return quad(lambda p: 1 / (1 + np.exp(x @ w + v * logit(p) - cuts[k])), 0, 1)[0]
 
     exact = [[mixture_cdf(x, k) for k in range(4)] for x in X[:5]]
-    np.testing.assert_allclose(model.predict_cdf(X[:5])[:, :4], exact, atol=1e-4)
+    assert_allclose(model.predict_cdf(X[:5])[:, :4], exact, atol=1e-4)
     model.set_params(decode="quantile")
     closed_form = 1 / (1 + np.exp((X[:5] @ w[:, None] - cuts) / v))
-    np.testing.assert_allclose(model.predict_cdf(X[:5])[:, :4], closed_form, atol=1e-5)
+    assert_allclose(model.predict_cdf(X[:5])[:, :4], closed_form, atol=1e-5)
 
 
 @pytest.mark.parametrize(("decode", "error"), [("mixture", 1e-6), ("quantile", 5e-3)])
@@ -147,7 +146,7 @@ def test_shared_features_equal_repeated_rows(decode, error):
         .predict_cdf(X)
         for base in (NNPOM, PlainNNPOM)
     )
-    np.testing.assert_allclose(shared, repeated, atol=error)
+    assert_allclose(shared, repeated, atol=error)
 
 
 class CountingBase(BaseEstimator):
@@ -186,10 +185,8 @@ def test_another_base_may_share_features(decode):
     proba = model.fit(X, counts).predict_proba(X)
     assert model.estimator_.seen_[0].shape == X.shape
     marginal = DummyDistribution().fit(X, counts).predict_proba(X)
-    np.testing.assert_allclose(
-        proba, marginal, atol=0.01 if decode == "mixture" else 0.15
-    )
-    np.testing.assert_allclose(proba, [proba[0]] * len(proba), rtol=1e-12)
+    assert_allclose(proba, marginal, atol=0.01 if decode == "mixture" else 0.15)
+    assert_allclose(proba, [proba[0]] * len(proba), rtol=1e-12)
 
 
 def test_decide_by_hand():
@@ -243,7 +240,7 @@ def test_share_below_of_a_response_that_falls_and_rises():
     for row, share in zip(latent, share_below(latent, thresholds, inputs, np.positive)):
         response = np.interp(dense, inputs, row)
         expected = [np.mean(response <= cut) for cut in thresholds]
-        np.testing.assert_allclose(share, expected, atol=1e-5)
+        assert_allclose(share, expected, atol=1e-5)
 
 
 def test_levels_absent_from_a_fold_keep_their_column():
@@ -273,7 +270,7 @@ def test_random_state_reaches_the_estimator_only_if_given():
         for s in (0, 0, 1)
     ]
     proba = [model.predict_proba(X) for model in seeded]
-    np.testing.assert_array_equal(proba[0], proba[1])
+    assert_array_equal(proba[0], proba[1])
     assert not np.array_equal(proba[0], proba[2])
 
 
@@ -291,7 +288,7 @@ def test_equal_weights_count_beside_the_penalty_of_a_base():
         .predict_proba(X)
         for C, weight in [(2.0, 1.0), (1.0, 2.0)]
     )
-    np.testing.assert_allclose(once, twice, atol=1e-7)
+    assert_allclose(once, twice, atol=1e-7)
 
 
 def test_base_without_weights_says_what_to_do():
@@ -304,7 +301,7 @@ def test_base_without_weights_says_what_to_do():
         .fit(X, counts)
         .predict_proba(X)
     )
-    np.testing.assert_allclose(proba.sum(axis=1), 1)
+    assert_allclose(proba.sum(axis=1), 1)
 
 
 def test_barycentre_minimises_the_mean_distance():
@@ -332,7 +329,7 @@ def test_validation_trials_may_be_given():
     data = {"X_val": X[held_out], "y_val": counts[held_out]}
     given = clone(model).fit(X[train], counts[train], **data)
     assert drawn.estimator_.n_iter_ == given.estimator_.n_iter_ < 500
-    np.testing.assert_array_equal(drawn.predict_proba(X), given.predict_proba(X))
+    assert_array_equal(drawn.predict_proba(X), given.predict_proba(X))
 
 
 @pytest.mark.parametrize("p_transform, input_of", [("logit", logit), (None, float)])
@@ -345,8 +342,8 @@ def test_validation_trials_are_predicted_on_the_grid(p_transform, input_of):
     model.fit(X, counts, X_val=X, y_val=counts)
     _, inputs, level, weight = model.estimator_.validation_
     expected = [input_of(p) for p in (0.25, 0.5, 0.75)]
-    np.testing.assert_allclose(inputs, [expected, expected])
-    np.testing.assert_array_equal(level, [[0, 1, 1], [1, 2, 2]])
+    assert_allclose(inputs, [expected, expected])
+    assert_array_equal(level, [[0, 1, 1], [1, 2, 2]])
     assert (weight == 1).all()
 
 

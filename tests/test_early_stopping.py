@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import sklearn
+from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import BaseEstimator, clone
 from sklearn.ensemble import GradientBoostingRegressor, HistGradientBoostingClassifier
 from sklearn.linear_model import LogisticRegression
@@ -11,11 +12,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from touches import ordinal_touches
 
-from sklearn_haptic import (
-    NNPOM,
-    DistributionalOrdinalRegressor,
-    SensorFusionNNPOM,
-)
+from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, SensorFusionNNPOM
 from sklearn_haptic.models._conditioning import EvenedFeatures
 from sklearn_haptic.models._network import Network
 from sklearn_haptic.models._observations import single_ratings
@@ -102,7 +99,7 @@ def test_without_them_the_objects_are_torn():
 def test_few_objects(model, n_objects):
     X, counts, objects = touches(n_objects)
     proba = clone(model).fit(X, counts, groups=objects).predict_proba(X)
-    np.testing.assert_allclose(proba.sum(axis=1), 1)
+    assert_allclose(proba.sum(axis=1), 1)
 
 
 @pytest.mark.slow
@@ -126,9 +123,7 @@ def test_weights_equal_repeated_trials(model, solver, n_features):
     repeated = clone(model).fit(
         *(a.repeat(weight, axis=0) for a in (X, counts)), groups=objects.repeat(weight)
     )
-    np.testing.assert_allclose(
-        weighted.predict_proba(X), repeated.predict_proba(X), atol=1e-6
-    )
+    assert_allclose(weighted.predict_proba(X), repeated.predict_proba(X), atol=1e-6)
 
 
 @pytest.mark.slow
@@ -143,7 +138,7 @@ def test_validation_errors_are_weighted():
         weight = np.where(objects % 2, 1.0, scale)
         model = clone(network).fit(X, counts, weight, groups=objects)
         errors[scale] = model.predict_proba(X)
-    np.testing.assert_array_equal(errors[1.0], unweighted.predict_proba(X))
+    assert_array_equal(errors[1.0], unweighted.predict_proba(X))
     assert not np.allclose(errors[1.0], errors[1e-12], atol=1e-3)
 
 
@@ -173,8 +168,8 @@ def test_the_basis_of_the_solver_is_that_of_repeated_trials():
     X, weight = rng.normal(size=(30, 4)), rng.integers(1, 5, size=30)
     weighted = EvenedFeatures(X, 2.0, weight * 3.0)
     repeated = EvenedFeatures(X.repeat(weight, axis=0), 2.0, 3.0)
-    np.testing.assert_allclose(weighted.alpha, repeated.alpha, rtol=1e-12)
-    np.testing.assert_allclose(
+    assert_allclose(weighted.alpha, repeated.alpha, rtol=1e-12)
+    assert_allclose(
         np.abs(weighted.inputs.repeat(weight, axis=0)),
         np.abs(repeated.inputs),
         rtol=1e-9,

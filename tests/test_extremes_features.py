@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 
@@ -98,8 +99,8 @@ def test_norms_of_any_numbers(rows):
         exact = mpmath.sqrt(mpmath.fsum(mpmath.mpf(x) ** 2 for x in row))
         assert norm == pytest.approx(float(exact), rel=1e-15, abs=5e-324)
         expected = [float(x / exact) if exact else 0 for x in row]
-        np.testing.assert_allclose(unit, expected, rtol=0, atol=eps)
-        np.testing.assert_allclose(frame, expected, rtol=0, atol=4 * eps)
+        assert_allclose(unit, expected, rtol=0, atol=eps)
+        assert_allclose(frame, expected, rtol=0, atol=4 * eps)
 
 
 # Batch OMP
@@ -146,7 +147,7 @@ def test_every_step_is_one_of_exact_omp(problem, dtype):
             expected = solve_exactly(used @ used.T, used @ signal)
             residual = signal - expected @ used
         size = float(max(abs(expected), default=0))
-        np.testing.assert_allclose(
+        assert_allclose(
             values[: len(expected)], expected.astype(float), rtol=0, atol=rtol * size
         )
 
@@ -163,8 +164,8 @@ def test_powers_of_two_change_no_digit_of_codes(problem, dtype, data):
     scaled_support, scaled_coefs = batch_omp(
         np.ldexp(signals, e), np.ldexp(atoms, f), n_nonzero_coefs
     )
-    np.testing.assert_array_equal(scaled_support, support)
-    np.testing.assert_array_equal(scaled_coefs, np.ldexp(coefs, e - f))
+    assert_array_equal(scaled_support, support)
+    assert_array_equal(scaled_coefs, np.ldexp(coefs, e - f))
 
 
 @pytest.mark.slow
@@ -181,7 +182,7 @@ def test_subnormal_signals_lose_no_digit(problem, dtype):
     kept = np.argsort(-np.abs(signals), axis=1, kind="stable")[:, :n_nonzero_coefs]
     expected = np.zeros_like(signals)
     np.put_along_axis(expected, kept, np.take_along_axis(signals, kept, 1), 1)
-    np.testing.assert_array_equal(codes, expected * smallest)
+    assert_array_equal(codes, expected * smallest)
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
@@ -207,9 +208,7 @@ def test_atoms_identical_but_for_rounding_share_no_code():
     signals = rng.normal(size=(50, 9))
     codes = dense_codes(*batch_omp(signals, atoms, 4), 4)
     assert ((codes != 0).sum(axis=1) == 1).all()
-    np.testing.assert_allclose(
-        np.abs(codes.sum(axis=1)), np.abs(signals @ atom[0]), rtol=1e-12
-    )
+    assert_allclose(np.abs(codes.sum(axis=1)), np.abs(signals @ atom[0]), rtol=1e-12)
 
 
 def test_many_coefficients_of_signals_of_few_directions():
@@ -248,7 +247,7 @@ def test_scratch_memory_of_blas_raises_no_warning():
     signals = np.random.RandomState(0).normal(size=(18, 5)).astype(np.float32)
     rng = FillsTheStack(0)
     atoms, _ = ksvd(signals, initial_atoms(signals, 2, rng), 2, max_iter=3, rng=rng)
-    np.testing.assert_allclose(row_norms(atoms), 1, rtol=1e-6)
+    assert_allclose(row_norms(atoms), 1, rtol=1e-6)
 
 
 @pytest.mark.slow
@@ -282,7 +281,7 @@ def test_fit_of_any_table_of_whole_numbers(
         scaled_codes = scaled.fit_transform(np.ldexp(X, exponent))
     eps = float(np.finfo(dtype).eps)
     atoms = model.components_
-    np.testing.assert_allclose(row_norms(atoms), 1, rtol=8 * eps)
+    assert_allclose(row_norms(atoms), 1, rtol=8 * eps)
     n_slots = min(n_nonzero_coefs, *atoms.shape)
     assert ((codes != 0).sum(axis=1) <= n_slots).all()
     # Codes are least squares over their atoms, the error is what they leave.
@@ -291,12 +290,12 @@ def test_fit_of_any_table_of_whole_numbers(
     for signal, code, rest in zip(signals, codes, residual):
         used = atoms[code != 0].T
         best = signal - used @ np.linalg.lstsq(used, signal)[0]
-        np.testing.assert_allclose(rest, best, rtol=0, atol=1e4 * eps)
+        assert_allclose(rest, best, rtol=0, atol=1e4 * eps)
     error = np.sqrt(np.mean(residual**2))
     assert model.reconstruction_error_ == pytest.approx(error, abs=1e2 * eps)
 
-    np.testing.assert_array_equal(scaled.components_, atoms)
-    np.testing.assert_array_equal(scaled_codes, np.ldexp(codes, exponent))
+    assert_array_equal(scaled.components_, atoms)
+    assert_array_equal(scaled_codes, np.ldexp(codes, exponent))
     assert scaled.reconstruction_error_ == pytest.approx(
         np.ldexp(error, exponent), rel=1e-6, abs=np.ldexp(1e2 * eps, exponent)
     )
@@ -310,9 +309,9 @@ def test_powers_of_two_change_no_digit_of_windows(dtype, exponent, remove_mean):
     codes = model.fit_transform(trials)
     scaled = clone(model)
     scaled_codes = scaled.fit_transform([np.ldexp(each, exponent) for each in trials])
-    np.testing.assert_array_equal(scaled.components_, model.components_)
+    assert_array_equal(scaled.components_, model.components_)
     for each, expected in zip(scaled_codes, codes):
-        np.testing.assert_array_equal(each, np.ldexp(expected, exponent))
+        assert_array_equal(each, np.ldexp(expected, exponent))
 
 
 @pytest.mark.parametrize("remove_mean", [True, False])
@@ -331,7 +330,7 @@ def test_saturated_runs_of_a_converter_of_12_bits(remove_mean):
     for window, code in zip(windows, codes):
         used = model.components_[code != 0]
         expected = np.linalg.lstsq(used.T, window)[0]
-        np.testing.assert_allclose(code[code != 0], expected, rtol=1e-9)
+        assert_allclose(code[code != 0], expected, rtol=1e-9)
 
 
 def test_a_sensor_stuck_at_either_rail():
@@ -352,10 +351,10 @@ def test_powers_of_two_change_no_digit_of_frames(dtype, exponent):
     frames = model.fit_transform(trials)
     scaled = clone(model)
     scaled_frames = scaled.fit_transform([np.ldexp(each, exponent) for each in trials])
-    np.testing.assert_array_equal(scaled.components_, model.components_)
+    assert_array_equal(scaled.components_, model.components_)
     for each, expected in zip(scaled_frames, frames):
         assert each.dtype == dtype
-        np.testing.assert_array_equal(each, expected)
+        assert_array_equal(each, expected)
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
@@ -369,7 +368,7 @@ def test_one_pixel_above_a_constant_frame(dtype, level):
     frame = model.transform(images[np.newaxis])[0][0].reshape(14, -1)
     touched = frame.any(axis=1)
     # The first cell of each grid of the pyramid holds the corner.
-    np.testing.assert_array_equal(np.flatnonzero(touched), [0, 9, 13])
+    assert_array_equal(np.flatnonzero(touched), [0, 9, 13])
     assert math.hypot(*frame.ravel()) == pytest.approx(1, rel=1e-6)
 
 
@@ -430,10 +429,10 @@ def assert_equal_results(X, expected_X, step):
     model, expected = clone(STEPS[step]), clone(STEPS[step])
     results = model.fit_transform(X)
     for each, wanted in zip(results, expected.fit_transform(expected_X)):
-        np.testing.assert_array_equal(each, wanted)
+        assert_array_equal(each, wanted)
         assert each.dtype == wanted.dtype
     for each, untouched in zip(X, before):
-        np.testing.assert_array_equal(each, untouched)
+        assert_array_equal(each, untouched)
 
 
 @pytest.mark.slow
@@ -517,23 +516,21 @@ def test_pooling_of_any_numbers(sequences, cells, split, drop):
             for c in range(n)
             for column in range(2)
         ]
-        np.testing.assert_array_equal(row, expected)
+        assert_array_equal(row, expected)
 
 
 def test_one_frame():
     frame = np.array([[-3.0, 0.0, 5e-324]])
     pooled = TemporalMaxPool().fit_transform([frame])
-    np.testing.assert_array_equal(pooled.reshape(31, 3), np.repeat(frame, 31, axis=0))
+    assert_array_equal(pooled.reshape(31, 3), np.repeat(frame, 31, axis=0))
     touch = [trial[:1] for trial in recordings(19)]
     features = make_pipeline(small_sthmp(), TemporalMaxPool()).fit_transform(touch)
-    np.testing.assert_allclose(row_norms(features.reshape(len(touch) * 31, -1)), 1)
+    assert_allclose(row_norms(features.reshape(len(touch) * 31, -1)), 1)
 
 
 def test_cells_without_a_positive_code_keep_the_largest_negative_one():
     codes = -np.random.default_rng(0).uniform(1, 2, size=(5, 4, 3, 6))
-    np.testing.assert_array_equal(
-        spatial_max_pool(codes, [(1, 1)])[0], codes.max(axis=(0, 1))
-    )
+    assert_array_equal(spatial_max_pool(codes, [(1, 1)])[0], codes.max(axis=(0, 1)))
     pooled = TemporalMaxPool((2, 1)).fit_transform([codes[0, 0].T])
     assert (pooled < -1).all()
 

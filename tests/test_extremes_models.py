@@ -14,6 +14,7 @@ import pytest
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import logit
 from sklearn.base import clone
 from sklearn.exceptions import ConvergenceWarning
@@ -152,7 +153,7 @@ def test_cost_and_gradient_where_units_saturate(
     exact, exact_grad = exact_cost_and_gradient(params, layout, X, *observed, 0.7)
     assert cost == pytest.approx(exact, rel=1e-14)
     atol = 1e-13 * max(1, np.abs(exact_grad).max())
-    np.testing.assert_allclose(grad, exact_grad, rtol=0, atol=atol)
+    assert_allclose(grad, exact_grad, rtol=0, atol=atol)
 
 
 @pytest.mark.slow
@@ -171,7 +172,7 @@ def test_probabilities_of_two_to_twenty_levels(latent, first, gap_logits):
         below = [1 / (1 + mpmath.exp(mpmath.mpf(latent) - b)) for b in thresholds]
         exact = np.diff([mpmath.mpf(0), *below, mpmath.mpf(1)]).astype(np.float64)
     largest = max(1, abs(latent), np.abs(thresholds).max())
-    np.testing.assert_allclose(proba[0], exact, rtol=8 * EPS * largest, atol=1e-300)
+    assert_allclose(proba[0], exact, rtol=8 * EPS * largest, atol=1e-300)
 
 
 @pytest.mark.parametrize("latent", [-1e300, -1e4, TINY, 1e4, 1e300])
@@ -185,11 +186,11 @@ def test_probabilities_of_latent_responses_beyond_all_thresholds(latent):
 def test_softplus_and_sigmoids_at_the_ends_of_the_numbers():
     x = np.array([-np.inf, -1e308, -750.0, -TINY, TINY, 750.0, 1e308, np.inf])
     expected = [0, 0, np.exp(-750), np.log(2), np.log(2), 750, 1e308, np.inf]
-    np.testing.assert_allclose(softplus(x), expected, rtol=1e-15)
+    assert_allclose(softplus(x), expected, rtol=1e-15)
     a, b = np.array([[-1e308], [1e308]]), np.array([[-1e308, 0.0, 9e307]])
     with np.errstate(over="ignore"):
         sigmoid = sigmoid_of_sums(a, b)
-    np.testing.assert_array_equal(sigmoid, [[0, 0, 0], [0.5, 1, 1]])
+    assert_array_equal(sigmoid, [[0, 0, 0], [0.5, 1, 1]])
 
 
 @pytest.mark.slow
@@ -224,7 +225,7 @@ def test_squared_gaps_of_any_size(root, sign):
         expected = mpmath.log1p(-left), 2 * sign * root * left / (1 - left)
         expected = [float(x) for x in (exact, *expected)]
     atol = np.finfo(float).tiny
-    np.testing.assert_allclose(
+    assert_allclose(
         [gap[0], log_factor[0], log_slope[0]], expected, rtol=1e-14, atol=atol
     )
     assert slope[0] == 2 * t[0]
@@ -261,7 +262,7 @@ def test_thresholds_that_are_equal_at_the_start():
     proba = model.fit(np.zeros((30, 2)), counts).predict_proba([[0, 0]])
     assert np.isfinite(model.loss_) and (np.diff(model.thresholds_) > 0).all()
     frequencies = counts.sum(axis=0) / counts.sum()
-    np.testing.assert_allclose(proba[0], frequencies, atol=1e-5)
+    assert_allclose(proba[0], frequencies, atol=1e-5)
     with pytest.warns(ConvergenceWarning, match="did not converge"):
         model.set_params(solver="lbfgs").fit(np.zeros((30, 2)), counts)
     assert_distributions(model.predict_proba([[0, 0]]))
@@ -286,7 +287,7 @@ def test_constant_features_predict_the_frequencies(model, value, scale_features)
     proba = fit_quietly(model.fit)(X, counts).predict_proba(X)
     assert_distributions(proba)
     frequencies = counts.sum(axis=0) / counts.sum()
-    np.testing.assert_allclose(proba[0], frequencies, atol=1e-5)
+    assert_allclose(proba[0], frequencies, atol=1e-5)
     assert max(np.abs(coef).max() for coef in model.coefs_) < 0.1
 
 
@@ -295,7 +296,7 @@ def test_one_trial_predicts_its_own_frequencies(model):
     X, counts = touches(1)
     model = clone(model).set_params(tol=1e-7)
     proba = fit_quietly(model.fit)(X, counts).predict_proba(X)
-    np.testing.assert_allclose(proba, counts / counts.sum(), atol=1e-5)
+    assert_allclose(proba, counts / counts.sum(), atol=1e-5)
     certain = model.fit(X, [3]).predict_proba(X)
     assert certain.tolist() == [[1.0]] and model.predict(X).tolist() == [3]
 
@@ -327,7 +328,7 @@ def test_levels_never_used(model, unused):
     counts[:, unused] = 0
     proba = fit_quietly(clone(model).fit)(X, counts).predict_proba(X)
     without = fit_quietly(clone(model).fit)(X, counts[:, used]).predict_proba(X)
-    np.testing.assert_array_equal(proba[:, used], without)
+    assert_array_equal(proba[:, used], without)
     assert (proba[:, unused] == 0).all()
 
 
@@ -343,7 +344,7 @@ def test_raters_who_agree_are_one_rater(model):
         proba.append(fit_quietly(crowd.fit)(X, unanimous).predict_proba(X))
     assert_distributions(np.array(proba))
     for other in proba[1:]:
-        np.testing.assert_allclose(other, proba[0], rtol=1e-9)
+        assert_allclose(other, proba[0], rtol=1e-9)
 
 
 @pytest.mark.slow
@@ -354,10 +355,10 @@ def test_powers_of_two_in_features_and_weights_change_no_digit(model, exponent):
     factor = 2.0**exponent
     expected = fit_quietly(clone(model).fit)(X, counts).predict_proba(X)
     scaled = fit_quietly(clone(model).fit)(X * factor, counts)
-    np.testing.assert_array_equal(scaled.predict_proba(X * factor), expected)
+    assert_array_equal(scaled.predict_proba(X * factor), expected)
     weighted = clone(model).set_params(alpha=model.alpha * factor)
     fit_quietly(weighted.fit)(X, counts, sample_weight=np.full(len(X), factor))
-    np.testing.assert_array_equal(weighted.predict_proba(X), expected)
+    assert_array_equal(weighted.predict_proba(X), expected)
 
 
 @pytest.mark.parametrize("model", NETWORKS)
@@ -368,9 +369,7 @@ def test_features_far_from_zero(model, offset):
     X = np.round(X * 2**20) / 2**20
     expected = fit_quietly(clone(model).fit)(X, counts).predict_proba(X)
     shifted = fit_quietly(clone(model).fit)(X + offset, counts)
-    np.testing.assert_allclose(
-        shifted.predict_proba(X + offset), expected, rtol=16 * EPS * offset
-    )
+    assert_allclose(shifted.predict_proba(X + offset), expected, rtol=16 * EPS * offset)
 
 
 @pytest.mark.slow
@@ -382,13 +381,11 @@ def test_weights_of_zero_and_of_a_million_million(model):
     model = clone(model).set_params(alpha=1e12, tol=1e-7)
     removed = fit_quietly(clone(model).fit)(X[heavy], counts[heavy], weight[heavy])
     zero = fit_quietly(clone(model).fit)(X, counts, weight)
-    np.testing.assert_array_equal(zero.predict_proba(X), removed.predict_proba(X))
+    assert_array_equal(zero.predict_proba(X), removed.predict_proba(X))
     light = fit_quietly(clone(model).fit)(X, counts, np.maximum(weight, 1.0))
     assert_distributions(light.predict_proba(X))
     if model.n_hidden == 0:
-        np.testing.assert_allclose(
-            light.predict_proba(X), removed.predict_proba(X), atol=1e-5
-        )
+        assert_allclose(light.predict_proba(X), removed.predict_proba(X), atol=1e-5)
 
 
 def test_a_penalty_that_leaves_the_cost_without_digits():
@@ -397,7 +394,7 @@ def test_a_penalty_that_leaves_the_cost_without_digits():
     frequencies = counts.sum(axis=0) / counts.sum()
     for n_hidden, alpha in [(0, 1e8), (0, 1e300), (3, 1e8)]:
         proba = NNPOM(n_hidden, alpha, random_state=0).fit(X, counts).predict_proba(X)
-        np.testing.assert_allclose(proba, np.tile(frequencies, (30, 1)), atol=1e-3)
+        assert_allclose(proba, np.tile(frequencies, (30, 1)), atol=1e-3)
     for alpha in (1e30, 1e300):
         with pytest.warns(ConvergenceWarning, match="did not converge"):
             NNPOM(3, alpha, random_state=0).fit(X, counts)
@@ -411,7 +408,7 @@ def test_irprop_minds_the_sign_of_the_gradient_alone(size):
     x, n_iter, _ = irprop_plus(
         fun, np.zeros(2), max_iter=80, tol=0, callback=lambda x, cost: False
     )
-    np.testing.assert_allclose(x, 3, atol=1e-6)
+    assert_allclose(x, 3, atol=1e-6)
     assert n_iter == 80
 
 
@@ -423,7 +420,7 @@ def test_layout_of_the_features_changes_no_digit(n_hidden, layout):
     X, counts = touches()
     model = NNPOM(n_hidden, random_state=0)
     fits = [clone(model).fit(features, counts) for features in (X, layout(X))]
-    np.testing.assert_array_equal(*(each.predict_proba(X) for each in fits))
+    assert_array_equal(*(each.predict_proba(X) for each in fits))
 
 
 @pytest.mark.parametrize("n_hidden", [0, 3])
@@ -439,7 +436,7 @@ def test_order_of_trials(n_hidden):
         for rows in (np.arange(30), order)
     )
     assert cost == pytest.approx(other_cost, rel=1e-14)
-    np.testing.assert_allclose(grad, other_grad, atol=1e-14)
+    assert_allclose(grad, other_grad, atol=1e-14)
     for base in (
         NNPOM(n_hidden, alpha=3, tol=1e-9, random_state=0),
         DistributionalOrdinalRegressor(
@@ -449,8 +446,8 @@ def test_order_of_trials(n_hidden):
         proba = clone(base).fit(X, counts).predict_proba(X)
         again = clone(base).fit(X, counts).predict_proba(X)
         permuted = clone(base).fit(X[order], counts[order]).predict_proba(X)
-        np.testing.assert_array_equal(again, proba)
-        np.testing.assert_allclose(permuted, proba, atol=1e-6)
+        assert_array_equal(again, proba)
+        assert_allclose(permuted, proba, atol=1e-6)
 
 
 @pytest.mark.slow
@@ -492,7 +489,7 @@ def test_prediction_far_from_the_training_features(n_trials, order):
         for row, expected in zip([away, -away, mixed], certain):
             rows = np.array([row] * n_trials, order=order)
             proba = model.predict_proba(rows)
-            np.testing.assert_allclose(proba, [expected] * n_trials, atol=1e-300)
+            assert_allclose(proba, [expected] * n_trials, atol=1e-300)
     network = NNPOM(3, random_state=0).fit(X, counts)
     assert_distributions(network.predict_proba(X * 1e305))
 
@@ -504,7 +501,7 @@ def test_a_response_that_overflows_beside_levels_never_used(decode):
     model = DistributionalOrdinalRegressor(NNPOM(0), decode=decode)
     away = 1e250 * np.sign(model.fit(X * 1e-150, counts).estimator_.coefs_[0][:-1])
     proba = model.predict_proba([-away, away])
-    np.testing.assert_allclose(proba, np.eye(5)[[1, 3]], atol=1e-300)
+    assert_allclose(proba, np.eye(5)[[1, 3]], atol=1e-300)
 
 
 # The distributional regressor
@@ -526,8 +523,8 @@ def assert_consistent(model, X):
     proba, cdf = model.predict_proba(X), model.predict_cdf(X)
     assert_distributions(proba)
     assert (cdf[:, -1] == 1).all() and (np.diff(cdf) >= 0).all()
-    np.testing.assert_allclose(cdf, proba.cumsum(axis=1), atol=4 * EPS)
-    np.testing.assert_array_equal(model.predict(X), model.levels_[proba.argmax(axis=1)])
+    assert_allclose(cdf, proba.cumsum(axis=1), atol=4 * EPS)
+    assert_array_equal(model.predict(X), model.levels_[proba.argmax(axis=1)])
     p = np.array([0, TINY, EPS, 0.01, 0.5, 0.99, 1 - EPS, 1 - EPS / 2, 1])
     quantiles = model.predict_quantile(X, p)
     assert (np.diff(quantiles) >= 0).all()
@@ -549,9 +546,7 @@ def test_every_crowd_gives_consistent_predictions(crowd, sampling):
     X, counts = touches()
     for n_hidden in (0, 3):
         model = DistributionalOrdinalRegressor(
-            NNPOM(n_hidden, max_iter=60),
-            sampling=sampling,
-            random_state=0,
+            NNPOM(n_hidden, max_iter=60), sampling=sampling, random_state=0
         )
         fit_quietly(model.fit)(X, CROWDS[crowd](counts))
         for decode in ("mixture", "quantile"):
@@ -587,7 +582,7 @@ def test_observations_of_extreme_counts(counts, n_duplicates, sampling):
             assert below[k] - counts[k] - tolerance <= rank <= below[k] + tolerance
     if sampling == "level":
         at_level = np.bincount(level[0], weight[0]) * below[-1] / n_duplicates
-        np.testing.assert_allclose(at_level, counts, rtol=1e-12)
+        assert_allclose(at_level, counts, rtol=1e-12)
 
 
 class Uniform:
@@ -631,7 +626,7 @@ def test_share_below_of_responses_that_touch_the_thresholds(latent, thresholds):
         np.linspace(0, 1, len(latent)),
         np.positive,
     )
-    np.testing.assert_allclose(share[0], expected, atol=4 * EPS)
+    assert_allclose(share[0], expected, atol=4 * EPS)
 
 
 @pytest.mark.parametrize("strategy", ["marginal", "barycentre"])
@@ -643,7 +638,7 @@ def test_baselines_of_hundreds_of_levels_and_extreme_counts(strategy):
     cdf = model.proba_.cumsum()
     share = (counts + 1e-300) / (counts + 1e-300).sum(axis=1, keepdims=True)
     centre = np.mean if strategy == "marginal" else np.median
-    np.testing.assert_allclose(cdf, centre(share.cumsum(axis=1), axis=0), atol=1e-13)
+    assert_allclose(cdf, centre(share.cumsum(axis=1), axis=0), atol=1e-13)
 
 
 # Metrics
@@ -755,9 +750,9 @@ def test_ties_at_every_position(n_levels, unit):
     counts = np.full((1, n_levels), float(unit))
     p = np.arange(n_levels + 1) / n_levels
     expected = np.maximum(np.arange(n_levels + 1), 1)
-    np.testing.assert_array_equal(inverse_cdf(counts, p)[0], expected)
+    assert_array_equal(inverse_cdf(counts, p)[0], expected)
     between = (np.arange(n_levels) + 1e-9) / n_levels
-    np.testing.assert_array_equal(inverse_cdf(counts, between)[0], expected[1:])
+    assert_array_equal(inverse_cdf(counts, between)[0], expected[1:])
 
 
 @pytest.mark.slow
@@ -797,4 +792,4 @@ def test_agreement_equals_exact_arithmetic(counts):
 
 def test_correlation_of_the_largest_numbers():
     ratings = [[1e308, TINY], [-1e308, 2 * TINY], [0, 0]]
-    np.testing.assert_allclose(adjective_correlation(ratings).rho.iat[0, 1], -0.5)
+    assert_allclose(adjective_correlation(ratings).rho.iat[0, 1], -0.5)

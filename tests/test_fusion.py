@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from callback_recorder import Recorder
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import expit
 from sklearn.base import clone
 from sklearn.compose import make_column_transformer
@@ -84,13 +85,11 @@ def test_it_is_what_the_paper_describes(held_out, sampling):
         alone.fit(inputs, level, weight)
         hidden.append(sigmoid_layer(alone, inputs) * (sensor != held_out))
     hidden = np.hstack(hidden)
-    np.testing.assert_allclose(fitted.hidden_activations(rows), hidden, atol=1e-8)
+    assert_allclose(fitted.hidden_activations(rows), hidden, atol=1e-8)
     assert (held_out in fitted.sensor_networks_) is False
     final = clone(last).set_params(random_state=seeds[3]).fit(hidden, level, weight)
-    np.testing.assert_allclose(
-        fitted.predict_proba(rows), final.predict_proba(hidden), atol=1e-7
-    )
-    np.testing.assert_allclose(fitted.thresholds_, final.thresholds_, atol=1e-7)
+    assert_allclose(fitted.predict_proba(rows), final.predict_proba(hidden), atol=1e-7)
+    assert_allclose(fitted.thresholds_, final.thresholds_, atol=1e-7)
 
 
 @pytest.mark.slow
@@ -102,14 +101,14 @@ def test_a_held_out_sensor_has_no_say():
     )
     changed = X.copy()
     changed[:, SENSORS["pac"]] = 1e3
-    np.testing.assert_array_equal(deaf.predict_proba(changed), deaf.predict_proba(X))
+    assert_array_equal(deaf.predict_proba(changed), deaf.predict_proba(X))
     assert np.abs(full.predict_proba(changed) - full.predict_proba(X)).max() > 0.1
     for sensor, network in deaf.estimator_.sensor_networks_.items():
         same = full.estimator_.sensor_networks_[sensor]
-        np.testing.assert_array_equal(network.coefs_[0], same.coefs_[0])
+        assert_array_equal(network.coefs_[0], same.coefs_[0])
     rows = np.column_stack((X, np.zeros(len(X))))
     full, deaf = (m.estimator_.hidden_activations(rows) for m in (full, deaf))
-    np.testing.assert_array_equal(deaf[:, 2:], full[:, 2:])
+    assert_array_equal(deaf[:, 2:], full[:, 2:])
     assert not deaf[:, :2].any() and full[:, :2].all()
 
 
@@ -118,7 +117,7 @@ def test_all_sensors_held_out_is_no_sensor():
     X, counts, _ = touches()
     model = SensorFusionNNPOM({"pac": slice(None)}, held_out="pac").fit(X, counts)
     marginal = counts.sum(axis=0) / counts.sum()
-    np.testing.assert_allclose(model.predict_proba(X[:3]), [marginal] * 3, atol=1e-4)
+    assert_allclose(model.predict_proba(X[:3]), [marginal] * 3, atol=1e-4)
 
 
 @pytest.mark.slow
@@ -130,17 +129,17 @@ def test_fitted_networks_are_shared():
     frozen = {sensor: FrozenEstimator(network) for sensor, network in fitted.items()}
     again = clone(full).set_params(estimator__estimator=frozen).fit(X, counts)
     for sensor, network in again.estimator_.sensor_networks_.items():
-        np.testing.assert_array_equal(network.coefs_[0], fitted[sensor].coefs_[0])
-    np.testing.assert_array_equal(again.predict_proba(X), full.predict_proba(X))
+        assert_array_equal(network.coefs_[0], fitted[sensor].coefs_[0])
+    assert_array_equal(again.predict_proba(X), full.predict_proba(X))
     for sensor in SENSORS:
         held_out = {"estimator__held_out": sensor}
         apart = clone(full).set_params(**held_out).fit(X, counts)
         shared = clone(again).set_params(**held_out).fit(X, counts)
-        np.testing.assert_array_equal(shared.predict_proba(X), apart.predict_proba(X))
+        assert_array_equal(shared.predict_proba(X), apart.predict_proba(X))
     # Networks that are not trained on these ratings stay as they are.
     other = clone(again).fit(X, counts[:, ::-1])
     for sensor, network in other.estimator_.sensor_networks_.items():
-        np.testing.assert_array_equal(network.coefs_[0], fitted[sensor].coefs_[0])
+        assert_array_equal(network.coefs_[0], fitted[sensor].coefs_[0])
 
 
 @pytest.mark.slow
@@ -156,16 +155,14 @@ def test_without_positions_it_combines_networks_of_trials():
             alone = networks()[sensor].fit(X[:, columns], y, weight)
             hidden.append(sigmoid_layer(alone, X[:, columns]))
         hidden = np.hstack(hidden)
-        np.testing.assert_allclose(model.hidden_activations(X), hidden, rtol=1e-12)
+        assert_allclose(model.hidden_activations(X), hidden, rtol=1e-12)
         final = combined().fit(hidden, y, weight)
-        np.testing.assert_allclose(
-            model.predict_proba(X), final.predict_proba(hidden), rtol=1e-6
-        )
-        np.testing.assert_array_equal(model.predict(X), final.predict(hidden))
-        np.testing.assert_allclose(
+        assert_allclose(model.predict_proba(X), final.predict_proba(hidden), rtol=1e-6)
+        assert_array_equal(model.predict(X), final.predict(hidden))
+        assert_allclose(
             model.predict_latent(X), final.predict_latent(hidden), atol=1e-6
         )
-        np.testing.assert_array_equal(model.classes_, final.classes_)
+        assert_array_equal(model.classes_, final.classes_)
 
 
 @pytest.mark.parametrize(
@@ -209,7 +206,7 @@ def test_prefixes_name_the_sensors_of_a_pipeline():
     by_hand = {"standardscaler": [0], "passthrough": [1, 2]}
     same = clone(regressor).set_params(estimator__sensors=by_hand)
     Z = model[:-1].transform(frame)
-    np.testing.assert_array_equal(
+    assert_array_equal(
         same.fit(Z.to_numpy(), counts).predict_proba(Z.to_numpy()),
         model.predict_proba(frame),
     )
@@ -261,7 +258,7 @@ def test_every_network_that_stops_early_validates_on_the_same_trials():
             y_val=counts[held_out],
         )
         network = model.estimator_.sensor_networks_[sensor]
-        np.testing.assert_array_equal(alone.estimator_.coefs_[0], network.coefs_[0])
+        assert_array_equal(alone.estimator_.coefs_[0], network.coefs_[0])
     final = model.estimator_.final_network_
     assert final.n_iter_ < 300
     # It kept the best of its iterations by the error on the validation trials alone.
@@ -285,7 +282,7 @@ def test_holdouts_train_on_the_trials_of_the_full_model():
     frozen = {name: FrozenEstimator(network) for name, network in networks.items()}
     again = clone(full).set_params(estimator__estimator=frozen)
     again.fit(X, counts, groups=objects)
-    np.testing.assert_array_equal(again.predict_proba(X), full.predict_proba(X))
+    assert_array_equal(again.predict_proba(X), full.predict_proba(X))
 
 
 def test_shapes_of_what_is_predicted_at_positions():
@@ -296,8 +293,8 @@ def test_shapes_of_what_is_predicted_at_positions():
     latent = model.predict_latent_with_positions(X, p)
     for k, position in enumerate(p):
         rows = np.column_stack((X, np.full(len(X), position)))
-        np.testing.assert_allclose(proba[:, k], model.predict_proba(rows), rtol=1e-12)
-        np.testing.assert_allclose(latent[:, k], model.predict_latent(rows), rtol=1e-12)
+        assert_allclose(proba[:, k], model.predict_proba(rows), rtol=1e-12)
+        assert_allclose(latent[:, k], model.predict_latent(rows), rtol=1e-12)
 
 
 def test_one_level_only():
@@ -305,7 +302,7 @@ def test_one_level_only():
     only = np.zeros_like(counts)
     only[:, 3] = 12
     proba = DistributionalOrdinalRegressor(fusion()).fit(X, only).predict_proba(X)
-    np.testing.assert_array_equal(proba, np.eye(5)[[3] * len(X)])
+    assert_array_equal(proba, np.eye(5)[[3] * len(X)])
 
 
 def test_progress_of_every_network():

@@ -12,6 +12,7 @@ import polars as pl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
 
 from sklearn_haptic import (
@@ -121,7 +122,7 @@ def test_ordered_categories_are_the_levels(name, names, seed):
     for y in ordered_containers(words, names).values():
         model.fit(X, y)
         assert model.levels_.tolist() == model.classes_.tolist() == names
-        np.testing.assert_array_equal(model.predict_proba(X), proba)
+        assert_array_equal(model.predict_proba(X), proba)
         assert model.predict(X).tolist() == [names[k - 1] for k in predicted]
 
 
@@ -141,7 +142,7 @@ def test_numbers_that_label_columns_are_the_levels(name, kind, names, seed, data
     rps = ranked_probability_score(counts, proba)
     model.fit(X, y)
     assert model.levels_.tolist() == names
-    np.testing.assert_array_equal(model.predict_proba(X), proba)
+    assert_array_equal(model.predict_proba(X), proba)
     assert model.predict(X).tolist() == [names[k - 1] for k in predicted]
     assert neg_rps_scorer(model, X, y) == -rps
     again = labelled(counts, names, order[::-1], kind)
@@ -185,7 +186,7 @@ COUNTS = np.array([[9, 2, 0, 1], [1, 3, 6, 2], [0, 4, 4, 4]])
 def test_positions_of_columns_are_no_labels(table):
     counts, levels = check_ratings(table)
     assert levels.tolist() == [1, 2, 3, 4]
-    np.testing.assert_array_equal(counts, COUNTS)
+    assert_array_equal(counts, COUNTS)
     assert check_ratings(table, [7, 5, 1, 0])[1].tolist() == [7, 5, 1, 0]
 
 
@@ -205,7 +206,7 @@ def test_positions_of_columns_are_no_labels(table):
 def test_labels_of_columns(labels, levels):
     counts, found = check_ratings(pd.DataFrame(COUNTS, columns=labels))
     assert found.tolist() == levels
-    np.testing.assert_array_equal(counts, COUNTS)
+    assert_array_equal(counts, COUNTS)
 
 
 @pytest.mark.parametrize("order", [[0, 1, 2, 3], [3, 1, 0, 2]])
@@ -218,10 +219,10 @@ def test_levels_do_not_depend_on_how_pandas_numbers_columns(order):
     for table in tables:
         counts, levels = check_ratings(table[order])
         assert levels.tolist() == [0, 1, 2, 3]
-        np.testing.assert_array_equal(counts, COUNTS)
+        assert_array_equal(counts, COUNTS)
     counts, levels = check_ratings(tables[0], [7, 5, 1, 0])  # columns in their order
     assert levels.tolist() == [7, 5, 1, 0]
-    np.testing.assert_array_equal(counts, COUNTS)
+    assert_array_equal(counts, COUNTS)
 
 
 def test_a_crosstab_of_ordered_ratings_keeps_their_order_and_the_level_of_nobody():
@@ -234,7 +235,7 @@ def test_a_crosstab_of_ordered_ratings_keeps_their_order_and_the_level_of_nobody
     counts, levels = check_ratings(table)
     assert levels.tolist() == names
     assert counts.tolist() == [[2, 0, 0, 0], [0, 1, 2, 0]]
-    np.testing.assert_array_equal(counts, rating_counts(given, objects).counts)
+    assert_array_equal(counts, rating_counts(given, objects).counts)
     unordered = pd.crosstab(pd.Series(objects), pd.Series(ratings))
     with pytest.warns(UserWarning, match="alphabetical order; .* 'hard' < 'medium' <"):
         counts, levels = check_ratings(unordered)
@@ -309,15 +310,15 @@ def test_scores_match_truth_and_prediction_by_name(
     y = labelled(COUNTS + 1, NAMES, order, kind)
     proba = labelled(PROBA, NAMES, order_of_proba, kind)
     expected = score(COUNTS + 1, PROBA)
-    np.testing.assert_array_equal(score(y, PROBA), expected)
-    np.testing.assert_array_equal(score(y, proba), expected)
+    assert_array_equal(score(y, PROBA), expected)
+    assert_array_equal(score(y, proba), expected)
     place = [NAMES.index(level) for level in levels]
     expected = score((COUNTS + 1)[:, place], PROBA[:, place])
-    np.testing.assert_array_equal(score(y, proba, levels=levels), expected)
-    np.testing.assert_array_equal(score(y, PROBA[:, place], levels=levels), expected)
+    assert_array_equal(score(y, proba, levels=levels), expected)
+    assert_array_equal(score(y, PROBA[:, place], levels=levels), expected)
     one_each = [NAMES[k] for k in (3, 0, 2)]
     expected = score(counted([3, 0, 2], 4), PROBA)
-    np.testing.assert_array_equal(score(one_each, proba), expected)
+    assert_array_equal(score(one_each, proba), expected)
 
 
 def test_a_category_without_a_column_is_chosen_and_predicted_by_nobody():
@@ -325,7 +326,7 @@ def test_a_category_without_a_column_is_chosen_and_predicted_by_nobody():
     columns = pd.CategoricalIndex(["hard", "soft"], names, ordered=True)
     y = pd.DataFrame([[3, 1], [0, 2]], columns=columns)
     proba = pd.DataFrame([[0.5, 0.5], [0.25, 0.75]], columns=columns)
-    np.testing.assert_array_equal(
+    assert_array_equal(
         ranked_probability_score(y, proba, average=False),
         ranked_probability_score(
             [[1, 0, 3], [2, 0, 0]], [[0.5, 0, 0.5], [0.75, 0, 0.25]], average=False
@@ -355,7 +356,7 @@ def test_validation_ratings_are_matched_by_name():
     )
     plain = model.fit(X, counts, X_val=X[:9], y_val=counts[:9]).predict_proba(X)
     model.fit(X, y, X_val=X[:9], y_val=y[:9][[5, 1, 4, 2]])
-    np.testing.assert_array_equal(model.predict_proba(X), plain)
+    assert_array_equal(model.predict_proba(X), plain)
     with pytest.raises(ValueError, match=r"^The columns of y_val are"):
         model.fit(X, y, X_val=X, y_val=pd.DataFrame(counts, columns=[1, 2, 3, 4]))
 
@@ -370,16 +371,11 @@ def test_searches_keep_labels_in_every_fold(kind):
         options = {"cv": GroupKFold(3), "scoring": neg_rps_scorer}
         found, plain = (
             cross_validate(
-                model,
-                X,
-                each,
-                groups=groups,
-                return_estimator=True,
-                **options,
+                model, X, each, groups=groups, return_estimator=True, **options
             )
             for each in (y, counts)
         )
-        np.testing.assert_array_equal(found["test_score"], plain["test_score"])
+        assert_array_equal(found["test_score"], plain["test_score"])
         assert all(each.levels_.tolist() == NAMES for each in found["estimator"])
         grid = {"levels": [None, NAMES]}
         search = GridSearchCV(model, grid, **options).fit(X, y, groups=groups)
@@ -399,7 +395,7 @@ def test_a_category_that_a_fold_lacks_keeps_its_column(container):
         assert model.levels_.tolist() == names
         proba = model.predict_proba(X)
         assert proba.shape == (N, 4)
-        np.testing.assert_array_equal(proba[:, [k, 3]], 0)
+        assert_array_equal(proba[:, [k, 3]], 0)
         by_hand = ranked_probability_score(
             counted(level[level == k], 4), proba[level == k]
         )
@@ -428,12 +424,12 @@ def test_figures_name_the_levels():
             DistributionDisplay.from_predictions(one, proba),
         ):
             assert display.levels.tolist() == NAMES
-            np.testing.assert_array_equal(display.counts, COUNTS[0] + 1)
-    np.testing.assert_array_equal(display.y_proba, PROBA)
+            assert_array_equal(display.counts, COUNTS[0] + 1)
+    assert_array_equal(display.y_proba, PROBA)
     ratings = RatingsDisplay.from_counts({"rough": shuffled, "hard": y})
     assert ratings.levels.tolist() == NAMES
-    np.testing.assert_array_equal(ratings.counts["rough"], COUNTS + 1)
-    np.testing.assert_array_equal(
+    assert_array_equal(ratings.counts["rough"], COUNTS + 1)
+    assert_array_equal(
         InterraterAgreementDisplay.from_counts(shuffled).agreement["ratings"],
         interrater_agreement(COUNTS + 1),
     )
@@ -441,8 +437,8 @@ def test_figures_name_the_levels():
     plain = ReliabilityDisplay.from_predictions(COUNTS + 1, PROBA, n_bins=2)
     assert reliability.levels.tolist() == NAMES
     for observed, expected in zip(reliability.observed, plain.observed, strict=True):
-        np.testing.assert_array_equal(observed, expected)
-    np.testing.assert_array_equal(
+        assert_array_equal(observed, expected)
+    assert_array_equal(
         PITHistogramDisplay.from_predictions(shuffled, proba).heights,
         pit_histogram(COUNTS + 1, PROBA),
     )
@@ -454,10 +450,10 @@ def test_figures_name_the_levels():
 def test_ratings_in_the_order_of_levels():
     y = pd.DataFrame(COUNTS + 1, columns=NAMES)[[5, 4, 2, 1]]
     for function in (rating_distribution, rating_cdf, interrater_agreement):
-        np.testing.assert_array_equal(function(y), function(COUNTS + 1))
+        assert_array_equal(function(y), function(COUNTS + 1))
     p = [0.1, 0.5, 0.9]
     index = inverse_cdf(COUNTS + 1, p) - 1
-    np.testing.assert_array_equal(inverse_cdf(y, p), np.array(NAMES)[index])
+    assert_array_equal(inverse_cdf(y, p), np.array(NAMES)[index])
 
 
 @pytest.mark.slow
@@ -494,11 +490,9 @@ def test_ids_beyond_64_bits_stay_apart():
     far = [2**63 + each if each else 0 for each in groups.tolist()]
     model = NNPOM(1, early_stopping=True, max_iter=20, tol=1e-9, random_state=0)
     expected = model.fit(X, counts, groups=groups).predict_proba(X)
-    np.testing.assert_array_equal(
-        model.fit(X, counts, groups=far).predict_proba(X), expected
-    )
+    assert_array_equal(model.fit(X, counts, groups=far).predict_proba(X), expected)
     table = rating_counts([1, 2, 3], ids)
-    np.testing.assert_array_equal(table.counts_for(ids), np.eye(3))
+    assert_array_equal(table.counts_for(ids), np.eye(3))
 
 
 @pytest.mark.parametrize(
@@ -517,8 +511,8 @@ def test_ids_beyond_64_bits_stay_apart():
 def test_counts_beyond_64_bits_are_counts(many):
     exact = [[Fraction(int(n)) for n in row] for row in np.asarray(many, dtype=object)]
     share = [[float(n / sum(row)) for n in row] for row in exact]
-    np.testing.assert_allclose(rating_distribution(many), share, rtol=1e-15)
-    np.testing.assert_allclose(rating_cdf(many), np.cumsum(share, axis=1), rtol=1e-15)
+    assert_allclose(rating_distribution(many), share, rtol=1e-15)
+    assert_allclose(rating_cdf(many), np.cumsum(share, axis=1), rtol=1e-15)
     assert inverse_cdf(many, 0.5).tolist() == [2, 1]
     for model in (NNPOM(0, alpha=0.1), DummyDistribution()):
         proba = model.fit([[0], [1]], many).predict_proba([[0], [1]])

@@ -5,6 +5,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import entropy, wasserstein_distance
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.datasets import make_classification
@@ -27,12 +28,7 @@ from sklearn_haptic.metrics import (
 )
 from sklearn_haptic.ratings._distributions import macro_error
 
-SCORES = [
-    macro_mae,
-    ranked_probability_score,
-    earth_movers_distance,
-    log_score,
-]
+SCORES = [macro_mae, ranked_probability_score, earth_movers_distance, log_score]
 METRICS = [*SCORES, pit_histogram, dispersion]
 LEVELS = np.arange(1, 6)
 
@@ -84,7 +80,7 @@ def test_macro_mae_equals_exact_arithmetic(n_quantiles):
         exact_macro_mae(c, w, n_quantiles)
         for c, w in zip(counts.tolist(), weights.tolist(), strict=True)
     ]
-    np.testing.assert_allclose(
+    assert_allclose(
         macro_mae(counts, weights / 20, average=False, n_quantiles=n_quantiles),
         expected,
         rtol=1e-14,
@@ -102,7 +98,7 @@ def test_rps_equals_scoringrules():
         [0.5, 0.125, 0.125, 0.125, 0.125],
         [0, 0, 0.1, 0.2, 0.7],
     ]
-    np.testing.assert_allclose(
+    assert_allclose(
         ranked_probability_score(y, proba, levels=LEVELS, average=False),
         [1.4825, 0.71875, 0.1],
     )
@@ -115,7 +111,7 @@ def test_counts_score_as_the_mean_over_their_raters(score, crowd):
     trial, y = np.nonzero(counts)
     by_rater = score(y + 1, proba[trial], levels=LEVELS, average=False)
     expected = np.bincount(trial, weights=counts[trial, y] * by_rater) / 12
-    np.testing.assert_allclose(score(counts, proba, average=False), expected)
+    assert_allclose(score(counts, proba, average=False), expected)
 
 
 @pytest.mark.parametrize("score", [ranked_probability_score, log_score])
@@ -135,7 +131,7 @@ def test_emd_equals_scipy(crowd):
         wasserstein_distance(LEVELS, LEVELS, count, predicted)
         for count, predicted in zip(counts, proba, strict=True)
     ]
-    np.testing.assert_allclose(
+    assert_allclose(
         earth_movers_distance(counts, proba, average=False), expected, atol=1e-14
     )
 
@@ -196,7 +192,7 @@ def test_pit_equals_exact_arithmetic(n_bins):
         for c, row in zip(counts.tolist(), weights.tolist(), strict=True)
     ]
     heights = pit_histogram(counts, weights / 64, n_bins)
-    np.testing.assert_allclose(heights, np.mean(expected, axis=0), atol=1e-13)
+    assert_allclose(heights, np.mean(expected, axis=0), atol=1e-13)
     assert heights.mean() == pytest.approx(1)
 
 
@@ -204,7 +200,7 @@ def test_pit_is_flat_for_the_truth_and_u_shaped_for_narrow_predictions():
     rng = np.random.default_rng(6)
     truth = rng.dirichlet(np.ones(5), size=4000)
     y = [rng.choice(LEVELS, p=p) for p in truth]
-    np.testing.assert_allclose(pit_histogram(y, truth, levels=LEVELS), 1, atol=0.12)
+    assert_allclose(pit_histogram(y, truth, levels=LEVELS), 1, atol=0.12)
     narrow = truth**3 / (truth**3).sum(axis=1, keepdims=True)
     heights = pit_histogram(y, narrow, levels=LEVELS)
     assert min(heights[0], heights[-1]) > 1.2 > 1 > heights[4:6].mean()
@@ -228,7 +224,7 @@ def test_dispersion_by_hand():
 def test_weights_repeat_trials(metric, crowd):
     counts, proba = crowd
     weight = np.arange(len(counts)) % 3
-    np.testing.assert_allclose(
+    assert_allclose(
         metric(counts, proba, sample_weight=weight),
         metric(np.repeat(counts, weight, axis=0), np.repeat(proba, weight, axis=0)),
         rtol=1e-12,
@@ -251,19 +247,15 @@ def test_labels_are_counts_of_one(metric):
     y = np.array(["some", "none", "much", "much", "none", "some"])
     levels = ["none", "some", "much"]
     counts = (y[:, None] == levels).astype(int)
-    np.testing.assert_array_equal(
-        metric(y, proba, levels=levels), metric(counts, proba)
-    )
-    np.testing.assert_array_equal(
-        metric(counts * 7, proba), metric(counts, proba), strict=True
-    )
+    assert_array_equal(metric(y, proba, levels=levels), metric(counts, proba))
+    assert_array_equal(metric(counts * 7, proba), metric(counts, proba), strict=True)
 
 
 @pytest.mark.parametrize("metric", METRICS)
 def test_single_precision_and_rounded_probabilities_pass(metric, crowd):
     counts, _ = crowd
     proba = np.random.default_rng(8).dirichlet(np.ones(5), size=len(counts))
-    np.testing.assert_allclose(
+    assert_allclose(
         metric(counts, proba.astype(np.float32)), metric(counts, proba), rtol=1e-5
     )
 
@@ -289,10 +281,7 @@ class CountsMarginal(ClassifierMixin, BaseEstimator):
 
 @pytest.mark.parametrize(
     "scorer, score",
-    [
-        (neg_rps_scorer, ranked_probability_score),
-        (neg_macro_mae_scorer, macro_mae),
-    ],
+    [(neg_rps_scorer, ranked_probability_score), (neg_macro_mae_scorer, macro_mae)],
 )
 def test_scorers_search_over_counts_by_group(scorer, score, crowd):
     counts, _ = crowd

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import sem
 from sklearn import config_context
 from sklearn.base import clone
@@ -16,19 +17,11 @@ from sklearn.decomposition import PCA
 from sklearn.exceptions import NotFittedError
 from sklearn.experimental import enable_halving_search_cv  # noqa: F401
 from sklearn.linear_model import LogisticRegression, Ridge
-from sklearn.model_selection import (
-    GridSearchCV,
-    GroupKFold,
-    HalvingGridSearchCV,
-)
+from sklearn.model_selection import GridSearchCV, GroupKFold, HalvingGridSearchCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, OneHotEncoder, StandardScaler
 
-from sklearn_haptic import (
-    NNPOM,
-    DistributionalOrdinalRegressor,
-    make_haptic_pipeline,
-)
+from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
 from sklearn_haptic.model_selection import (
@@ -73,7 +66,7 @@ def test_non_dominated_equals_brute_force(pairs):
         not any(c <= a and s >= b and (c < a or s > b) for c, s in pairs)
         for a, b in pairs
     ]
-    np.testing.assert_array_equal(is_non_dominated(cost, score), brute)
+    assert_array_equal(is_non_dominated(cost, score), brute)
 
 
 @given(DATA)
@@ -93,7 +86,7 @@ def test_table_by_hand():
     assert table.index.tolist() == table["param_size"].tolist() == [1, 2, 0]
     assert table["seconds"].tolist() == [1, 2, 3]
     assert table["score"].tolist() == [1.5, 3.5, 6]
-    np.testing.assert_allclose(table["score_se"], [0.5, 0.5, 1])
+    assert_allclose(table["score_se"], [0.5, 0.5, 1])
 
 
 def test_candidates_equal_in_both_are_all_kept():
@@ -109,10 +102,7 @@ def test_parameters_that_only_some_candidates_have():
     assert table["param_alpha"].isna().tolist() == [True, False]
 
 
-@pytest.mark.parametrize(
-    "gap, index",
-    [(0.99 * RESULTS_SE, 1), (1.01 * RESULTS_SE, 0)],
-)
+@pytest.mark.parametrize("gap, index", [(0.99 * RESULTS_SE, 1), (1.01 * RESULTS_SE, 0)])
 def test_one_standard_error_by_hand(gap, index):
     splits = [[4, 4, 6, 6, 5], [5 - gap] * 5, [2.5] * 5, [1] * 5]
     assert cheapest_within_one_se(make_results([8, 4, 2, 1], splits)) == index
@@ -247,7 +237,7 @@ def test_metric_is_that_of_refit(trials):
     search = fit(make_search(scoring=scoring, refit="mae"), trials)
     table = speed_accuracy_frontier(search)
     expected = search.cv_results_["mean_test_mae"][table.index]
-    np.testing.assert_array_equal(table["score"], expected)
+    assert_array_equal(table["score"], expected)
     assert table["score"].iloc[-1] == search.best_score_
 
 
@@ -309,7 +299,7 @@ def assert_same_scores(results, expected):
     keys = [key for key in expected if "_test_" in key and "seconds" not in key]
     assert len(keys) >= 5
     for key in keys:
-        np.testing.assert_allclose(results[key], expected[key], 1e-6, err_msg=key)
+        assert_allclose(results[key], expected[key], 1e-6, err_msg=key)
 
 
 def columns_model(rest, **options):
@@ -380,7 +370,7 @@ def test_sensor_subsets_keep_groups_together(table, n_folds, cv):
         scores.append(
             clone(model).fit(X.iloc[train], y[train]).score(X.iloc[test], y[test])
         )
-    np.testing.assert_allclose(results["mean_test_score"].iloc[-1], np.mean(scores))
+    assert_allclose(results["mean_test_score"].iloc[-1], np.mean(scores))
 
 
 def test_sensor_subsets_hand_groups_to_fits_that_request_them(table):
@@ -435,9 +425,9 @@ def test_each_sensor_is_fitted_once_a_fold(table, monkeypatch):
     assert calls == [24, 12, *[1] * 10] * 9
     n_steps = np.array([1 + len(subset) for subset in SUBSETS])
     for step in ("fit", "score"):
-        np.testing.assert_array_equal(results[f"mean_{step}_time"], n_steps)
-        np.testing.assert_array_equal(results[f"std_{step}_time"], 0)
-    np.testing.assert_array_equal(results["mean_test_neg_seconds"], -n_steps)
+        assert_array_equal(results[f"mean_{step}_time"], n_steps)
+        assert_array_equal(results[f"std_{step}_time"], 0)
+    assert_array_equal(results["mean_test_neg_seconds"], -n_steps)
 
 
 def test_choosing_among_sensor_subsets(table):

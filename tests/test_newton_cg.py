@@ -3,16 +3,13 @@
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 from scipy.special import expit
 from sklearn.base import clone
 from sklearn.exceptions import ConvergenceWarning
 
-from sklearn_haptic import (
-    NNPOM,
-    DistributionalOrdinalRegressor,
-    RegressedDistribution,
-)
+from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, RegressedDistribution
 from sklearn_haptic.models import _newton_cg
 from sklearn_haptic.models._distributional import fit_linear_models, is_linear
 
@@ -73,9 +70,9 @@ def test_maximum_likelihood_is_that_of_statsmodels_and_of_r(shared_data):
     wine = pd.read_csv(shared_data / "wine_ratings" / "ordinal_wine.csv")
     X = np.column_stack((wine["temp"] == "warm", wine["contact"] == "yes")) * 1.0
     model = NNPOM(0, alpha=0, tol=1e-9).fit(X, wine["rating"])
-    np.testing.assert_allclose(model.coefs_[0], [2.503102, 1.527798], atol=1e-6)
+    assert_allclose(model.coefs_[0], [2.503102, 1.527798], atol=1e-6)
     thresholds = [-1.344383, 1.250809, 3.466887, 5.006404]
-    np.testing.assert_allclose(model.thresholds_, thresholds, atol=1e-6)
+    assert_allclose(model.thresholds_, thresholds, atol=1e-6)
     assert -len(X) * model.loss_ == pytest.approx(-86.49192, abs=1e-5)
 
 
@@ -85,7 +82,7 @@ def test_a_plain_optimiser_finds_the_same_optimum(shape, alpha):
     X, counts = touches(*shape)
     weight = np.random.default_rng(1).uniform(0.1, 2, len(X))
     proba = NNPOM(0, alpha, tol=1e-8).fit(X, counts, weight).predict_proba(X)
-    np.testing.assert_allclose(proba, optimum(X, counts, alpha, weight), atol=2e-5)
+    assert_allclose(proba, optimum(X, counts, alpha, weight), atol=2e-5)
 
 
 @pytest.mark.parametrize("alpha", [3.0, 1.0, 1e-1, 1e-4])
@@ -96,7 +93,7 @@ def test_products_alone_reach_the_optimum(monkeypatch, dtype, alpha):
     default = NNPOM(0, alpha).fit(X, counts)
     monkeypatch.setattr(_newton_cg, "_FEW", 1000)
     exact = NNPOM(0, alpha, tol=1e-9).fit(X.astype(np.float64), counts)
-    np.testing.assert_allclose(
+    assert_allclose(
         default.predict_proba(X),
         exact.predict_proba(X),
         rtol=0,
@@ -111,7 +108,7 @@ def test_single_precision_in_any_unit_with_any_offset(offset, unit):
     given = (unit * (X + offset)).astype(np.float32)
     expected = NNPOM(0).fit(given.astype(np.float64), counts)
     proba = NNPOM(0).fit(given, counts).predict_proba(given)
-    np.testing.assert_allclose(proba, expected.predict_proba(given), rtol=0, atol=1e-4)
+    assert_allclose(proba, expected.predict_proba(given), rtol=0, atol=1e-4)
 
 
 def test_single_precision_stays_so():
@@ -125,9 +122,7 @@ def test_single_precision_stays_so():
     model = DistributionalOrdinalRegressor(Keeps(0)).fit(X, counts)
     assert model.estimator_.given_ == np.float32
     double = clone(model).fit(X.astype(np.float64), counts)
-    np.testing.assert_allclose(
-        model.predict_proba(X), double.predict_proba(X), rtol=0, atol=1e-5
-    )
+    assert_allclose(model.predict_proba(X), double.predict_proba(X), rtol=0, atol=1e-5)
     for each in (model, RegressedDistribution().fit(X, counts)):
         assert each.predict_proba(X).dtype == np.float64
 
@@ -166,7 +161,7 @@ def test_many_fits_at_once_are_the_fits_one_by_one(shape, dtype):
     )
     for (model, rated, each), together in zip(cases, fits):
         alone = clone(model).set_params(levels=LEVELS + 1).fit(X, rated, each)
-        np.testing.assert_allclose(
+        assert_allclose(
             together.predict_proba(X),
             alone.predict_proba(X),
             rtol=0,

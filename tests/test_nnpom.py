@@ -4,6 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 from callback_recorder import Recorder
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import expit, logit
 from sklearn.base import clone
 from sklearn.exceptions import ConvergenceWarning
@@ -82,7 +83,7 @@ def test_probabilities_equal_orca(shared_data, name):
     _, _, [(_, first, raw_gaps)] = layout.split(params)
     thresholds = thresholds_from(first[0], raw_gaps, SquaredGaps)
     proba = level_probabilities(case["projected_test"], thresholds)
-    np.testing.assert_allclose(proba, case["orca_proba_test"], atol=1e-12)
+    assert_allclose(proba, case["orca_proba_test"], atol=1e-12)
 
 
 class GivenStart(np.random.RandomState):
@@ -115,17 +116,15 @@ def test_two_hundred_steps_equal_orca(shared_data, data):
         model.fit(start["X_train"], start["y_train"].ravel())
     expected, _, _ = _from_orca(end)
     coef, bias, [(output, _, _)] = layout.split(expected)
-    np.testing.assert_allclose(model.coefs_[0], coef, rtol=1e-12)
-    np.testing.assert_allclose(model.intercepts_, bias, rtol=1e-12)
-    np.testing.assert_allclose(model.coefs_[1], output, rtol=1e-12)
-    np.testing.assert_allclose(model.thresholds_, end["thresholds"], rtol=1e-12)
+    assert_allclose(model.coefs_[0], coef, rtol=1e-12)
+    assert_allclose(model.intercepts_, bias, rtol=1e-12)
+    assert_allclose(model.coefs_[1], output, rtol=1e-12)
+    assert_allclose(model.thresholds_, end["thresholds"], rtol=1e-12)
     assert model.loss_ == pytest.approx(float(end["exact_cost"]), rel=1e-12)
-    np.testing.assert_allclose(
+    assert_allclose(
         model.predict_proba(end["X_test"]), end["orca_proba_test"], atol=1e-12
     )
-    np.testing.assert_array_equal(
-        model.predict(end["X_test"]), end["predicted_test"].ravel()
-    )
+    assert_array_equal(model.predict(end["X_test"]), end["predicted_test"].ravel())
 
 
 def test_gaps_start_as_they_say():
@@ -147,7 +146,7 @@ def test_both_gaps_reach_the_same_minimum():
         NNPOM(2, gaps=gaps, tol=1e-9, random_state=0).fit(X, y) for gaps in GAPS
     )
     assert squared.loss_ == pytest.approx(softplus.loss_, rel=1e-9)
-    np.testing.assert_allclose(squared.thresholds_, softplus.thresholds_, atol=1e-4)
+    assert_allclose(squared.thresholds_, softplus.thresholds_, atol=1e-4)
 
 
 @pytest.mark.slow
@@ -184,7 +183,7 @@ def test_counts_equal_one_row_for_each_rating():
     labels = np.concatenate([np.repeat(np.arange(1, 6), row) for row in counts])
     for n_hidden in (0, 3):
         model = NNPOM(n_hidden, random_state=0, tol=1e-9)
-        np.testing.assert_allclose(
+        assert_allclose(
             clone(model).fit(X, counts).predict_proba(X),
             clone(model).fit(rows, labels).predict_proba(X),
             atol=1e-6,
@@ -197,8 +196,8 @@ def test_two_levels_linear_is_logistic_regression():
     y = (X @ rng.normal(size=5) + rng.logistic(size=200) > 0).astype(int)
     ours = NNPOM(0, alpha=2.0, scale_features=False, tol=1e-9).fit(X, y)
     peer = LogisticRegression(C=1 / 2.0, tol=1e-9).fit(X, y)
-    np.testing.assert_allclose(ours.coefs_[0], peer.coef_[0], atol=1e-6)
-    np.testing.assert_allclose(ours.thresholds_, -peer.intercept_, atol=1e-6)
+    assert_allclose(ours.coefs_[0], peer.coef_[0], atol=1e-6)
+    assert_allclose(ours.thresholds_, -peer.intercept_, atol=1e-6)
 
 
 def test_row_space_rotation_reaches_the_same_minimum():
@@ -246,7 +245,7 @@ def test_conditioning_and_back(scale, rotate):
         ]
     )
     for proba in others:
-        np.testing.assert_allclose(proba, expected, rtol=1e-9)
+        assert_allclose(proba, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("n_hidden", [0, 3])
@@ -262,9 +261,7 @@ def test_scaled_features_have_a_total_variance_of_one(n_hidden, solver):
     with ignore_warnings(category=ConvergenceWarning):
         ours = clone(model).fit(X, y, weight)
         peer = model.set_params(scale_features=False).fit(scaled, y, weight)
-    np.testing.assert_allclose(
-        ours.predict_proba(X), peer.predict_proba(scaled), rtol=1e-7
-    )
+    assert_allclose(ours.predict_proba(X), peer.predict_proba(scaled), rtol=1e-7)
 
 
 def test_levels_absent_from_training_keep_their_column():
@@ -274,9 +271,9 @@ def test_levels_absent_from_training_keep_their_column():
     proba = model.predict_proba(X)
     assert proba.shape == (40, 6)
     assert (proba[:, [0, 1, 3, 5]] == 0).all()
-    np.testing.assert_allclose(proba.sum(axis=1), 1, rtol=1e-15)
+    assert_allclose(proba.sum(axis=1), 1, rtol=1e-15)
     without = NNPOM(n_hidden=0).fit(X, y)
-    np.testing.assert_allclose(proba[:, [2, 4]], without.predict_proba(X))
+    assert_allclose(proba[:, [2, 4]], without.predict_proba(X))
     assert model.thresholds_[:2].tolist() == [-np.inf, -np.inf]
     assert model.thresholds_[2] == model.thresholds_[3]
     assert model.thresholds_[4] == np.inf
@@ -295,14 +292,14 @@ def test_fit_with_positions_equals_repeated_rows():
     repeated = NetworkLoss(layout, rows, [observed], 0.7)(params)
     assert shared[0] == pytest.approx(repeated[0], rel=1e-13)
     largest = np.abs(repeated[1]).max()
-    np.testing.assert_allclose(shared[1], repeated[1], rtol=0, atol=1e-13 * largest)
+    assert_allclose(shared[1], repeated[1], rtol=0, atol=1e-13 * largest)
     for n_hidden in (0, 4):
         model = NNPOM(n_hidden, random_state=0).fit_with_positions(
             X, positions, level, weight, levels=np.arange(4)
         )
         grid = np.array([-1.0, 0.5])
         at_grid = np.column_stack((np.repeat(X, 2, axis=0), np.tile(grid, 25)))
-        np.testing.assert_allclose(
+        assert_allclose(
             model.predict_proba_with_positions(X, grid).reshape(50, 4),
             model.predict_proba(at_grid),
             rtol=1e-12,
@@ -317,9 +314,7 @@ def test_observations_that_share_no_features_are_trials_of_their_own():
     model = NNPOM(0, scale_features=False, tol=1e-9)
     flat = clone(model).fit(rows, level.ravel(), weight.ravel())
     model.fit_with_positions(X, positions, level, weight, levels=np.arange(4))
-    np.testing.assert_allclose(
-        model.predict_proba(rows), flat.predict_proba(rows), rtol=1e-6
-    )
+    assert_allclose(model.predict_proba(rows), flat.predict_proba(rows), rtol=1e-6)
 
 
 def test_shared_features_at_the_size_of_a_study():
@@ -341,7 +336,7 @@ def test_shared_features_at_the_size_of_a_study():
         observed = None, level.reshape(-1, 1), weight.reshape(-1, 1)
         repeated = NetworkLoss(layout, rows, [observed], 2.0)(params)
         assert shared[0] == pytest.approx(repeated[0], rel=1e-12)
-        np.testing.assert_allclose(
+        assert_allclose(
             shared[1], repeated[1], rtol=0, atol=1e-12 * np.abs(repeated[1]).max()
         )
 
@@ -353,7 +348,7 @@ def test_sigmoid_of_sums(size):
     a, b = size * rng.normal(size=(50, 1)), size * rng.normal(size=(1, 40))
     b[0, :20] = -a[:20, 0] + rng.normal(size=20)  # large parts, small sums
     expected = expit(a + b)
-    np.testing.assert_allclose(
+    assert_allclose(
         sigmoid_of_sums(a, b), expected, rtol=1e-15 * max(size, 10), atol=1e-300
     )
 
@@ -368,7 +363,7 @@ def test_irprop_minimises_a_quadratic():
         fun, np.zeros(3), max_iter=500, tol=1e-8, callback=lambda x, cost: False
     )
     assert converged and n_iter < 500
-    np.testing.assert_allclose(x, 3, atol=1e-5)
+    assert_allclose(x, 3, atol=1e-5)
 
 
 def test_every_tenth_iterate_is_validated_and_the_best_kept():
@@ -408,7 +403,7 @@ def test_trials_of_weight_zero_are_no_trials_for_early_stopping():
     each = np.arange(60)
     weighted = clone(model).fit(X, y, sample_weight=used.astype(float), groups=each)
     removed = clone(model).fit(X[used], y[used], groups=each[used])
-    np.testing.assert_array_equal(weighted.predict_proba(X), removed.predict_proba(X))
+    assert_array_equal(weighted.predict_proba(X), removed.predict_proba(X))
 
 
 def test_warns_without_convergence():
@@ -424,7 +419,7 @@ def test_hidden_activations():
     model = NNPOM(4, random_state=0).fit(X, y)
     hidden = model.hidden_activations(X)
     assert hidden.shape == (30, 4) and (hidden > 0).all() and (hidden < 1).all()
-    np.testing.assert_allclose(hidden @ model.coefs_[1], model.predict_latent(X))
+    assert_allclose(hidden @ model.coefs_[1], model.predict_latent(X))
     linear = NNPOM(0).fit(X, y)
     assert linear.hidden_activations(X).shape == (30, 0)
 
@@ -453,14 +448,14 @@ def test_weights_against_a_penalty_that_is_not_scaled(weight):
     X, counts = rng.normal(size=(40, 3)), rng.multinomial(9, [0.2, 0.3, 0.5], size=40)
     proba = NNPOM(0).fit(X, counts, np.full(40, weight)).predict_proba(X)
     marginal = counts.sum(axis=0) / counts.sum()
-    np.testing.assert_allclose(proba, [marginal] * 40, rtol=1e-6)
+    assert_allclose(proba, [marginal] * 40, rtol=1e-6)
 
 
 def test_a_product_that_underflows_is_no_trial():
     X, counts = np.eye(4), np.ones((4, 3))
     few = np.array([1.0, 1.0, 1.0, 1e-200])
     proba = NNPOM(0).fit(X, (counts.T * few).T, few).predict_proba(X)
-    np.testing.assert_allclose(proba, NNPOM(0).fit(X[:3], counts[:3]).predict_proba(X))
+    assert_allclose(proba, NNPOM(0).fit(X[:3], counts[:3]).predict_proba(X))
 
 
 @pytest.mark.slow

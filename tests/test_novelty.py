@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 from sklearn.base import clone
 from sklearn.linear_model import LogisticRegression
@@ -56,12 +57,10 @@ def test_distances_equal_a_loop():
         min(np.sqrt(np.mean((x - z) ** 2)) for z, b in zip(X, objects) if a != b)
         for x, a in zip(X, objects)
     ]
-    np.testing.assert_allclose(
-        nearest_distances(X, X, objects, objects), looped, rtol=1e-6
-    )
+    assert_allclose(nearest_distances(X, X, objects, objects), looped, rtol=1e-6)
     new = made(2, seed=1)[0]
     looped = [min(np.sqrt(np.mean((x - z) ** 2)) for z in X) for x in new]
-    np.testing.assert_allclose(nearest_distances(new, X), looped, rtol=1e-6)
+    assert_allclose(nearest_distances(new, X), looped, rtol=1e-6)
 
 
 def test_p_values_equal_a_loop():
@@ -71,7 +70,7 @@ def test_p_values_equal_a_loop():
     looped = [
         (1 + sum(np.mean(known[objects == o] >= d) for o in range(6))) / 7 for d in new
     ]
-    np.testing.assert_allclose(conformal_p_values(new, known, objects), looped)
+    assert_allclose(conformal_p_values(new, known, objects), looped)
 
 
 def test_p_values_of_objects_of_the_same_kind_are_valid():
@@ -107,7 +106,7 @@ def test_belief_is_the_best_falling_function():
 def test_beyond_the_furthest_belief_falls_in_proportion():
     move = np.ones((3, 1))
     belief = fit_belief(-0.8 * move, move, np.array([1.0, 2.0, 4.0]), np.ones(3))
-    np.testing.assert_allclose(
+    assert_allclose(
         belief_at(belief, np.array([0.0, 4.0, 8.0, 40.0])), [0.8, 0.8, 0.4, 0.08]
     )
 
@@ -120,7 +119,7 @@ def test_predictions_equal_the_steps():
     share = belief_at(model.belief_, model.distances(new))[:, None]
     marginal = (counts / counts.sum(axis=1, keepdims=True)).mean(axis=0)
     expected = share * plain.predict_proba(new) + (1 - share) * marginal
-    np.testing.assert_allclose(model.predict_proba(new), expected, rtol=1e-9)
+    assert_allclose(model.predict_proba(new), expected, rtol=1e-9)
     rows = StandardScaler().fit_transform(X)
     proba = np.empty(counts.shape)
     for train, test in GroupKFold(4).split(X, groups=objects):
@@ -135,7 +134,7 @@ def test_a_model_that_asks_is_told_the_objects():
     X, counts, objects = made(10)
     model = NoveltyGuard(make_pipeline(StandardScaler(), Told()))
     model.fit(X, counts.argmax(axis=1), groups=objects)
-    np.testing.assert_array_equal(model.estimator_[-1].groups_, objects)
+    assert_array_equal(model.estimator_[-1].groups_, objects)
 
 
 def test_far_touches_are_found_and_hardly_believed():
@@ -218,7 +217,7 @@ def test_a_broken_sensor_is_found(guards, sensor, fault):
         assert np.mean(guards[name].p_values(X) <= 0.05) <= 0.15
         assert (guards[name].p_values(broken) <= 0.05).all()
     whole = guards[(other,)]  # sees another sensor alone
-    np.testing.assert_array_equal(whole.p_values(broken), whole.p_values(X))
+    assert_array_equal(whole.p_values(broken), whole.p_values(X))
     both = guards[("skin", "acc")]
     believed = [belief_at(both.belief_, both.distances(each)) for each in (X, broken)]
     assert believed[1].max() < believed[0].mean()
@@ -253,7 +252,7 @@ def test_distances_are_the_larger_of_features_and_signals(guards):
         of_each.append(np.where(others, gaps, np.inf).min(axis=1))
     of_features, of_signals = of_each
     unit = np.median(of_features) / np.median(of_signals)
-    np.testing.assert_allclose(
+    assert_allclose(
         guard.distances_, np.maximum(of_features, unit * of_signals), rtol=1e-6
     )
 
@@ -267,7 +266,7 @@ def test_a_model_that_predicts_the_mean_is_guarded_too(all_agree):
     fitted = NoveltyGuard(make_pipeline(StandardScaler(), last))
     fitted.fit(X, y, groups=objects)
     expected = np.tile(y.sum(axis=0) / y.sum(), (2, 1))
-    np.testing.assert_allclose(fitted.predict_proba([X[0], X[0] + 99]), expected)
+    assert_allclose(fitted.predict_proba([X[0], X[0] + 99]), expected)
 
 
 @pytest.mark.parametrize("sensors", [["pdc"], ["pdc", "tdc"]])
@@ -286,11 +285,9 @@ def test_a_guard_takes_touches_that_its_model_repairs(sensors):
     apart = NoveltyGuard(model).fit(
         repaired, corpus.ratings["hard"], groups=corpus.objects
     )
-    np.testing.assert_allclose(together.distances_, apart.distances_)
-    np.testing.assert_allclose(together.p_values(trials), apart.p_values(repaired))
-    np.testing.assert_allclose(
-        together.predict_proba(trials), apart.predict_proba(repaired)
-    )
+    assert_allclose(together.distances_, apart.distances_)
+    assert_allclose(together.p_values(trials), apart.p_values(repaired))
+    assert_allclose(together.predict_proba(trials), apart.predict_proba(repaired))
 
 
 def test_touches_of_one_channel_may_be_of_one_length():
@@ -306,7 +303,7 @@ def test_touches_of_one_channel_may_be_of_one_length():
             for X in (touches, columns)
         )
         for which in (slice(1), slice(11, 12), slice(12)):
-            np.testing.assert_array_equal(
+            assert_array_equal(
                 flat.p_values(touches[which]), deep.p_values(columns[which])
             )
 
@@ -335,8 +332,8 @@ def test_distances_do_not_cancel_or_overflow(unit, offset):
     ]
     moved = unit * (X + offset)
     found = nearest_distances(moved, moved, objects, objects)
-    np.testing.assert_allclose(found / unit, looped, rtol=1e-6)
-    np.testing.assert_array_equal(nearest_distances(moved, moved), 0)
+    assert_allclose(found / unit, looped, rtol=1e-6)
+    assert_array_equal(nearest_distances(moved, moved), 0)
 
 
 def test_a_touch_may_be_any_distance_away():
@@ -355,7 +352,7 @@ def test_distances_take_little_memory():
     tracemalloc.stop()
     assert peak < 2e8
     tree = cKDTree(rows).query(rows, k=2)[0][:, 1]
-    np.testing.assert_allclose(found, tree / np.sqrt(3), rtol=1e-9)
+    assert_allclose(found, tree / np.sqrt(3), rtol=1e-9)
 
 
 def test_few_objects_are_told_that_no_p_value_is_small():

@@ -10,6 +10,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import BaseEstimator, clone
 from sklearn.model_selection import GridSearchCV, PredefinedSplit
 from sklearn.pipeline import make_pipeline
@@ -208,7 +209,7 @@ def assert_equal_networks(model, network):
     assert model.gaps == "squared"
     expected = network.theta1, network.theta2, network.thresholds()
     for ours, theirs in zip(parts_of(model), expected):
-        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-10)
+        assert_allclose(ours, theirs, rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -241,13 +242,13 @@ def test_model_agrees_with_the_papers(seed):
     assert model.estimator_.n_iter_ == n_iter
     assert_equal_networks(model.estimator_, best)
     ours, theirs = model.predict_rating(X[testing], GRID), ratings(best, X[testing])
-    np.testing.assert_array_equal(ours, theirs + 1)
+    assert_array_equal(ours, theirs + 1)
     expected = mean_error(theirs, counts[testing])
     score = macro_mae_at_positions(counts[testing], ours, GRID)
     assert score == pytest.approx(expected, abs=1e-10)
     assert neg_macro_mae_scorer(model, X[testing], counts[testing]) == -score
     share = [[(row == k).mean() for k in range(5)] for row in theirs]
-    np.testing.assert_allclose(model.predict_proba(X[testing]), share, atol=1e-10)
+    assert_allclose(model.predict_proba(X[testing]), share, atol=1e-10)
 
 
 def test_combined_network_agrees_with_the_papers():
@@ -301,7 +302,7 @@ def test_combined_network_agrees_with_the_papers():
     ):
         assert_equal_networks(ours, theirs)
     ratings = combined.predict(hidden(X[testing], [GRID] * testing.sum()))
-    np.testing.assert_array_equal(
+    assert_array_equal(
         model.predict_rating(X[testing], GRID), ratings.reshape(-1, 99) + 1
     )
 
@@ -323,10 +324,10 @@ def test_every_step_is_that_of_a_plain_loop(n_hidden):
     )
     for ours, theirs in zip(path, irprop_steps(start, X, y, 0.5)):
         coef, bias, [(output, first, raw_gaps)] = layout.split(ours)
-        np.testing.assert_allclose(coef.T, theirs.theta1[:, 1:], atol=1e-12)
-        np.testing.assert_allclose(bias, theirs.theta1[:, 0], atol=1e-12)
-        np.testing.assert_allclose(output, theirs.theta2, atol=1e-12)
-        np.testing.assert_allclose([*first, *raw_gaps], theirs.t, atol=1e-12)
+        assert_allclose(coef.T, theirs.theta1[:, 1:], atol=1e-12)
+        assert_allclose(bias, theirs.theta1[:, 0], atol=1e-12)
+        assert_allclose(output, theirs.theta2, atol=1e-12)
+        assert_allclose([*first, *raw_gaps], theirs.t, atol=1e-12)
 
 
 # Ratings one by one, and their error
@@ -365,15 +366,13 @@ def falling():
 
 def test_ratings_are_predicted_one_by_one(falling):
     model, X, _ = falling
-    np.testing.assert_array_equal(model.predict_rating(X, GRID), Falling.table + 1)
-    np.testing.assert_array_equal(
+    assert_array_equal(model.predict_rating(X, GRID), Falling.table + 1)
+    assert_array_equal(
         model.predict_quantile(X, GRID), np.sort(Falling.table, axis=1) + 1
     )
-    np.testing.assert_array_equal(
-        model.predict_rating(X, 0.3), Falling.table[:, 29] + 1
-    )
+    assert_array_equal(model.predict_rating(X, 0.3), Falling.table[:, 29] + 1)
     many = model.predict_rating(X[np.arange(5000) % 6], GRID[::-1])
-    np.testing.assert_array_equal(many, Falling.table[np.arange(5000) % 6, ::-1] + 1)
+    assert_array_equal(many, Falling.table[np.arange(5000) % 6, ::-1] + 1)
 
 
 def test_ratings_of_several_adjectives():
@@ -385,7 +384,7 @@ def test_ratings_of_several_adjectives():
     assert ratings.shape == (len(X), 2, 99)
     for t, x in enumerate(X[:3]):
         proba = model.estimator_.predict_proba([[*x, p] for p in GRID])
-        np.testing.assert_array_equal(ratings[t], proba.argmax(axis=-1).T + 1)
+        assert_array_equal(ratings[t], proba.argmax(axis=-1).T + 1)
     errors = [mean_error(ratings[:, a] - 1, both[:, a]) for a in (0, 1)]
     score = neg_macro_mae_scorer(model, X, both)
     assert score == pytest.approx(-np.mean(errors), abs=1e-12)
@@ -396,7 +395,7 @@ def test_error_of_raw_pairs_by_plain_loops(falling):
     expected = [mean_error([a], [c]) for a, c in zip(Falling.table, counts)]
     ratings = model.predict_rating(X, GRID)
     each = macro_mae_at_positions(counts, ratings, GRID, average=False)
-    np.testing.assert_allclose(each, expected, rtol=1e-12)
+    assert_allclose(each, expected, rtol=1e-12)
     weight = np.arange(6.0)
     mean = macro_mae_at_positions(counts, ratings, GRID, sample_weight=weight)
     assert mean == pytest.approx(np.average(expected, weights=weight))
@@ -404,9 +403,9 @@ def test_error_of_raw_pairs_by_plain_loops(falling):
     named = macro_mae_at_positions(
         counts, words[ratings - 1], GRID, levels=words, average=False
     )
-    np.testing.assert_array_equal(named, each)
+    assert_array_equal(named, each)
     in_order = np.sort(ratings, axis=1)
-    np.testing.assert_array_equal(
+    assert_array_equal(
         macro_mae_at_positions(counts, in_order, GRID, average=False),
         macro_mae(counts, model.predict_proba(X), average=False),
     )
@@ -420,16 +419,14 @@ def test_every_trial_of_a_study_is_scored_as_in_the_paper(falling):
     expected = [
         mean_error([row], [count]) for row, count in zip(model.estimator_.table, counts)
     ]
-    np.testing.assert_allclose(scores["macro_mae"], expected, rtol=0, atol=1e-10)
+    assert_allclose(scores["macro_mae"], expected, rtol=0, atol=1e-10)
     of_distribution = score_trials(counts, proba)
     assert (scores["macro_mae"] != of_distribution.pop("macro_mae")).any()
     for name, score in of_distribution.items():
-        np.testing.assert_array_equal(scores[name], score)
+        assert_array_equal(scores[name], score)
     model.set_params(decode="mixture")
     proba, (scores,) = predict_and_score(model, X, counts)
-    np.testing.assert_array_equal(
-        scores["macro_mae"], macro_mae(counts, proba, average=False)
-    )
+    assert_array_equal(scores["macro_mae"], macro_mae(counts, proba, average=False))
 
 
 def test_the_scorer_scores_what_the_paper_scores(falling):

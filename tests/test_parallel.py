@@ -1,9 +1,9 @@
 """Searches give the same numbers with any backend, and with a cache or without."""
 
 import joblib
-import numpy as np
 import pandas
 import pytest
+from numpy.testing import assert_array_equal
 from sklearn.compose import ColumnTransformer
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import Pipeline, make_pipeline
@@ -35,11 +35,7 @@ def corpus():
 
 
 def fitted_search(corpus, *, n_jobs=None, step_memory=None, pipeline_memory=None):
-    learning = {
-        "max_iter": 1,
-        "memory": step_memory,
-        "random_state": 0,
-    }
+    learning = {"max_iter": 1, "memory": step_memory, "random_state": 0}
     pressure = KSVDTransformer(5, 3, window=20, max_train_windows=200, **learning)
     images = STHMPTransformer(
         4, 3, spatial_cells=(1,), max_train_patches=200, **learning
@@ -81,11 +77,9 @@ def reference(corpus):
 
 def assert_same(search, reference, corpus):
     for scores in ("split0_test_score", "split1_test_score"):
-        np.testing.assert_array_equal(
-            search.cv_results_[scores], reference.cv_results_[scores]
-        )
+        assert_array_equal(search.cv_results_[scores], reference.cv_results_[scores])
     assert search.best_params_ == reference.best_params_
-    np.testing.assert_array_equal(
+    assert_array_equal(
         search.predict_proba(corpus.trials), reference.predict_proba(corpus.trials)
     )
 

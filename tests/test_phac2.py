@@ -2,6 +2,7 @@ import csv
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from sklearn_haptic.datasets import load_phac2
 
@@ -70,12 +71,12 @@ def test_layout_of_the_bunch(path):
         "cup__602_01",
     ]
     assert list(corpus.trials.columns) == SENSORS
-    np.testing.assert_array_equal(corpus.objects, [114, 114, 602])
+    assert_array_equal(corpus.objects, [114, 114, 602])
     assert corpus.objects.dtype.kind == "i"
     assert list(corpus.object_names) == ["sponge", "sponge", "cup"]
     assert corpus.ratings == {}
     assert corpus.rater_ratings is None
-    np.testing.assert_array_equal(corpus.levels, [1, 2, 3, 4, 5])
+    assert_array_equal(corpus.levels, [1, 2, 3, 4, 5])
     assert corpus.sampling_rates == dict(zip(SENSORS, [2200, 100, 100, 100, 100]))
     for text in ("10.17617/3.0C79KW", "CC BY-SA 4.0", "pilot recordings"):
         assert text in corpus.DESCR
@@ -100,12 +101,10 @@ def test_values_and_dtype(path):
                 assert cell.dtype == np.float32
                 raw = [finger[sensor][8:12] for finger in fingers]
                 if sensor == "electrodes":
-                    np.testing.assert_array_equal(cell, np.concatenate(raw, axis=1))
+                    assert_array_equal(cell, np.concatenate(raw, axis=1))
                 else:
                     for finger in (0, 1):
-                        np.testing.assert_array_equal(
-                            cell[:, finger], raw[finger].ravel()
-                        )
+                        assert_array_equal(cell[:, finger], raw[finger].ravel())
 
 
 @pytest.mark.parametrize("there", [0, 1])
@@ -121,7 +120,7 @@ def test_one_finger(path, there):
     for sensor in SENSORS:
         for cell, expected in zip(one.trials[sensor], both.trials[sensor]):
             width = 19 if sensor == "electrodes" else 1
-            np.testing.assert_array_equal(cell, np.split(expected, 2, axis=1)[there])
+            assert_array_equal(cell, np.split(expected, 2, axis=1)[there])
             assert cell.shape == (len(expected), width)
 
 
@@ -144,14 +143,14 @@ def test_baseline_is_the_mean_at_rest(path):
                 group = file[name][f"biotacs/finger_{finger}"]
                 for sensor in ("pac", "tdc"):
                     values = group[sensor][()]
-                    np.testing.assert_allclose(
+                    assert_allclose(
                         corpus.trials.loc[name, sensor][:, finger],
                         values[8:12].ravel() - values[:5].mean(),
                         rtol=1e-6,
                         atol=1e-4,
                     )
                 values = group["electrodes"][()]
-                np.testing.assert_allclose(
+                assert_allclose(
                     corpus.trials.loc[name, "electrodes"][:, 19 * finger :][:, :19],
                     values[8:12] - values[:5].mean(axis=0),
                     rtol=1e-6,
@@ -166,7 +165,7 @@ def test_baseline_without_rest_state_is_rows_100_to_109(tmp_path):
         tdc = write_trial(file, "a_101_01", long)["biotacs/finger_1/tdc"][()]
         write_trial(file, "b_102_01", [b"DISABLED"] * 99 + [STATES["hold"]] * 3)
     corpus = load_phac2(path, sensors=["tdc"], trials=["a_101_01"])
-    np.testing.assert_allclose(
+    assert_allclose(
         corpus.trials.iloc[0, 0][:, 1], tdc[115:] - tdc[100:110].mean(), rtol=1e-6
     )
     with pytest.raises(ValueError, match=r"'b_102_01'.*corpus\.h5.*only 102 rows"):
@@ -181,9 +180,7 @@ def test_recurring_states_are_joined(tmp_path):
     with h5py.File(path, "w") as file:
         tac = write_trial(file, "a_101_01", states)["biotacs/finger_0/tac"][()]
     cell = load_phac2(path, sensors=["tac"]).trials.iloc[0, 0]
-    np.testing.assert_allclose(
-        cell[:, 0], tac[[0, 3, 5]] - tac[[1, 2, 6]].mean(), rtol=1e-6
-    )
+    assert_allclose(cell[:, 0], tac[[0, 3, 5]] - tac[[1, 2, 6]].mean(), rtol=1e-6)
 
 
 def test_order_is_by_id_then_run_or_as_asked(path):
@@ -211,7 +208,7 @@ def test_only_what_is_asked_for_is_read(path):
     whole = load_phac2(path, sensors=["pdc"]).trials.loc["sponge_114_02", "pdc"]
     edit(path, spoil)
     corpus = load_phac2(path, sensors=["pdc"], trials=["sponge_114_02", "cup__602_01"])
-    np.testing.assert_array_equal(corpus.trials.iloc[0, 0], whole)
+    assert_array_equal(corpus.trials.iloc[0, 0], whole)
 
 
 # Names of trials and objects
@@ -264,9 +261,9 @@ def test_real_recordings(bolt_pilot, procedure):
                     values = group[sensor][()]
                     expected = values[rows].reshape(-1, n_channels)
                     cell = raw.trials.loc[name, sensor][:, channels]
-                    np.testing.assert_array_equal(cell, expected)
+                    assert_array_equal(cell, expected)
                     level = values[rest].reshape(-1, n_channels).mean(axis=0)
-                    np.testing.assert_allclose(
+                    assert_allclose(
                         corpus.trials.loc[name, sensor][:, channels],
                         expected - level,
                         rtol=1e-6,

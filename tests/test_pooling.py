@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import clone
 
 from sklearn_haptic import Sequences, TemporalMaxPool
@@ -21,14 +22,14 @@ def test_balanced_cells_are_those_of_exact_rounding_up(n_items):
         cell = np.array([-(-x * n_cells // n_items) for x in item.tolist()])
         members = [np.flatnonzero(cell == c) for c in range(1, n_cells + 1)]
         starts, stops = cell_bounds(n_items, n_cells)
-        np.testing.assert_array_equal(starts, [each[0] for each in members])
-        np.testing.assert_array_equal(stops, [each[-1] + 1 for each in members])
+        assert_array_equal(starts, [each[0] for each in members])
+        assert_array_equal(stops, [each[-1] + 1 for each in members])
 
 
 def test_floor_cells_leave_the_remainder_to_the_last():
     starts, stops = cell_bounds(39, 4, "floor")
-    np.testing.assert_array_equal(starts, [0, 9, 18, 27])
-    np.testing.assert_array_equal(stops, [9, 18, 27, 39])
+    assert_array_equal(starts, [0, 9, 18, 27])
+    assert_array_equal(stops, [9, 18, 27, 39])
 
 
 @pytest.mark.parametrize("split", ["balanced", "floor"])
@@ -81,13 +82,11 @@ def test_statistics_equal_a_plain_loop(split, dtype):
     pool = TemporalMaxPool(cells, split=split, statistics=statistics)
     pooled = pool.fit_transform(X)
     assert pooled.dtype == dtype
-    np.testing.assert_allclose(
-        pooled, expected, rtol=1e-14, atol=8 * np.finfo(dtype).eps
-    )
+    assert_allclose(pooled, expected, rtol=1e-14, atol=8 * np.finfo(dtype).eps)
     names = pool.get_feature_names_out()
     assert pooled.shape[1] == len(names) == len(set(names))
     maxima = ["mean" not in name and "share" not in name for name in names]
-    np.testing.assert_array_equal(
+    assert_array_equal(
         pooled[:, maxima], TemporalMaxPool(cells, split=split).fit_transform(X)
     )
 
@@ -99,8 +98,8 @@ def test_means_and_shares_of_any_length(n_times):
     x[rng.random(x.shape) < 0.7] = 0
     pool = TemporalMaxPool((1,), statistics=("mean", "share"))
     mean, share = pool.fit_transform([x]).reshape(2, 2)
-    np.testing.assert_allclose(mean, x.astype(float).mean(axis=0), rtol=1e-4)
-    np.testing.assert_allclose(share, (x != 0).mean(axis=0), rtol=1e-6)
+    assert_allclose(mean, x.astype(float).mean(axis=0), rtol=1e-4)
+    assert_allclose(share, (x != 0).mean(axis=0), rtol=1e-6)
 
 
 @pytest.mark.parametrize("seq", ["seq0", "seq4"])
@@ -110,7 +109,7 @@ def test_floor_pooling_equals_the_authors(shared_data, seq, variant):
         frames = reference[f"{variant}_{seq}_frame_vectors"]
         final = reference[f"{variant}_{seq}_final"]
         pool = TemporalMaxPool(reference["temporal_levels"], split="floor")
-    np.testing.assert_array_equal(pool.fit_transform([frames])[0], final)
+    assert_array_equal(pool.fit_transform([frames])[0], final)
 
 
 def test_levels_too_fine_for_the_shortest_sequence_are_dropped_if_asked():
@@ -118,7 +117,7 @@ def test_levels_too_fine_for_the_shortest_sequence_are_dropped_if_asked():
     assert pool.cells_ == (8, 4, 2, 1)
     for lengths in ((9,), (3, 1)):
         X = sequences(lengths)
-        np.testing.assert_array_equal(
+        assert_array_equal(
             pool.transform(X), TemporalMaxPool((8, 4, 2, 1)).fit_transform(X)
         )
 
@@ -131,7 +130,7 @@ def test_short_sequences_keep_every_level(dtype):
     ab, bc, abc = np.maximum(a, b), np.maximum(b, c), x.max(axis=0)
     # Middles at 1/8, 3/8, 5/8, 7/8; then at 1/10, 3/10, 5/10, 7/10, 9/10.
     expected = [ab, abc, abc, bc, ab, ab, abc, bc, bc, a, bc, abc]
-    np.testing.assert_array_equal(pool.transform([x]), [np.concatenate(expected)])
+    assert_array_equal(pool.transform([x]), [np.concatenate(expected)])
 
 
 def test_parameters_set_after_fit_wait_for_the_next_fit():
@@ -139,9 +138,9 @@ def test_parameters_set_after_fit_wait_for_the_next_fit():
     pool = TemporalMaxPool((8, 1)).fit(X)
     expected, names = pool.transform(X), pool.get_feature_names_out()
     pool.set_params(cells=(2,), split="floor", drop_fine_levels=True)
-    np.testing.assert_array_equal(pool.transform(X), expected)
-    np.testing.assert_array_equal(pool.get_feature_names_out(), names)
-    np.testing.assert_array_equal(
+    assert_array_equal(pool.transform(X), expected)
+    assert_array_equal(pool.get_feature_names_out(), names)
+    assert_array_equal(
         pool.fit_transform(X), TemporalMaxPool((2,), split="floor").fit_transform(X)
     )
 
@@ -160,22 +159,18 @@ def test_parameters_set_after_fit_wait_for_the_next_fit():
 def test_containers_of_trials(container):
     X = sequences((20, 20))
     expected = temporal_max_pool(X)
-    np.testing.assert_array_equal(
-        TemporalMaxPool().fit_transform(container(X)), expected
-    )
+    assert_array_equal(TemporalMaxPool().fit_transform(container(X)), expected)
 
 
 def test_trials_of_one_channel_may_be_of_equal_length_later():
     pool = TemporalMaxPool((2, 1)).fit([[1, 2, 3], [4, 5]])
-    np.testing.assert_array_equal(
-        pool.transform([[1, 2], [4, 3]]), [[1, 2, 2], [4, 3, 4]]
-    )
+    assert_array_equal(pool.transform([[1, 2], [4, 3]]), [[1, 2, 2], [4, 3, 4]])
 
 
 def test_table_is_one_channel_a_row():
     X = np.random.default_rng(0).normal(size=(5, 20))
     pool = TemporalMaxPool().fit(X)
-    np.testing.assert_array_equal(pool.transform(X), temporal_max_pool(X[:, :, None]))
+    assert_array_equal(pool.transform(X), temporal_max_pool(X[:, :, None]))
     assert pool.n_features_in_ == 20
     assert pool.get_feature_names_out()[2] == "t3of16_ch0"
 
@@ -214,7 +209,7 @@ def test_set_output_names_columns(library):
     pool = TemporalMaxPool().set_output(transform=library)
     frame = pool.fit_transform(X)
     assert list(frame.columns) == pool.get_feature_names_out().tolist()
-    np.testing.assert_array_equal(frame.to_numpy(), temporal_max_pool(X))
+    assert_array_equal(frame.to_numpy(), temporal_max_pool(X))
 
 
 def test_each_sequence_is_asked_for_once():
@@ -228,7 +223,7 @@ def test_each_sequence_is_asked_for_once():
     lazy = Sequences(X, ["a", "b", "c"], encode=encode)
     pooled = TemporalMaxPool().fit_transform(lazy)
     assert asked == [len(x) for x in X]
-    np.testing.assert_array_equal(pooled, temporal_max_pool(X))
+    assert_array_equal(pooled, temporal_max_pool(X))
 
 
 def twice(trial):
@@ -256,7 +251,7 @@ def test_cached_rows_are_found_by_content_and_parameters(tmp_path, library):
         expected = plain.fit_transform(X)
         for _ in range(2):  # made, then found
             pooled = cached.fit_transform(X)
-            np.testing.assert_array_equal(pooled, expected)
+            assert_array_equal(pooled, expected)
             if library == "pandas":
                 pd.testing.assert_frame_equal(pooled, expected)
     # The series holds the arrays of the first list.
@@ -286,4 +281,4 @@ def test_roots_keep_the_sign():
     roots = TemporalMaxPool(**options, root=True).fit_transform(trials)
     assert pooled.min() < 0 < pooled.max()
     expected = [[math.copysign(abs(x) ** 0.5, x) for x in row] for row in pooled]
-    np.testing.assert_allclose(roots, expected, rtol=1e-14)
+    assert_allclose(roots, expected, rtol=1e-14)

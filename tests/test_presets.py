@@ -3,16 +3,13 @@
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
 
-from sklearn_haptic import (
-    DummyDistribution,
-    KSVDTransformer,
-    make_haptic_pipeline,
-)
+from sklearn_haptic import DummyDistribution, KSVDTransformer, make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_rps_scorer, ranked_probability_score
 
@@ -89,9 +86,7 @@ def test_features_are_roots_of_statistics_of_codes_and_bands(corpus):
     for statistic, expected in whole.items():
         start = f"pdc__codes__t1of1_{statistic}ch"
         columns = [name.startswith(start) for name in names]
-        np.testing.assert_allclose(
-            features[:, columns], np.sqrt(expected), rtol=1e-6, atol=1e-12
-        )
+        assert_allclose(features[:, columns], np.sqrt(expected), rtol=1e-6, atol=1e-12)
     assert sum(name.startswith("pdc__statistics__") for name in names) == n_bands
 
 

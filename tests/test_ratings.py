@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import polars as pl
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import rankdata, spearmanr
 
 from sklearn_haptic.ratings import (
@@ -106,9 +107,7 @@ def test_rating_counts_agrees_with_a_published_table(shared_data):
         table = rating_counts(rows.level5, rows.Texture)
         same = (wide.Condition == condition) & (wide.Metric == metric)
         expected = wide[same].set_index("Texture").loc[table.objects]
-        np.testing.assert_array_equal(
-            table.counts, expected[["n1", "n2", "n3", "n4", "n5"]]
-        )
+        assert_array_equal(table.counts, expected[["n1", "n2", "n3", "n4", "n5"]])
 
 
 # Distribution and CDF
@@ -146,7 +145,7 @@ def test_cdf_of_weights_ends_in_one_and_is_the_sum_of_the_distribution(scale):
     assert (cdf[:, -1] == 1).all()
     assert (np.diff(cdf, axis=1) >= 0).all()
     proba = rating_distribution(weights)
-    np.testing.assert_allclose(np.cumsum(proba, axis=1), cdf, atol=1e-15)
+    assert_allclose(np.cumsum(proba, axis=1), cdf, atol=1e-15)
 
 
 # Inverse CDF
@@ -187,7 +186,7 @@ def test_every_split_of_the_raters_is_exact_on_the_99_grid(as_proportions):
         counts = np.hstack([low, n_raters - low])
         if as_proportions:
             counts = counts / n_raters
-        np.testing.assert_array_equal(level_at(counts, i / 100), expected)
+        assert_array_equal(level_at(counts, i / 100), expected)
 
 
 def test_level_at_takes_positions_for_each_row():
@@ -200,9 +199,7 @@ def test_level_at_takes_positions_for_each_row():
 def test_inverse_cdf_does_not_depend_on_the_scale_of_weights(scale):
     counts = np.array([[0.0, 3, 5, 4, 0], [1, 1, 1, 1, 1]])
     p = np.linspace(0, 1, 61)
-    np.testing.assert_array_equal(
-        inverse_cdf(counts * scale, p), inverse_cdf(counts, p)
-    )
+    assert_array_equal(inverse_cdf(counts * scale, p), inverse_cdf(counts, p))
 
 
 # Agreement and correlation
@@ -212,9 +209,7 @@ def test_interrater_agreement_equals_the_variance_of_the_ratings():
     rng = np.random.default_rng(1)
     ratings = rng.integers(1, 6, size=(30, 12))
     counts = (ratings[:, :, None] == np.arange(1, 6)).sum(axis=1)
-    np.testing.assert_allclose(
-        interrater_agreement(counts), 1 - ratings.var(axis=1, ddof=1) / 2
-    )
+    assert_allclose(interrater_agreement(counts), 1 - ratings.var(axis=1, ddof=1) / 2)
 
 
 @pytest.mark.parametrize("n_adjectives", [2, 4])
@@ -222,10 +217,10 @@ def test_adjective_correlation_is_pearson_of_ranks(n_adjectives):
     ratings = np.random.default_rng(3).integers(1, 6, size=(40, n_adjectives))
     ratings[:, 1] = 6 - ratings[:, 0]
     result = adjective_correlation(ratings)
-    np.testing.assert_allclose(
+    assert_allclose(
         result.rho, np.corrcoef(rankdata(ratings, axis=0), rowvar=False), atol=1e-12
     )
-    np.testing.assert_allclose(np.diag(result.rho), 1)
+    assert_allclose(np.diag(result.rho), 1)
     assert result.rho.iat[0, 1] == pytest.approx(-1)
     assert result.pvalue.shape == result.rho.shape
     assert result.rho.columns.tolist() == [f"x{i}" for i in range(n_adjectives)]
@@ -284,9 +279,7 @@ def test_adjective_correlation_of_missing_ratings(frame):
 
 def test_holm_by_hand():
     # Sorted .01, .02, .03, .04, times 4, 3, 2, 1: .04, .06, .06, .04, never falling.
-    np.testing.assert_allclose(
-        _holm(np.array([0.03, 0.01, 0.04, 0.02])), [0.06, 0.04, 0.06, 0.06]
-    )
+    assert_allclose(_holm(np.array([0.03, 0.01, 0.04, 0.02])), [0.06, 0.04, 0.06, 0.06])
     assert _holm(np.array([0.4, 0.9])).tolist() == [0.8, 0.9]
     assert _holm(np.array([0.6, 0.7])).tolist() == [1, 1]
     assert _holm(np.array([0.3])).tolist() == [0.3]
@@ -301,7 +294,7 @@ def test_holm_rejects_what_the_stepwise_rule_does():
             if pvalue[i] > 0.05 / (8 - step):
                 break
             rejected[i] = True
-        np.testing.assert_array_equal(_holm(pvalue) <= 0.05, rejected)
+        assert_array_equal(_holm(pvalue) <= 0.05, rejected)
 
 
 def test_synonyms_and_antonyms_are_strong_and_significant():
@@ -326,14 +319,14 @@ def test_synonyms_and_antonyms_are_strong_and_significant():
     loose = adjective_correlation(table, threshold=0)
     assert loose.relation.iat[0, 3] == 1
     significant = (loose.pvalue_holm <= 0.05) & ~np.eye(5, dtype=bool)
-    np.testing.assert_array_equal(loose.relation != 0, significant)
+    assert_array_equal(loose.relation != 0, significant)
     assert not loose.relation.iloc[4].any()
     few = adjective_correlation(table[:6], threshold=0)
     assert (
         0.7 < few.rho.iat[0, 2] < 1 and few.relation.iat[0, 2] == 0
     )  # strong, six rows
     strict = adjective_correlation(table, significance=1e-12, threshold=0)
-    np.testing.assert_array_equal(
+    assert_array_equal(
         strict.relation != 0, (strict.pvalue_holm <= 1e-12) & ~np.eye(5, dtype=bool)
     )
 
@@ -354,7 +347,7 @@ def test_pairs_are_those_of_the_matrices_strongest_first():
         for field in ("rho", "pvalue", "pvalue_holm", "n_ratings"):
             assert pair[field] == result[field].at[at] == result[field].at[at[::-1]]
         assert pair["relation"] == words[result.relation.at[at]]
-    np.testing.assert_array_equal(
+    assert_array_equal(
         np.sort(pairs["pvalue_holm"]),
         np.sort(_holm(result.pvalue.to_numpy()[np.triu_indices(5, 1)])),
     )
@@ -474,7 +467,7 @@ def test_people_who_agree_alike_are_not_outlying_by_rounding():
     same = np.random.default_rng(0).uniform(0, 100, 20)[objects]
     for answers in (same, np.full(400, 3.0), same * 2.0**raters):
         result = outlying_raters(answers[:, None], objects, raters)
-        np.testing.assert_array_equal(result["score"], 0)
+        assert_array_equal(result["score"], 0)
         assert not result["outlying"].any()
     turned = np.where(raters == 3, -same, same)
     result = outlying_raters(turned[:, None], objects, raters)

@@ -4,16 +4,13 @@ import numpy as np
 import pandas as pd
 import polars as pl
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import interp1d
 from sklearn.base import clone
 from sklearn.linear_model import LinearRegression
 from sklearn.pipeline import make_pipeline
 
-from sklearn_haptic import (
-    RepairTrials,
-    Signal,
-    make_haptic_pipeline,
-)
+from sklearn_haptic import RepairTrials, Signal, make_haptic_pipeline
 from sklearn_haptic.recordings._repair import estimate_moments
 
 MIXING = np.random.default_rng(0).normal(size=(2, 4))
@@ -37,7 +34,7 @@ def test_trials_without_faults_are_untouched():
     repair = RepairTrials().fit(trials)
     assert repair.faults_.empty
     for before, after in zip(trials, repair.transform(trials), strict=True):
-        np.testing.assert_array_equal(before, after)
+        assert_array_equal(before, after)
         assert not np.shares_memory(before, after)
 
 
@@ -63,7 +60,7 @@ def test_missing_samples_are_interpolated(kind):
     else:
         trials[3][gone] = np.nan if kind == "NaN" else -np.inf
     repair = RepairTrials()
-    np.testing.assert_allclose(repair.fit_transform(trials)[3], expected, rtol=1e-12)
+    assert_allclose(repair.fit_transform(trials)[3], expected, rtol=1e-12)
     assert faults_of(repair, trials) == [
         (3, 0, "missing samples", 1),
         (3, 2, "missing samples", 5),
@@ -81,7 +78,7 @@ def test_dropped_frames_are_interpolated():
     ]
     repaired = repair.transform(trials)[5]
     step = (trials[5][12] - trials[5][9]) / 3
-    np.testing.assert_allclose(repaired[10:12], trials[5][9] + np.outer([1, 2], step))
+    assert_allclose(repaired[10:12], trials[5][9] + np.outer([1, 2], step))
 
 
 def test_saturated_samples_stay_at_the_limit():
@@ -90,7 +87,7 @@ def test_saturated_samples_stay_at_the_limit():
     repair = RepairTrials(limits=(4.0, 6.0)).fit(trials)
     assert (0, 1, "saturated", n_high + n_low) in faults_of(repair, trials)
     for before, after in zip(trials, repair.transform(trials)):
-        np.testing.assert_array_equal(np.minimum(np.maximum(before, 4.0), 6.0), after)
+        assert_array_equal(np.minimum(np.maximum(before, 4.0), 6.0), after)
     assert set(repair.faults_["answer"]) == {"kept at the limit"}
 
 
@@ -100,9 +97,7 @@ def test_a_trial_that_is_saturated_throughout_is_kept_at_the_limit(channels):
     repair = RepairTrials(limits=(-9.0, 20.0)).fit(trials)
     pressed = np.full((40, len(channels)), 20.0)
     pressed[3] = np.nan
-    np.testing.assert_array_equal(
-        repair.transform([pressed])[0], np.full_like(pressed, 20.0)
-    )
+    assert_array_equal(repair.transform([pressed])[0], np.full_like(pressed, 20.0))
     assert {row[2] for row in faults_of(repair, [pressed])} <= {
         "saturated",
         "dropped frames",
@@ -126,8 +121,8 @@ def test_dead_channels_are_those_of_linear_regression(factor):
     repair = RepairTrials().fit([trial * factor for trial in trials])
     touch *= factor
     repaired = repair.transform([touch])[0]
-    np.testing.assert_allclose(repaired[:, [1, 3]] / factor, expected, rtol=1e-9)
-    np.testing.assert_array_equal(repaired[:, [0, 2]], touch[:, [0, 2]])
+    assert_allclose(repaired[:, [1, 3]] / factor, expected, rtol=1e-9)
+    assert_array_equal(repaired[:, [0, 2]], touch[:, [0, 2]])
     assert faults_of(repair, [touch]) == [(0, 1, "dead", 30), (0, 3, "dead", 30)]
 
 
@@ -149,9 +144,9 @@ def test_lost_channels_do_not_tell_how_channels_go_together(n_resting):
     repaired = repair.transform([*trials, None])
     for i in lost:
         expected = regression.predict(trials[i][:, :3])
-        np.testing.assert_allclose(repaired[i][:, 3], expected, rtol=1e-9)
+        assert_allclose(repaired[i][:, 3], expected, rtol=1e-9)
     alone = RepairTrials().fit(others)
-    np.testing.assert_array_equal(repaired[-1], alone.transform([None])[0])
+    assert_array_equal(repaired[-1], alone.transform([None])[0])
 
 
 def sums_and_differences(n_trials):
@@ -170,7 +165,7 @@ def test_channels_are_estimated_although_all_sessions_lack_one(n_intact):
         trial[:, i // 10] = np.nan
     repaired = RepairTrials().fit_transform(trials[: 20 + (n_intact > 0)])
     for before, after in zip(whole[:20], repaired):
-        np.testing.assert_allclose(after, before, atol=1e-5)
+        assert_allclose(after, before, atol=1e-5)
 
 
 def test_channels_are_those_of_least_squares_where_they_live():
@@ -190,7 +185,7 @@ def test_channels_are_those_of_least_squares_where_they_live():
         touch = np.concatenate(trials[lacking])[:, 2:]
         estimated = np.concatenate(repaired[lacking])[:, gone]
         # Nothing tells how the two go together, apart from the others.
-        np.testing.assert_allclose(estimated, regression.predict(touch), atol=0.05)
+        assert_allclose(estimated, regression.predict(touch), atol=0.05)
     assert any(np.array_equal(repaired[-1], trial) for trial in repaired[:-1])
 
 
@@ -210,9 +205,9 @@ def test_three_sessions_lack_three_channels():
     )
     covariance = correlation * np.outer(scale, scale)
     of_pairs = pd.DataFrame(np.concatenate(trials)).cov()  # of each pair where it lives
-    np.testing.assert_allclose(covariance, of_pairs, atol=0.15)
+    assert_allclose(covariance, of_pairs, atol=0.15)
     assert np.linalg.eigvalsh(covariance).min() > -1e-9
-    np.testing.assert_allclose(mean, np.nanmean(np.concatenate(trials), 0), atol=0.1)
+    assert_allclose(mean, np.nanmean(np.concatenate(trials), 0), atol=0.1)
     repaired = RepairTrials().fit_transform(trials)
     for i, of_session in enumerate((slice(0, 10), slice(10, 20), slice(20, 30))):
         true = np.concatenate(whole[of_session])[:, i]
@@ -226,8 +221,8 @@ def test_moments_without_dead_channels_are_those_of_the_samples():
     mean, scale, correlation = estimate_moments(trials, dead)
     covariance = correlation * np.outer(scale, scale)
     samples = np.concatenate(trials)
-    np.testing.assert_allclose(mean, samples.mean(axis=0), rtol=1e-12)
-    np.testing.assert_allclose(covariance, np.cov(samples.T, ddof=0), atol=1e-12)
+    assert_allclose(mean, samples.mean(axis=0), rtol=1e-12)
+    assert_allclose(covariance, np.cov(samples.T, ddof=0), atol=1e-12)
 
 
 @pytest.mark.parametrize("stuck", [0.0, np.nan])
@@ -257,7 +252,7 @@ def test_a_channel_without_any_sample_is_zero():
     for trial in [*repair.transform(trials), repair.transform([None])[0]]:
         assert (trial[:, 3] == 0).all()
     typical = [each.transform([None])[0][:, :3] for each in (repair, whole)]
-    np.testing.assert_array_equal(*typical)
+    assert_array_equal(*typical)
 
 
 def test_a_dead_channel_is_reported_once():
@@ -276,7 +271,7 @@ def test_a_channel_that_often_rests_is_not_dead():
         trial[:, 0] = 2.0
     repair = RepairTrials()
     for before, after in zip(trials, repair.fit_transform(trials)):
-        np.testing.assert_array_equal(before, after)
+        assert_array_equal(before, after)
     assert repair.faults_.empty
 
 
@@ -289,7 +284,7 @@ def test_a_dead_sensor_has_the_most_typical_trial(channels):
     with_gaps = dead.copy()
     with_gaps[2, 0] = np.nan
     for touch in (dead, with_gaps):
-        np.testing.assert_array_equal(repair.transform([touch])[0], typical)
+        assert_array_equal(repair.transform([touch])[0], typical)
         assert faults_of(repair, [touch]) == [(0, "all", "dead sensor", 7)]
     assert faults_of(repair, [None]) == [(0, "all", "missing sensor", 0)]
 
@@ -302,7 +297,7 @@ def test_a_sensor_of_which_one_channel_lives_is_not_dead():
     assert [row[:3] for row in faults_of(repair, [touch])] == [
         (0, i, "dead") for i in range(3)
     ]
-    np.testing.assert_array_equal(repair.transform([touch])[0][:, 3], touch[:, 3])
+    assert_array_equal(repair.transform([touch])[0][:, 3], touch[:, 3])
 
 
 @pytest.mark.parametrize("nothing", [None, np.nan, pd.NA, [], np.full((3, 4), np.nan)])
@@ -318,7 +313,7 @@ def test_a_missing_sensor_has_the_most_typical_trial(nothing):
     ]
     typical = trials[int(np.argmin(distances))]
     repair = RepairTrials().fit([*trials, nothing])
-    np.testing.assert_array_equal(repair.transform([nothing])[0], typical)
+    assert_array_equal(repair.transform([nothing])[0], typical)
     assert repair.faults_["fault"].tolist() == ["missing sensor"]
     assert repair.faults_["trial"].tolist() == [len(trials)]
 
@@ -329,9 +324,9 @@ def test_rest_level_is_subtracted():
     repair = RepairTrials(rest=5).fit(drifted)
     for i, (trial, after) in enumerate(zip(trials, repair.transform(drifted))):
         offset = np.median(trial[:5], axis=0)
-        np.testing.assert_allclose(after, trial - offset, atol=1e-12)
+        assert_allclose(after, trial - offset, atol=1e-12)
         of_trial = repair.faults_[repair.faults_["trial"] == i]
-        np.testing.assert_allclose(of_trial["offset"], offset + i)
+        assert_allclose(of_trial["offset"], offset + i)
         assert set(of_trial["fault"]) == {"rest level"}
 
 
@@ -357,7 +352,7 @@ def test_several_sensors_in_a_data_frame():
     ]
     alone = RepairTrials(rest=3).fit(list(trials["force"]))
     for one, other in zip(alone.transform(trials["force"]), repaired["force"]):
-        np.testing.assert_array_equal(one, other)
+        assert_array_equal(one, other)
     assert trials["force"]["touch2"] is None and trials["skin"] is not None
     assert trials["skin"]["touch3"] is before["skin"]["touch3"]
     # A sensor that is missing in all of the trials to predict.
@@ -378,7 +373,7 @@ def test_images_and_single_precision():
     images[4][3, 1, 2] = np.nan
     repaired = RepairTrials().fit_transform(images)
     assert repaired[4].shape == (9, 2, 3) and repaired[4].dtype == np.float32
-    np.testing.assert_allclose(
+    assert_allclose(
         repaired[4][3, 1, 2], (images[4][2, 1, 2] + images[4][4, 1, 2]) / 2, rtol=1e-6
     )
 
@@ -402,13 +397,13 @@ def test_set_output_leaves_trials_as_they_are(output):
                 assert repaired.index.tolist() == index
             cells = repaired["skin"] if hasattr(X, "columns") else repaired
             for one, other in zip(cells, plain, strict=True):
-                np.testing.assert_array_equal(one, other)
+                assert_array_equal(one, other)
     counts = np.random.default_rng(0).multinomial(9, [0.3, 0.3, 0.4], size=20)
     sensor = Signal(100, window=0.2)
     model = make_pipeline(RepairTrials(), make_haptic_pipeline(sensor, random_state=0))
     expected = model.fit(trials, counts).predict_proba(trials)
     model = clone(model).set_output(transform=output).fit(trials, counts)
-    np.testing.assert_allclose(model.predict_proba(trials), expected)
+    assert_allclose(model.predict_proba(trials), expected)
 
 
 def test_rows_of_a_table_are_trials_of_one_channel():
@@ -504,7 +499,7 @@ def test_an_array_of_trials_keeps_all_channels():
     for trials in (X, [*X], cells[:, 0], cells):
         repaired = RepairTrials().fit(trials).transform(trials)
         for found, trial in zip(repaired, X, strict=True):
-            np.testing.assert_array_equal(found, trial)
+            assert_array_equal(found, trial)
 
 
 @pytest.mark.parametrize("seed", range(20))

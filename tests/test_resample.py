@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import polars as pl
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy import signal
 from scipy.interpolate import interp1d
 
@@ -33,15 +34,13 @@ def test_resampling_is_a_straight_line_between_stamps():
     new = times[0] + np.arange(len(resampled)) / 100
     assert new[-1] <= times[-1] < new[-1] + 0.01
     expected = interp1d(times, trial, axis=0)(new)
-    np.testing.assert_allclose(resampled, expected, atol=1e-12)
+    assert_allclose(resampled, expected, atol=1e-12)
 
 
 def test_an_even_rate_stays_as_it_is():
     times = np.arange(300) / 35
     trial = waves(times)
-    np.testing.assert_allclose(
-        resample_trials([trial], [times], 35)[0], trial, atol=1e-12
-    )
+    assert_allclose(resample_trials([trial], [times], 35)[0], trial, atol=1e-12)
 
 
 @pytest.mark.parametrize("factor", [2, 5, 10])
@@ -50,7 +49,7 @@ def test_decimation_is_that_of_scipy(factor):
     trial = waves(times) + np.random.default_rng(0).normal(size=(1001, 2))
     resampled = resample_trials([trial], [times], 1000 / factor)[0]
     expected = signal.resample_poly(trial, 1, factor, padtype="line")
-    np.testing.assert_allclose(resampled, expected, atol=1e-9)
+    assert_allclose(resampled, expected, atol=1e-9)
 
 
 def stamped(times, kind, frame=pd.DataFrame):
@@ -139,7 +138,7 @@ def test_seconds_since_1970_keep_the_last_sample(rate):
     trial = np.sin(np.arange(len(times)))
     even = resample_trials([trial], [times], rate)[0][:, 0]
     assert even.shape == trial.shape
-    np.testing.assert_allclose(even, trial, atol=5e-7 * rate)
+    assert_allclose(even, trial, atol=5e-7 * rate)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -149,7 +148,7 @@ def test_resampling_by_the_index_is_that_by_its_seconds(kind):
     by_index = resample_trials([*trials, None])
     by_times = resample_trials([waves(each) for each in times], times, 10)
     for one, other in zip(by_index[:2], by_times, strict=True):
-        np.testing.assert_allclose(one, other, atol=1e-9)
+        assert_allclose(one, other, atol=1e-9)
     assert by_index[2] is None
 
 
@@ -160,7 +159,7 @@ def test_stamps_may_be_a_column(library):
     trial = library.DataFrame({"a": a, "when": times, "b": b})
     resampled = resample_trials([trial], "when", 20)[0]
     expected = resample_trials([waves(times)], [times], 20)[0]
-    np.testing.assert_allclose(resampled, expected, atol=1e-12)
+    assert_allclose(resampled, expected, atol=1e-12)
     with pytest.raises(ValueError, match=r"^Trial 0 has no column 'at'; name the"):
         resample_trials([trial], "at")
 
@@ -172,9 +171,9 @@ def test_stamps_may_be_dates_of_a_time_zone(zone):
     expected = resample_trials([trial[["a"]]], [np.arange(20) / 50])[0]
     for stamps in ([trial["when"]], [list(dates)], [dates.to_pydatetime()]):
         found = resample_trials([trial[["a"]]], stamps)[0]
-        np.testing.assert_allclose(found, expected, atol=1e-9)
+        assert_allclose(found, expected, atol=1e-9)
     found = resample_trials([trial], "when")[0]
-    np.testing.assert_allclose(found, expected, atol=1e-9)
+    assert_allclose(found, expected, atol=1e-9)
 
 
 def test_a_trial_without_samples_is_passed_over():
@@ -198,7 +197,7 @@ def test_columns_are_put_in_the_order_of_the_first_trial():
             resample_trials([stamped, stamped[["b", "when", "a"]]], "when", 20),
         ):
             for each in resampled:
-                np.testing.assert_array_equal(each, expected)
+                assert_array_equal(each, expected)
         odd = library.DataFrame({"a": times, "c": times})
         with pytest.raises(ValueError, match=r"^Trial 1 of trials and the first"):
             resample_trials([trial, odd], [times] * 2, 20)
@@ -219,7 +218,7 @@ def test_stamps_in_another_unit(unit, kind):
             same = resample_trials([trial[["a"]]], durations, asked)[0]
             n = min(len(found), len(same))  # of which rounding may cost the last
             assert max(len(found), len(same)) <= n + 1
-            np.testing.assert_allclose(found[:n], same[:n], atol=1e-6)
+            assert_allclose(found[:n], same[:n], atol=1e-6)
             assert len(found) == pytest.approx(60 * asked / rate, rel=0.1)
 
 
@@ -236,9 +235,7 @@ def test_slow_and_gappy_recordings_are_resampled():
     for step, rate in ((1, 1), (1, 20), (2, 2), (2.5, 2), (0.1, 2200), (0.25, 1000)):
         times = step * np.array([0, 1, 2, 60, 61, 62, 63, 64])
         resampled = resample_trials([times], [times], rate, longest_gap=np.inf)[0]
-        np.testing.assert_allclose(
-            resampled[:, 0], np.arange(len(resampled)) / rate, rtol=1e-9
-        )
+        assert_allclose(resampled[:, 0], np.arange(len(resampled)) / rate, rtol=1e-9)
     two = [np.array([0.0, 3.0]), np.arange(50) / 10]  # a trial that is nothing but gap
     assert len(resample_trials(two, two, 10)[0]) == 31
 
@@ -275,7 +272,7 @@ def test_stamps_that_contradict_the_rate_are_refused(sensors, kind):
     model.fit(pd.DataFrame({"q": trials}), [1, 2, 3])
     plain = pd.DataFrame({"q": [trial.to_numpy() for trial in trials]})
     known = model.predict_proba(pd.DataFrame({"q": trials}))
-    np.testing.assert_array_equal(known, model.predict_proba(plain))
+    assert_array_equal(known, model.predict_proba(plain))
     faster = pd.DataFrame({"q": [trials[0], stamped(np.arange(60) / 1000, kind)]})
     with pytest.raises(ValueError, match=r"^Trial 1 of X\['q'\] is sampled at 1000 Hz"):
         model.predict_proba(faster)
@@ -309,7 +306,7 @@ def test_stamps_that_contradict_the_rate_of_a_stream_are_refused():
         touch.reset()
         for i in range(0, 60, n):
             touch.update({"q": right[:60].iloc[i : i + n]})
-        np.testing.assert_array_equal(
+        assert_array_equal(
             touch.predict_proba(),
             model.predict_proba(pd.DataFrame({"q": [trials[0][:60]]}))[0],
         )
@@ -354,9 +351,7 @@ def test_real_slides_are_resampled(shared_data):
         assert np.isfinite(new).all()
         assert len(new) == np.floor((stamps[-1] - stamps[0]) * 35 + 1e-9) + 1
         at = stamps[0] + np.arange(len(new)) / 35
-        np.testing.assert_allclose(
-            new[:, 5], np.interp(at, stamps, trial[:, 5]), rtol=1e-12
-        )
+        assert_allclose(new[:, 5], np.interp(at, stamps, trial[:, 5]), rtol=1e-12)
 
 
 def test_one_sample_and_single_precision():

@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import clone
 from sklearn.linear_model import RidgeClassifier
 from sklearn.model_selection import GroupKFold, cross_val_score
@@ -78,15 +79,13 @@ def test_described_features_are_those_of_the_transformers():
         codes = clone(pool).fit_transform(coder.fit_transform(trials[name]))
         blocks.append(np.sqrt(codes))
         blocks.append(SignalStatistics(cells=(2, 1)).fit_transform(trials[name]))
-    np.testing.assert_array_equal(model[0].transform(trials), np.hstack(blocks))
+    assert_array_equal(model[0].transform(trials), np.hstack(blocks))
     names = model[:-1].get_feature_names_out()
     assert len(set(names)) == len(names) == model[-1].n_features_in_
     assert names[0] == "skin__codes__t1of4_mean_s1of9_atom0+"
     assert names[-1] == "acc__statistics__t1of1_ch2_band16of16"
     loaded = pickle.loads(pickle.dumps(model))
-    np.testing.assert_array_equal(
-        loaded.predict_proba(trials), model.predict_proba(trials)
-    )
+    assert_array_equal(loaded.predict_proba(trials), model.predict_proba(trials))
 
 
 def test_names_of_a_biotac_are_not_described_twice():
@@ -102,7 +101,7 @@ def test_one_sensor_alone_takes_a_list():
     skins = list(trials["skin"])
     alone = make_haptic_pipeline(TaxelGrid((4, 4)), random_state=0).fit(skins, y)
     of_frame = make_haptic_pipeline({"skin": TaxelGrid((4, 4))}, random_state=0)
-    np.testing.assert_array_equal(
+    assert_array_equal(
         alone.predict_proba(skins), of_frame.fit(trials, y).predict_proba(trials)
     )
 
@@ -115,15 +114,13 @@ def test_what_is_not_described_is_found_out():
     assert found["skin"].kind_ == "signals" and found["camera"].kind_ == "images"
     assert isinstance(found["skin"].transformer_, SignalStatistics)
     assert isinstance(found["camera"].transformer_[0], STHMPTransformer)
-    np.testing.assert_array_equal(
+    assert_array_equal(
         found["skin"].transform(trials["skin"]),
         SignalStatistics(cells=(2, 1)).fit_transform(trials["skin"]),
     )
     described = {"skin": Signal(), "camera": TaxelGrid()}
     described = make_haptic_pipeline(described, random_state=0).fit(trials, y)
-    np.testing.assert_array_equal(
-        described.predict_proba(trials), model.predict_proba(trials)
-    )
+    assert_array_equal(described.predict_proba(trials), model.predict_proba(trials))
     again = clone(found["skin"]).fit(trials["camera"]).fit(trials["skin"])
     assert again.kind_ == "signals"
     alone = make_haptic_pipeline(None, random_state=0)
@@ -163,7 +160,7 @@ def test_any_number_of_trials(n_trials):
     features = make_haptic_pipeline(None)[0]
     rows = features.fit_transform(trials)
     assert rows.shape == (n_trials, 3 * 4 * 22) and rows.dtype == np.float32
-    np.testing.assert_allclose(rows[-1, 0], trials[-1][:4, 0].mean(), rtol=1e-5)
+    assert_allclose(rows[-1, 0], trials[-1][:4, 0].mean(), rtol=1e-5)
 
 
 @pytest.mark.slow
@@ -175,11 +172,7 @@ def test_fabrics_in_ten_lines(shared_data):
     model = make_haptic_pipeline(TaxelGrid((4, 4)), random_state=0)
     model.set_params(model=RidgeClassifier(100))
     scores = cross_val_score(
-        model,
-        trials,
-        arrays["fabric"],
-        groups=1000 * forces + speeds,
-        cv=GroupKFold(3),
+        model, trials, arrays["fabric"], groups=1000 * forces + speeds, cv=GroupKFold(3)
     )
     assert scores.mean() > 0.97
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.linear_model import orthogonal_mp_gram
 
 from sklearn_haptic.features._sparse_coding import batch_omp, dense_codes, row_norms
@@ -48,7 +49,7 @@ def test_equals_brute_force(n_features, n_atoms, n_coefs, common, dtype, rtol):
     for i, signal in enumerate(signals):
         expected_support, expected = brute_force_omp(signal, atoms, n_coefs)
         assert support[:, i].tolist() == expected_support
-        np.testing.assert_allclose(
+        assert_allclose(
             coefs[:, i], expected, rtol=0, atol=rtol * np.abs(expected).max()
         )
 
@@ -60,7 +61,7 @@ def test_rounding_of_single_precision_atoms_is_no_signal():
     wanted = random_dictionary(6, 4, np.random.default_rng(0))
     for signals in (2 * atoms, 2.0 * atoms.astype(np.float64), 2 * wanted):
         codes = codes_of(signals, atoms, 2)
-        np.testing.assert_array_equal(codes != 0, np.eye(6, dtype=bool))
+        assert_array_equal(codes != 0, np.eye(6, dtype=bool))
 
 
 @pytest.mark.parametrize("n_signals", [99, 100])  # below and at all pairs of atoms
@@ -70,8 +71,8 @@ def test_equal_correlations_go_to_the_first_atom(n_signals, dtype):
     signals = np.random.default_rng(11).normal(size=(n_signals, 4)).astype(dtype)
     support, coefs = batch_omp(signals, atoms, 2)
     order = np.abs(signals).argsort(axis=1)[:, :-3:-1]
-    np.testing.assert_array_equal(support.T, order)
-    np.testing.assert_array_equal(coefs.T, np.take_along_axis(signals, order, axis=1))
+    assert_array_equal(support.T, order)
+    assert_array_equal(coefs.T, np.take_along_axis(signals, order, axis=1))
 
 
 def test_equals_scikit_learn():
@@ -81,7 +82,7 @@ def test_equals_scikit_learn():
     expected = orthogonal_mp_gram(
         atoms @ atoms.T, atoms @ signals.T, n_nonzero_coefs=4
     ).T
-    np.testing.assert_allclose(codes_of(signals, atoms, 4), expected, atol=1e-12)
+    assert_allclose(codes_of(signals, atoms, 4), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("problem", ["pac", "pdc", "e19"])
@@ -95,7 +96,7 @@ def test_equals_authors_code(shared_data, problem, dtype, rtol):
         atoms = reference[f"{problem}_D"].T
         n_coefs = int(reference[f"{problem}_T"])
     codes = codes_of(signals.astype(dtype), atoms.astype(dtype), n_coefs)
-    np.testing.assert_array_equal(codes != 0, expected != 0)
+    assert_array_equal(codes != 0, expected != 0)
     largest = np.abs(expected).max(axis=1, keepdims=True)
     assert (np.abs(codes - expected) <= rtol * largest).all()
 
@@ -118,13 +119,13 @@ def test_dependent_atoms_are_not_combined(dtype):
     codes = codes_of(signals, atoms, 6)
     assert ((codes != 0).sum(axis=1) == 3).all()
     expected = signals @ np.linalg.pinv(atoms[:3]) @ atoms[:3]
-    np.testing.assert_allclose(codes @ atoms, expected, atol=1e3 * np.finfo(dtype).eps)
+    assert_allclose(codes @ atoms, expected, atol=1e3 * np.finfo(dtype).eps)
 
 
 def test_exact_representation_stops_early():
     atoms = random_dictionary(40, 22, np.random.default_rng(6))
     codes = codes_of(-7.5 * atoms, atoms, 4)
-    np.testing.assert_allclose(codes, -7.5 * np.eye(40), rtol=1e-14)
+    assert_allclose(codes, -7.5 * np.eye(40), rtol=1e-14)
 
 
 def test_more_coefficients_than_features_reconstructs():
@@ -133,9 +134,7 @@ def test_more_coefficients_than_features_reconstructs():
     signals = rng.normal(size=(30, 4))
     support, coefs = batch_omp(signals, atoms, 9)
     assert support.shape == coefs.shape == (4, 30)
-    np.testing.assert_allclose(
-        dense_codes(support, coefs, 12) @ atoms, signals, atol=1e-12
-    )
+    assert_allclose(dense_codes(support, coefs, 12) @ atoms, signals, atol=1e-12)
 
 
 def test_many_signals_are_coded_as_few_are():
@@ -143,9 +142,7 @@ def test_many_signals_are_coded_as_few_are():
     atoms = random_dictionary(25, 50, rng)
     signals = rng.normal(size=(20_011, 50))
     few = [codes_of(some, atoms, 4) for some in np.array_split(signals, 200)]
-    np.testing.assert_allclose(
-        codes_of(signals, atoms, 4), np.concatenate(few), rtol=1e-12
-    )
+    assert_allclose(codes_of(signals, atoms, 4), np.concatenate(few), rtol=1e-12)
 
 
 def test_more_atoms_than_a_byte_counts():
@@ -153,19 +150,17 @@ def test_more_atoms_than_a_byte_counts():
     atoms = random_dictionary(300, 30, rng)
     signals = rng.normal(size=(40, 30))
     support, _ = batch_omp(signals, atoms, 1)
-    np.testing.assert_array_equal(support[0], np.abs(signals @ atoms.T).argmax(axis=1))
+    assert_array_equal(support[0], np.abs(signals @ atoms.T).argmax(axis=1))
 
 
 def test_dense_codes_by_hand():
     support = np.array([[2, 0], [1, 0]])
     coefs = np.array([[3.0, -4.0], [-5.0, 0.0]])
-    np.testing.assert_array_equal(
-        dense_codes(support, coefs, 3), [[0, -5, 3], [-4, 0, 0]]
-    )
-    np.testing.assert_array_equal(
+    assert_array_equal(dense_codes(support, coefs, 3), [[0, -5, 3], [-4, 0, 0]])
+    assert_array_equal(
         dense_codes(support, coefs, 3, sign="absolute"), [[0, 5, 3], [4, 0, 0]]
     )
-    np.testing.assert_array_equal(
+    assert_array_equal(
         dense_codes(support, coefs, 3, sign="split"),
         [[0, 0, 3, 0, 5, 0], [0, 0, 0, 4, 0, 0]],
     )
@@ -173,7 +168,7 @@ def test_dense_codes_by_hand():
 
 def test_row_norms_at_the_extremes():
     rows = np.array([[3e200, 4e200], [3e-200, 4e-200], [0, 0], [5e-324, 0]])
-    np.testing.assert_allclose(row_norms(rows), [5e200, 5e-200, 0, 5e-324])
+    assert_allclose(row_norms(rows), [5e200, 5e-200, 0, 5e-324])
 
 
 def test_float32_codes_over_nearly_parallel_atoms_lose_nothing():

@@ -2,6 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from cached_rows import assert_an_entry_each
+from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import clone
 from sklearn.linear_model import orthogonal_mp
 from sklearn.pipeline import make_pipeline
@@ -80,25 +81,25 @@ def authors(reference):
 
 def test_layout_keeps_the_places_of_electrodes():
     assert LAYOUT.shape == (7, 3, 19)
-    np.testing.assert_allclose(LAYOUT.sum(axis=2), 1)
+    assert_allclose(LAYOUT.sum(axis=2), 1)
     _, columns, electrode = np.nonzero(LAYOUT == 1)
-    np.testing.assert_array_equal(np.sort(electrode), np.arange(19))
+    assert_array_equal(np.sort(electrode), np.arange(19))
     places = np.array(PLACES)[electrode]
-    np.testing.assert_array_equal(columns, np.sign(places[:, 1]) + 1)
+    assert_array_equal(columns, np.sign(places[:, 1]) + 1)
     for column in range(3):  # further rows are further from the tip
         assert (np.diff(places[columns == column, 0]) < 0).all()
 
 
 def test_layout_interpolates_from_the_eight_neighbours():
     interpolated = np.argwhere((LAYOUT > 0).sum(axis=2) > 1)
-    np.testing.assert_array_equal(interpolated, [[3, 1], [4, 1]])
+    assert_array_equal(interpolated, [[3, 1], [4, 1]])
     single = np.where((LAYOUT == 1).any(axis=2), LAYOUT.argmax(axis=2), -1)
     for row, column in interpolated:
         around = single[row - 1 : row + 2, column - 1 : column + 2].ravel()
         known = np.sort(around[around >= 0])
         assert len(known) == 7
-        np.testing.assert_array_equal(np.flatnonzero(LAYOUT[row, column]), known)
-        np.testing.assert_allclose(LAYOUT[row, column, known], 1 / 7)
+        assert_array_equal(np.flatnonzero(LAYOUT[row, column]), known)
+        assert_allclose(LAYOUT[row, column, known], 1 / 7)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
@@ -110,11 +111,9 @@ def test_fingers_are_joined_along_the_long_edge(dtype):
     for finger in range(3):
         one = channels[:, 19 * finger : 19 * (finger + 1)]
         expected = np.einsum("te,hwe->thw", one, LAYOUT)
-        np.testing.assert_allclose(
-            images[:, :, 3 * finger : 3 * finger + 3], expected, rtol=1e-5
-        )
+        assert_allclose(images[:, :, 3 * finger : 3 * finger + 3], expected, rtol=1e-5)
     # Values of single electrodes are exact.
-    np.testing.assert_array_equal(images[:, 0, 6], channels[:, 38 + 7])
+    assert_array_equal(images[:, 0, 6], channels[:, 38 + 7])
 
 
 # Patches, space, norm
@@ -133,7 +132,7 @@ def test_patches_equal_brute_force(patch_size, step):
         ]
         for y in range(0, 7 - height + 1, step)
     ]
-    np.testing.assert_array_equal(patches, np.moveaxis(expected, 2, 0))
+    assert_array_equal(patches, np.moveaxis(expected, 2, 0))
 
 
 @pytest.mark.parametrize("seq", ["seq0", "seq1", "seq4"])
@@ -142,7 +141,7 @@ def test_patches_equal_the_authors(reference, seq):
     patches = image_patches(reference[seq], (3, 3))[picked]
     theirs = reference[f"{seq}_patches_raw"]  # both orders run down columns
     theirs = theirs.reshape(len(picked), 3, 3, 4, 5).transpose(0, 4, 3, 2, 1)
-    np.testing.assert_array_equal(patches, theirs)
+    assert_array_equal(patches, theirs)
 
 
 @pytest.mark.parametrize("level", [1, 2, 3])
@@ -151,8 +150,8 @@ def test_cells_of_patches_equal_the_authors(reference, level):
     # A code for each position: one there, zero elsewhere.
     codes = np.eye(20).reshape(5, 4, 20, 1)
     pooled = spatial_max_pool(codes, [(level, level)])[..., 0]
-    np.testing.assert_array_equal(pooled.argmax(axis=0).reshape(5, 4), cell)
-    np.testing.assert_array_equal(pooled.sum(axis=0), 1)
+    assert_array_equal(pooled.argmax(axis=0).reshape(5, 4), cell)
+    assert_array_equal(pooled.sum(axis=0), 1)
 
 
 @pytest.mark.parametrize("size", [(17, 11), (15, 13), (7, 9), (3, 3)])
@@ -164,7 +163,7 @@ def test_spatial_cells_are_exact_for_any_size(size):
         )
         expected = np.add.outer(np.multiply(row, n), column)
         pooled = spatial_max_pool(codes, [(n, n)])[..., 0]
-        np.testing.assert_array_equal(pooled.argmax(axis=0).reshape(size), expected)
+        assert_array_equal(pooled.argmax(axis=0).reshape(size), expected)
         assert pooled.any(axis=1).all()  # no cell is empty
 
 
@@ -186,7 +185,7 @@ def test_no_side_has_more_cells_than_positions(positions, cells):
     assert len(pooled) == sum(rows * columns for rows, columns in grids)
     levels = np.split(pooled, np.cumsum([rows * columns for rows, columns in grids]))
     for level in levels[:-1]:  # each position in one cell, none empty
-        np.testing.assert_array_equal(level.sum(axis=0), 1)
+        assert_array_equal(level.sum(axis=0), 1)
         assert level.any(axis=1).all()
 
 
@@ -216,10 +215,8 @@ def test_frame_vectors_equal_the_authors(reference, authors, variant, seq):
     if len(theirs) < len(frames):
         picked = reference[f"{seq}_picked_frames"]
         frames, comparable = frames[picked], comparable[picked]
-    np.testing.assert_allclose(frames[comparable], theirs[comparable], atol=1e-12)
-    np.testing.assert_array_equal(
-        frames[comparable].any(axis=1), theirs[comparable].any(axis=1)
-    )
+    assert_allclose(frames[comparable], theirs[comparable], atol=1e-12)
+    assert_array_equal(frames[comparable].any(axis=1), theirs[comparable].any(axis=1))
 
 
 @pytest.mark.parametrize("variant", SIGNS)
@@ -238,14 +235,14 @@ def test_codes_and_pooled_codes_equal_the_authors(reference, authors, variant, s
     theirs = reference[f"{variant}_{seq}_codes_picked"][comparable]
     theirs = theirs.reshape(*theirs.shape[:2], 4, 5).transpose(0, 3, 2, 1)
     scale = np.abs(theirs).max(axis=(1, 2, 3), initial=1, keepdims=True)
-    np.testing.assert_allclose(codes / 3 / scale, theirs / scale, atol=1e-12)
+    assert_allclose(codes / 3 / scale, theirs / scale, atol=1e-12)
 
     grids = [(1, 1), (2, 2), (3, 3)]
     pooled = np.moveaxis(spatial_max_pool(np.moveaxis(codes, 0, -1), grids), -1, 0)
     raw = reference[f"{variant}_{seq}_frame_vectors_raw"]
     if len(raw) == len(reference[seq]):
         raw = raw[picked]
-    np.testing.assert_allclose(
+    assert_allclose(
         pooled.reshape(len(pooled), -1) / 3 / scale[:, :, 0, 0],
         raw[comparable] / scale[:, :, 0, 0],
         atol=1e-12,
@@ -264,7 +261,7 @@ def test_final_vectors_equal_the_authors(reference, authors, variant, seq):
     lowest = TemporalMaxPool(levels, split="floor").fit_transform([-usable]).ravel()
     comparable = lowest == -1  # cells without a frame that may differ
     assert comparable.sum() == {"seq0": 31, "seq1": 31, "seq4": 23}[seq]
-    np.testing.assert_allclose(ours[comparable], theirs[comparable], atol=1e-12)
+    assert_allclose(ours[comparable], theirs[comparable], atol=1e-12)
 
 
 # Numbers at the extremes
@@ -276,7 +273,7 @@ def test_constant_frames_code_to_exact_zero(dtype, level):
     trials = electrodes(dtype=dtype)
     estimator = small().fit(trials)
     constant = np.full((3, 38), level, dtype=dtype)
-    np.testing.assert_array_equal(estimator.transform([constant])[0], 0)
+    assert_array_equal(estimator.transform([constant])[0], 0)
 
 
 def test_float32_is_kept_and_close():
@@ -285,7 +282,7 @@ def test_float32_is_kept_and_close():
     assert single.components_.dtype == np.float32
     frames = single.transform(electrodes(dtype=np.float32))[0]
     assert frames.dtype == np.float32
-    np.testing.assert_allclose(np.linalg.norm(frames, axis=1), 1, rtol=1e-5)
+    assert_allclose(np.linalg.norm(frames, axis=1), 1, rtol=1e-5)
 
 
 def test_frames_of_a_long_trial_are_coded_as_alone():
@@ -294,7 +291,7 @@ def test_frames_of_a_long_trial_are_coded_as_alone():
     estimator = small().fit([trial])
     (frames,) = estimator.transform([trial])
     alone = estimator.transform([frame[np.newaxis] for frame in trial[::97]])
-    np.testing.assert_allclose(frames[::97], np.concatenate(list(alone)), atol=1e-12)
+    assert_allclose(frames[::97], np.concatenate(list(alone)), atol=1e-12)
 
 
 # The estimator
@@ -316,7 +313,7 @@ def test_names_and_order():
     assert isinstance(output, Sequences)
     assert output[0].shape == (40, 5 * 4)
     names = estimator.get_feature_names_out()
-    np.testing.assert_array_equal(output.feature_names, names)
+    assert_array_equal(output.feature_names, names)
     assert names.dtype == object
     codes = ["atom0+", "atom1+", "atom0-", "atom1-"]
     assert names[:4].tolist() == [f"s1of4_{code}" for code in codes]
@@ -334,7 +331,7 @@ def test_split_holds_what_the_other_signs_drop():
         for sign in ("split", "absolute")
     )
     strongest = split.max(axis=1)
-    np.testing.assert_allclose(
+    assert_allclose(
         strongest / np.linalg.norm(strongest, axis=1, keepdims=True), absolute[:, 0]
     )
 
@@ -346,7 +343,7 @@ def test_images_and_electrodes_agree():
     estimator = small(layout=None).fit(images)
     assert estimator.n_features_in_ == 42
     for frames, wanted in zip(estimator.transform(images), expected):
-        np.testing.assert_allclose(frames, wanted, atol=1e-12)
+        assert_allclose(frames, wanted, atol=1e-12)
 
 
 def test_one_finger_has_a_column_of_positions():
@@ -377,7 +374,7 @@ def test_one_finger_has_a_column_of_positions():
         cells = [(0, 1), (1, 3), (3, 5), (0, 2), (2, 5), (0, 5)]
         pooled = np.hstack([codes[top:end].max(axis=0) for top, end in cells])
         norms = np.linalg.norm(pooled, axis=1, keepdims=True)
-        np.testing.assert_allclose(frames, pooled / norms, atol=1e-12)
+        assert_allclose(frames, pooled / norms, atol=1e-12)
 
 
 def test_parameters_set_after_fit_wait_for_the_next_fit():
@@ -387,8 +384,8 @@ def test_parameters_set_after_fit_wait_for_the_next_fit():
     model[0].set_params(
         layout=None, patch_size=(2, 2), step=2, spatial_cells=(1,), max_train_patches=1
     )
-    np.testing.assert_array_equal(model.transform(trials), expected)
-    np.testing.assert_array_equal(model.get_feature_names_out(), names)
+    assert_array_equal(model.transform(trials), expected)
+    assert_array_equal(model.get_feature_names_out(), names)
 
 
 def test_custom_layout():
@@ -400,14 +397,14 @@ def test_custom_layout():
         trial.reshape(-1, 2, 4, 4).swapaxes(1, 2).reshape(-1, 4, 8) for trial in trials
     ]
     expected = small(layout=None, spatial_cells=(2, 1)).fit_transform(images)
-    np.testing.assert_allclose(estimator.transform(trials)[1], expected[1], atol=1e-12)
+    assert_allclose(estimator.transform(trials)[1], expected[1], atol=1e-12)
 
 
 def test_table_is_coded_as_by_ksvd():
     X = np.random.default_rng(0).normal(size=(60, 9))
     codes = small().fit_transform(X)
     ksvd = KSVDTransformer(n_atoms=6, max_iter=3, random_state=0)
-    np.testing.assert_array_equal(codes, ksvd.fit_transform(X))
+    assert_array_equal(codes, ksvd.fit_transform(X))
 
 
 @pytest.mark.parametrize("limit", [50, None])
@@ -421,7 +418,7 @@ def test_dictionary_is_learned_from_patches(limit):
     expected = KSVDTransformer(**params, max_train_windows=limit, random_state=0)
     expected.fit(table)
     components = small(**params, max_train_patches=limit).fit(trials).components_
-    np.testing.assert_allclose(components, expected.components_, atol=1e-10)
+    assert_allclose(components, expected.components_, atol=1e-10)
 
 
 @pytest.mark.slow
@@ -496,7 +493,7 @@ def test_frames_that_are_not_normalised_are_maxima_of_codes():
     frames = sthmp.fit_transform(trials)[1]
     unit = STHMPTransformer(**settings, spatial_cells=(1,)).fit_transform(trials)[1]
     norms = np.linalg.norm(frames, axis=1, keepdims=True)
-    np.testing.assert_allclose(unit, frames / norms, rtol=1e-12)
+    assert_allclose(unit, frames / norms, rtol=1e-12)
     for image, frame in zip(trials[1], frames):
         patches = [
             image[i : i + 3, j : j + 3].ravel() for i in range(2) for j in range(3)
@@ -506,4 +503,4 @@ def test_frames_that_are_not_normalised_are_maxima_of_codes():
             sthmp.components_.T, np.array(patches).T, n_nonzero_coefs=2
         )
         split = np.concatenate([codes.clip(0), (-codes).clip(0)])
-        np.testing.assert_allclose(frame, split.max(axis=1), atol=1e-9)
+        assert_allclose(frame, split.max(axis=1), atol=1e-9)

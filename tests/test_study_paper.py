@@ -8,6 +8,7 @@ import joblib
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import friedmanchisquare, wilcoxon
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
@@ -21,12 +22,7 @@ from sklearn_haptic import (
     metrics,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.study import (
-    compare_networks,
-    read_study,
-    run_study,
-    score_table,
-)
+from sklearn_haptic.study import compare_networks, read_study, run_study, score_table
 from sklearn_haptic.study._store import read_settings, read_unit
 from sklearn_haptic.study._study import derive_seed
 
@@ -93,9 +89,7 @@ def test_the_papers_features(folder):
                         middle = (2 * cell + 1) * n_windows // (2 * n)
                         first, last = max(middle - 1, 0), middle + 2
                     pooled.append(codes[i][first:last].max(axis=0))
-            np.testing.assert_allclose(
-                row, np.concatenate(pooled), rtol=1e-4, atol=1e-2
-            )
+            assert_allclose(row, np.concatenate(pooled), rtol=1e-4, atol=1e-2)
 
 
 def test_the_papers_dictionaries_are_exact(folder, tmp_path):
@@ -168,11 +162,9 @@ def test_the_papers_study_by_hand(folder, adjective):
         at += X.shape[1]
         rows = singly[singly["network"] == sensor]
         proba = model.predict_proba(X[test])
-        np.testing.assert_allclose(rows.filter(like="proba_"), proba, atol=1e-10)
+        assert_allclose(rows.filter(like="proba_"), proba, atol=1e-10)
         ratings = model.predict_rating(X[test], P)
-        np.testing.assert_allclose(
-            rows["macro_mae"], macro_error(y[test], ratings), atol=1e-10
-        )
+        assert_allclose(rows["macro_mae"], macro_error(y[test], ratings), atol=1e-10)
     X = np.hstack(blocks)
     search(
         lambda *size: SensorFusionNNPOM(columns, frozen, network(*size)), X, "combined"
@@ -186,10 +178,8 @@ def test_the_papers_study_by_hand(folder, adjective):
         rows = mine[
             (mine["start"] == start) & (mine["held_out"] == (held_out or "none"))
         ]
-        np.testing.assert_allclose(rows.filter(like="proba_"), proba, atol=1e-10)
-        np.testing.assert_allclose(
-            rows["macro_mae"], macro_error(y[test], ratings), atol=1e-10
-        )
+        assert_allclose(rows.filter(like="proba_"), proba, atol=1e-10)
+        assert_allclose(rows["macro_mae"], macro_error(y[test], ratings), atol=1e-10)
 
 
 def test_score_table_of_counts_that_are_not_whole(folder):
@@ -295,7 +285,7 @@ def test_dictionaries_of_training_objects(tmp_path):
     changed["squeeze"].trials = trials
     fold = "hard", 0
     one = learned(corpus, "training objects", *fold)
-    np.testing.assert_array_equal(learned(changed, "training objects", *fold), one)
+    assert_array_equal(learned(changed, "training objects", *fold), one)
     one = learned(corpus, "all objects")
     assert not np.allclose(learned(changed, "all objects"), one)
 

@@ -5,6 +5,7 @@ from itertools import permutations
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import brentq, minimize
 from sklearn import config_context
 from sklearn.base import clone
@@ -14,12 +15,7 @@ from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import make_pipeline
 from told_groups import Told
 
-from sklearn_haptic import (
-    NNPOM,
-    DummyDistribution,
-    TouchPool,
-    make_haptic_pipeline,
-)
+from sklearn_haptic import NNPOM, DummyDistribution, TouchPool, make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.ensembles._pool_moments import (
     blur_share,
@@ -95,14 +91,14 @@ def test_moments_equal_a_loop_over_pairs_of_rows(seed):
     departure[rng.random((24, 3)) < 0.2] = np.nan
     moments = error_moments(departure, objects)
     for mine, looped in zip(moments, looped_moments(departure, objects)):
-        np.testing.assert_allclose(mine, looped, atol=1e-12)
+        assert_allclose(mine, looped, atol=1e-12)
 
 
 def test_what_never_occurred_together_is_taken_to_err_together():
     departure = np.array([[[3.0], [np.nan]], [[np.nan], [2.0]]])
     moments = error_moments(departure, np.array([0, 1]))
-    np.testing.assert_allclose(moments.same, [[9, 6], [6, 4]])
-    np.testing.assert_allclose(moments.other, moments.same)
+    assert_allclose(moments.same, [[9, 6], [6, 4]])
+    assert_allclose(moments.other, moments.same)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -139,7 +135,7 @@ def test_weights_minimise_the_score_of_the_pool(seed):
         method="SLSQP",
     )
     assert score <= found.fun + 1e-7
-    np.testing.assert_allclose(share, found.x, atol=1e-3)
+    assert_allclose(share, found.x, atol=1e-3)
 
 
 def test_touches_that_err_together_are_worth_one():
@@ -148,7 +144,7 @@ def test_touches_that_err_together_are_worth_one():
     d[1::2] = d[::2]
     moments = error_moments(d, objects)
     one, five = (pool_weights(moments, pairs_of(np.ones((n, 1), bool))) for n in (1, 5))
-    np.testing.assert_allclose(one[0], five[0])
+    assert_allclose(one[0], five[0])
     assert one[1] == pytest.approx(five[1])
 
 
@@ -257,7 +253,7 @@ def test_a_member_that_feels_nothing_has_no_weight(seed):
     assert pool.weights([["a"]]) == {"a": 0, "b": 0, "marginal": 1}
     alone = TouchPool(MEMBERS[1:]).fit(X, y, groups=objects)
     expected = alone.predict_proba(X)
-    np.testing.assert_allclose(pool.predict_proba(X), expected, atol=1e-12)
+    assert_allclose(pool.predict_proba(X), expected, atol=1e-12)
 
 
 def test_predictions_equal_a_plain_loop():
@@ -293,7 +289,7 @@ def test_predictions_equal_a_plain_loop():
         expected = blurred_by_hand(expected, pool.blur(touches))
         below = np.sort(np.clip(np.cumsum(expected)[:-1], 0, 1))
         for row in proba[new_objects == each]:
-            np.testing.assert_allclose(np.cumsum(row)[:-1], below, atol=1e-12)
+            assert_allclose(np.cumsum(row)[:-1], below, atol=1e-12)
 
 
 def test_predictions_out_of_fold_are_of_models_without_the_object():
@@ -306,7 +302,7 @@ def test_predictions_out_of_fold_are_of_models_without_the_object():
         for train, test in GroupKFold(3).split(X, groups=objects):
             train, test = train[there[train]], test[there[test]]
             fitted = clone(model).fit(X[columns].iloc[train], counts[train])
-            np.testing.assert_array_equal(
+            assert_array_equal(
                 pool.oof_proba_[test, i], fitted.predict_proba(X[columns].iloc[test])
             )
 
@@ -324,7 +320,7 @@ def test_members_that_ask_are_told_the_objects(routing):
         pool = TouchPool(members).fit(X, counts.argmax(axis=1), groups=objects)
     told = pool.estimators_["alone"], pool.estimators_["last"][-1]
     for member in told:
-        np.testing.assert_array_equal(member.groups_, objects[5:])
+        assert_array_equal(member.groups_, objects[5:])
 
 
 def test_a_row_without_anything_gets_the_mean_distribution():
@@ -332,7 +328,7 @@ def test_a_row_without_anything_gets_the_mean_distribution():
     pool = TouchPool(MEMBERS).fit(X, counts, groups=objects)
     nothing = X.iloc[:2].mask(np.ones((2, 3), bool))
     marginal = DummyDistribution().fit(X, counts).proba_
-    np.testing.assert_allclose(pool.predict_proba(nothing), [marginal] * 2)
+    assert_allclose(pool.predict_proba(nothing), [marginal] * 2)
     assert pool.weights([[]]) == {"a": 0, "b": 0, "marginal": 1}
 
 
@@ -394,8 +390,8 @@ def test_forms_of_input_agree():
     by_index = [("a", NNPOM(0), [0, 1]), ("b", NNPOM(0), [2])]
     one = TouchPool(MEMBERS).fit(X, counts, groups=objects).predict_proba(X)
     two = TouchPool(by_index).fit(X.to_numpy(), counts, groups=objects)
-    np.testing.assert_array_equal(one, two.predict_proba(X.to_numpy()))
-    np.testing.assert_array_equal(one, two.predict_proba(X.to_numpy().tolist()))
+    assert_array_equal(one, two.predict_proba(X.to_numpy()))
+    assert_array_equal(one, two.predict_proba(X.to_numpy().tolist()))
 
 
 def test_labels_without_an_order():
@@ -460,7 +456,7 @@ def test_recordings_of_which_some_are_missing():
     blur = pool.blur([["fast_slide"]])
     pooled = np.array([blurred_by_hand(each, blur) for each in pooled])
     below = np.sort(np.clip(np.cumsum(pooled, axis=1), 0, 1), axis=1)
-    np.testing.assert_allclose(np.cumsum(proba[:5], axis=1), below, atol=1e-12)
+    assert_allclose(np.cumsum(proba[:5], axis=1), below, atol=1e-12)
 
 
 def test_classes_in_the_order_of_their_categories():

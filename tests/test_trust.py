@@ -30,12 +30,7 @@ import pytest
 import sklearn
 import skops.io
 from fitted_models import CORPUS, COUNTS, MODELS, NAMED, fitted, methods_of
-from load_and_predict import (
-    digests,
-    outputs,
-    refuse_the_outside,
-    refuse_training,
-)
+from load_and_predict import digests, outputs, refuse_the_outside, refuse_training
 from matplotlib import pyplot
 from sklearn.base import BaseEstimator, clone
 from sklearn.exceptions import InconsistentVersionWarning
@@ -58,10 +53,7 @@ from sklearn_haptic import (
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 from sklearn_haptic.model_selection import sensor_contributions, sensor_subsets
 from sklearn_haptic.models._quantile_positions import population_quadrature
-from sklearn_haptic.study import (
-    read_study,
-    run_study,
-)
+from sklearn_haptic.study import read_study, run_study
 from sklearn_haptic.study._store import open_study, write_unit
 
 matplotlib.use("Agg")
@@ -143,12 +135,7 @@ def test_example_of_the_guide(tmp_path, monkeypatch):
     [
         (
             "pipeline",
-            {
-                "Pipeline",
-                "ColumnTransformer",
-                "FeatureUnion",
-                "StandardScaler",
-            },
+            {"Pipeline", "ColumnTransformer", "FeatureUnion", "StandardScaler"},
         ),
         ("regressor of a classifier", {"LogisticRegression"}),
     ],

@@ -9,6 +9,7 @@ import polars as pl
 import pytest
 from cached_rows import assert_an_entry_each
 from callback_recorder import Recorder
+from numpy.testing import assert_allclose, assert_array_equal
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.datasets import make_sparse_coded_signal
@@ -53,10 +54,10 @@ def test_degenerate_data(X, remove_mean, update):
         15, 8, remove_mean=remove_mean, update=update, sign="none", random_state=0
     ).fit(X)
     assert np.isfinite(model.components_).all()
-    np.testing.assert_allclose(np.linalg.norm(model.components_, axis=1), 1)
+    assert_allclose(np.linalg.norm(model.components_, axis=1), 1)
     codes = model.transform(X)
     signals = X - X.mean(axis=1, keepdims=True) if remove_mean else X
-    np.testing.assert_allclose(codes @ model.components_, signals, atol=1e-12)
+    assert_allclose(codes @ model.components_, signals, atol=1e-12)
     if not np.ptp(X, axis=1).any() and remove_mean:
         assert not codes.any()
 
@@ -77,7 +78,7 @@ def test_codes_equal_scikit_learn():
     )
     codes = model.fit_transform(X)
     expected = SparseCoder(model.components_, transform_n_nonzero_coefs=3).transform(X)
-    np.testing.assert_allclose(codes, expected, atol=1e-12)
+    assert_allclose(codes, expected, atol=1e-12)
     error = np.sqrt(np.mean((X - codes @ model.components_) ** 2))
     assert model.reconstruction_error_ == pytest.approx(error)
 
@@ -87,11 +88,9 @@ def test_signs():
     model = KSVDTransformer(10, 3, sign="none", random_state=0)
     codes = model.fit_transform(X)
     split = model.set_params(sign="split").fit_transform(X)
-    np.testing.assert_array_equal(
-        split, np.hstack([np.maximum(codes, 0), np.maximum(-codes, 0)])
-    )
+    assert_array_equal(split, np.hstack([np.maximum(codes, 0), np.maximum(-codes, 0)]))
     absolute = model.set_params(sign="absolute").fit_transform(X)
-    np.testing.assert_array_equal(absolute, np.abs(codes))
+    assert_array_equal(absolute, np.abs(codes))
     largest = np.abs(model.components_).argmax(axis=1)
     assert (model.components_[np.arange(10), largest] > 0).all()
 
@@ -102,9 +101,9 @@ def test_given_dictionary_is_used_as_it_is():
     model = KSVDTransformer(
         5, 5, dict_init=atoms, max_iter=0, remove_mean=False, sign="none"
     ).fit(X)
-    np.testing.assert_array_equal(model.components_, atoms)
+    assert_array_equal(model.components_, atoms)
     assert model.n_iter_ == 0
-    np.testing.assert_allclose(model.transform(X), X[:, :5] / -3, rtol=1e-14)
+    assert_allclose(model.transform(X), X[:, :5] / -3, rtol=1e-14)
 
 
 def test_iterations_lower_the_error_until_they_do_not():
@@ -131,7 +130,7 @@ def test_windows_of_trials_by_hand():
             windows = np.array([trial[s : s + 20, channel] for s in starts])
             expected = coder.transform(windows - windows.mean(axis=1, keepdims=True))
             got = code[:, channel * 14 : (channel + 1) * 14]
-            np.testing.assert_allclose(got[:, :7] - got[:, 7:], expected, atol=1e-11)
+            assert_allclose(got[:, :7] - got[:, 7:], expected, atol=1e-11)
             assert (got >= 0).all()
 
 
@@ -150,13 +149,13 @@ def test_the_containers_of_trials_agree():
     objects[:] = trials
     for X in (tuple(trials), objects, np.array(trials), pd.Series(trials)):
         for codes, expected_codes in zip(clone(model).fit_transform(X), expected):
-            np.testing.assert_array_equal(codes, expected_codes)
+            assert_array_equal(codes, expected_codes)
     table = np.array(trials)[:, :, 0]
     for X in (table, pd.DataFrame(table).add_prefix("t")):
         assert clone(model).fit(X).n_features_in_ == 1
         for row, codes in zip(trials, model.fit(X).transform(X)):
             alone = model.transform([row[:, :1]])[0]
-            np.testing.assert_allclose(codes, alone, rtol=1e-10, atol=1e-10)
+            assert_allclose(codes, alone, rtol=1e-10, atol=1e-10)
 
 
 def test_training_windows_are_subsampled():
@@ -169,7 +168,7 @@ def test_training_windows_are_subsampled():
         ).fit(trials)
         for limit in (None, 10**6)
     ]
-    np.testing.assert_array_equal(everything[0].components_, everything[1].components_)
+    assert_array_equal(everything[0].components_, everything[1].components_)
     assert few.reconstruction_error_ != everything[0].reconstruction_error_
 
 
@@ -209,7 +208,7 @@ def test_set_output(output):
     model = make_pipeline(clone(model)).set_output(transform=output)
     for codes in (model.fit_transform(trials), model.transform(trials), globally):
         assert isinstance(codes, Sequences)
-        np.testing.assert_array_equal(codes[-1], plain[-1])
+        assert_array_equal(codes[-1], plain[-1])
     table = KSVDTransformer(2, 1, random_state=0).set_output(transform=output)
     X = np.random.default_rng(0).normal(size=(30, 6))
     for codes in (table.fit_transform(X), table.transform(X)):
@@ -227,9 +226,9 @@ def test_clone_and_pickle():
     assert restored_codes.feature_names.tolist() == codes.feature_names.tolist()
     for i, code in enumerate(codes):
         assert code.dtype == np.float32
-        np.testing.assert_array_equal(restored[i], code)
-        np.testing.assert_array_equal(refitted[i], code)
-        np.testing.assert_array_equal(restored_codes[i], code)
+        assert_array_equal(restored[i], code)
+        assert_array_equal(refitted[i], code)
+        assert_array_equal(restored_codes[i], code)
 
 
 def test_sequences_are_coded_when_asked_for():
@@ -242,14 +241,14 @@ def test_sequences_are_coded_when_asked_for():
     assert repr(codes) == "<Sequences: 6 trials, 16 columns>"
     arrays = list(codes)
     for array, expected in zip(arrays, doubled, strict=True):
-        np.testing.assert_array_equal(array, expected)
+        assert_array_equal(array, expected)
     assert codes.lengths == [len(array) for array in arrays]
-    np.testing.assert_array_equal(codes[-1], arrays[-1])
+    assert_array_equal(codes[-1], arrays[-1])
     assert isinstance(codes[1:5:2], Sequences)
     for some in (codes[1:5:2], codes[:][1:5][::2]):
         assert some.lengths == codes.lengths[1:5:2]
         for array, expected in zip(some, arrays[1:5:2]):
-            np.testing.assert_array_equal(array, expected)
+            assert_array_equal(array, expected)
     with pytest.raises(IndexError):
         codes[6]
 
@@ -279,14 +278,12 @@ def test_caches_change_nothing_and_keep_each_result_once(tmp_path, dtype):
             clone(model).fit_transform(trials),
             pickle.loads(pickle.dumps(model)).transform(trials),
         ):
-            np.testing.assert_array_equal(pooled, expected)
+            assert_array_equal(pooled, expected)
             assert pooled.dtype == dtype
             entries = [(e, e.stat().st_mtime_ns) for e in tmp_path.rglob("output.pkl")]
             kept.update(entries)
         for name in ("components_", "n_iter_", "reconstruction_error_"):
-            np.testing.assert_array_equal(
-                getattr(model[0], name), getattr(plain[0], name)
-            )
+            assert_array_equal(getattr(model[0], name), getattr(plain[0], name))
     assert len(kept) == len(entries) == 2  # the dictionary and the rows, never anew
 
 
@@ -303,7 +300,7 @@ def test_cached_rows_are_coded_once(tmp_path):
     trials = make_trials()
     for pool in (TemporalMaxPool(memory=str(tmp_path)) for _ in range(2)):
         codes = Sequences(trials, ["left", "right"], encode=code)
-        np.testing.assert_array_equal(
+        assert_array_equal(
             pool.fit_transform(codes),
             TemporalMaxPool().fit_transform([2 * trial for trial in trials]),
         )
@@ -343,9 +340,9 @@ def test_cached_dictionary_depends_on_the_draw(tmp_path):
             dictionaries(np.random.RandomState(seed), str(tmp_path)),
             dictionaries(np.random.RandomState(seed), None),
         ):
-            np.testing.assert_array_equal(got, wanted)
+            assert_array_equal(got, wanted)
     same, again, _ = dictionaries(0, str(tmp_path))
-    np.testing.assert_array_equal(same, again)
+    assert_array_equal(same, again)
 
 
 def test_callbacks_see_every_iteration():
@@ -355,11 +352,11 @@ def test_callbacks_see_every_iteration():
     model = clone(plain).set_callbacks(recorder).fit(X)
     iterations = [f"iteration {i}" for i in range(1, plain.n_iter_ + 1)]
     assert recorder.tasks == ["setup", *iterations, "fit", "teardown"]
-    np.testing.assert_array_equal(model.components_, plain.components_)
+    assert_array_equal(model.components_, plain.components_)
     restored = pickle.loads(pickle.dumps(model))
-    np.testing.assert_array_equal(restored.transform(X), plain.transform(X))
+    assert_array_equal(restored.transform(X), plain.transform(X))
     recorder.tasks.clear()
-    np.testing.assert_array_equal(clone(model).fit_transform(X), plain.transform(X))
+    assert_array_equal(clone(model).fit_transform(X), plain.transform(X))
     assert recorder.tasks == ["setup", *iterations, "fit", "teardown"]
 
 
@@ -372,7 +369,7 @@ def test_callbacks_see_and_stop_iterations_despite_a_cache(tmp_path):
         stopped = clone(model).set_callbacks(recorder).fit(X)
         iterations = [f"iteration {i}" for i in range(1, 4)]
         assert recorder.tasks == ["setup", *iterations, "fit", "teardown"]
-        np.testing.assert_array_equal(stopped.components_, three.components_)
+        assert_array_equal(stopped.components_, three.components_)
         assert model.fit(X).n_iter_ > 3
 
 
@@ -383,7 +380,7 @@ def test_more_coefficients_than_atoms_are_as_many_as_atoms():
     centred = X - X.mean(axis=1, keepdims=True)
     # With all atoms a code is the least-squares solution.
     codes = np.linalg.lstsq(model.components_.T, centred.T)[0].T
-    np.testing.assert_allclose(model.transform(X), codes, atol=1e-10)
+    assert_allclose(model.transform(X), codes, atol=1e-10)
 
 
 TABLE = np.random.default_rng(0).normal(size=(40, 6))
@@ -430,7 +427,7 @@ def test_parameters_set_after_fit_wait_for_the_next(form):
         model.set_params(**changed)
         assert model.get_feature_names_out().tolist() == names
         for before, after in zip(codes, model.transform(X), strict=True):
-            np.testing.assert_array_equal(before, after)
+            assert_array_equal(before, after)
 
 
 @pytest.mark.parametrize("library", ["pandas", "polars"])
@@ -444,8 +441,8 @@ def test_channels_are_those_of_the_same_name(library):
     for step in (pool, TemporalMaxPool((2, 1))):
         expected = step.fit(make_trials()).transform(make_trials())
         for X in (trials, [trials[0], *swapped[1:]]):
-            np.testing.assert_array_equal(step.fit(X).transform(swapped), expected)
-            np.testing.assert_array_equal(step.transform(make_trials()), expected)
+            assert_array_equal(step.fit(X).transform(swapped), expected)
+            assert_array_equal(step.transform(make_trials()), expected)
     model.fit(trials)
     wrong = [pd.DataFrame(trial, columns=["left", "middle"]) for trial in make_trials()]
     with pytest.raises(
