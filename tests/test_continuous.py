@@ -19,7 +19,6 @@ from sklearn_haptic import (
 )
 from sklearn_haptic.metrics import (
     crps,
-    neg_rps_scorer,
     noise_ceiling,
     ranked_probability_score,
 )
@@ -159,17 +158,6 @@ def test_regressor_of_a_crowd_beats_the_marginal_and_other_people(grid):
     assert ceiling.truth < -model.score(unseen, true) < ceiling.raters < marginal
 
 
-def test_finer_grids_converge():
-    X, y = crowd(60)
-    scores = [
-        ContinuousRatingsRegressor(n_cells=n, grid="even").fit(X, y).score(X, y)
-        for n in (4, 16, 64, 128)
-    ]
-    steps = np.abs(np.diff(scores))
-    assert steps[1] < steps[0] / 4
-    assert steps[2] < 0.1
-
-
 def test_predictions_are_those_of_the_levels_of_the_grid():
     X, y = crowd()
     edges = np.array([0, 30, 45, 60, 80, 100.0])
@@ -265,24 +253,6 @@ def test_groups_keep_objects_whole_in_early_stopping():
         model.fit(X, y)
     model.fit(X, y, groups=np.arange(len(X)))  # no warning, which would be an error
     assert model.predict(X).shape == (30,)
-
-
-def test_groups_are_those_of_the_folds_of_a_search():
-    X, y = crowd()
-    objects = np.arange(len(X)) // 3
-    folds = []
-
-    class Spied(GroupKFold):
-        def split(self, X, y=None, groups=None):
-            folds.append(groups)
-            return super().split(X, y, groups)
-
-    base = DistributionalOrdinalRegressor(NNPOM(0))
-    search = GridSearchCV(
-        base, {"estimator__alpha": [1, 3]}, cv=Spied(3), scoring=neg_rps_scorer
-    )
-    ContinuousRatingsRegressor(search, n_cells=5).fit(X, y, groups=objects)
-    assert_array_equal(folds[0], objects)
 
 
 def test_groups_change_nothing_where_none_are_needed():

@@ -31,7 +31,6 @@ from sklearn_haptic.metrics import (
     pit_histogram,
     ranked_probability_score,
 )
-from sklearn_haptic.model_selection import sensor_contributions
 from sklearn_haptic.plotting import (
     DistributionDisplay,
     InterraterAgreementDisplay,
@@ -400,16 +399,6 @@ def test_a_category_that_a_fold_lacks_keeps_its_column(container):
             counted(level[level == k], 4), proba[level == k]
         )
         assert result["test_score"][k] == -by_hand
-
-
-def test_contributions_of_sensors_do_not_depend_on_the_order_of_columns():
-    counts = RNG.integers(1, 9, size=(N, 4))
-    model = DistributionalOrdinalRegressor(SensorFusionNNPOM(SENSORS, NNPOM(1)))
-    tables = [
-        sensor_contributions(model, X, y, cv=2, n_repeats=1, random_state=0)
-        for y in (counts, pd.DataFrame(counts, columns=NAMES)[[5, 1, 2, 4]])
-    ]
-    pd.testing.assert_frame_equal(*tables)
 
 
 @pytest.mark.slow

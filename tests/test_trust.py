@@ -30,7 +30,7 @@ import pytest
 import sklearn
 import skops.io
 from fitted_models import CORPUS, COUNTS, MODELS, NAMED, fitted, methods_of
-from load_and_predict import digests, outputs, refuse_the_outside, refuse_training
+from load_and_predict import digests, outputs
 from matplotlib import pyplot
 from sklearn.base import BaseEstimator, clone
 from sklearn.exceptions import InconsistentVersionWarning
@@ -122,14 +122,6 @@ def test_types_that_skops_has_to_trust():
     )
 
 
-def test_example_of_the_guide(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    namespace = {}
-    for block in re.findall(r"^```python\n(.*?)^```", GUIDE, re.M | re.S):
-        exec(block, namespace)
-    assert outputs(namespace["model"], namespace["corpus"].trials)
-
-
 @pytest.mark.parametrize(
     ("name", "of_sklearn"),
     [
@@ -147,19 +139,6 @@ def test_another_version_of_sklearn_warns_as_ever(monkeypatch, name, of_sklearn)
     with pytest.warns(InconsistentVersionWarning) as caught:
         pickle.loads(saved)
     assert {each.message.estimator_name for each in caught} == of_sklearn
-
-
-def test_what_the_other_process_refuses():
-    (unfitted, X, y), model = MODELS["network"], fitted("network")
-    sys.setprofile(refuse_training)
-    try:
-        model.predict(X)
-        with pytest.raises(AssertionError, match="fit was called"):
-            clone(unfitted).fit(X, y)
-    finally:
-        sys.setprofile(None)
-    with pytest.raises(AssertionError, match="open"):
-        refuse_the_outside("open", ("model", "w", os.O_WRONLY))
 
 
 # Files that would run code --------------------------------------------------
