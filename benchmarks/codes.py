@@ -220,7 +220,7 @@ def trial(quick):
             array = codes[0]
             pool = TemporalMaxPool().fit([array])
             functions = [lambda c=codes: c[0], lambda p=pool, a=array: p.transform([a])]
-            times = in_turn(functions, 5 if quick else 41, time.perf_counter)
+            times = in_turn(functions, 5 if quick else 41)
             coding, pooling = 1e3 * np.median(times, axis=0)
             shape = " × ".join(map(str, trials[0].shape))
             cells = [f"{ms:.2f}" for ms in (coding, pooling, coding + pooling)]
