@@ -245,21 +245,11 @@ class ContinuousRatingsRegressor(
             )
         return edges
 
-    def predict_proba(self, X: Trials) -> NDArray[np.float64]:
-        """Predict the share of the population in each cell of the grid.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_trials, n_features)
-            Features of each trial.
-
-        Returns
-        -------
-        proba : ndarray of shape (n_trials, n_cells)
-            Between two edges in ``grid_``; rows sum to 1.
-        """
+    # No predict_proba: scikit-learn expects none of a regressor.
+    def _predict_ordered(self, X, params):
+        """Predict the share of each cell of the grid."""
         check_is_fitted(self)
-        return shares(self.estimator_.predict_proba(X))
+        return shares(self.estimator_.predict_proba(X, **params))
 
     def predict_cdf(  # type: ignore[override]
         self, X: Trials, values: ArrayLike | None = None
@@ -278,7 +268,7 @@ class ContinuousRatingsRegressor(
         cdf : ndarray of shape (n_trials, n_values), or (n_trials,) for a scalar
             Rows never fall as the values grow.
         """
-        below = np.pad(cdf(self.predict_proba(X)), ((0, 0), (1, 0)))
+        below = np.pad(cdf(self._predict_ordered(X, {})), ((0, 0), (1, 0)))
         if values is None:
             return below
         check_numbers(values, "values")
@@ -303,7 +293,7 @@ class ContinuousRatingsRegressor(
         -------
         rating : ndarray of shape (n_trials,)
         """
-        return self.predict_proba(X) @ ((self.grid_[:-1] + self.grid_[1:]) / 2)
+        return self._predict_ordered(X, {}) @ ((self.grid_[:-1] + self.grid_[1:]) / 2)
 
     def score(
         self,
