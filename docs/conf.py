@@ -10,7 +10,6 @@ from docutils.nodes import SkipNode
 from latex2mathml.converter import convert
 
 from sklearn_haptic import __version__
-from sklearn_haptic.utils._sklearn import DOCUMENTATION_URL
 
 project = "sklearn_haptic"
 author = copyright = "the sklearn_haptic developers"
@@ -75,7 +74,6 @@ sphinx_gallery_conf = {
 # Pages
 html_theme = "pydata_sphinx_theme"
 html_title = project
-html_baseurl = DOCUMENTATION_URL
 html_logo = html_favicon = "_static/logo.svg"
 html_static_path = ["_static"]
 html_css_files = ["custom.css"]

@@ -30,7 +30,6 @@ from ..ratings._distributions import cdf, raised
 from ..utils._folds import TakesGroups, groups_for
 from ..utils._sklearn import (
     CrossValidator,
-    DocumentedEstimator,
     StrOptions,
     Trials,
     _BaseComposition,
@@ -44,11 +43,7 @@ MARGINAL = "marginal"
 
 
 class DistributionBlend(
-    DocumentedEstimator,
-    TakesGroups,
-    MetaEstimatorMixin,
-    OrdinalClassifierMixin,
-    _BaseComposition,
+    TakesGroups, MetaEstimatorMixin, OrdinalClassifierMixin, _BaseComposition
 ):
     """Classifier that predicts the mean of the distributions of several models.
 

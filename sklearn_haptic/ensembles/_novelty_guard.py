@@ -33,7 +33,6 @@ from ..utils._folds import TakesGroups, groups_for
 from ..utils._pipeline_steps import flat_steps
 from ..utils._sklearn import (
     CrossValidator,
-    DocumentedEstimator,
     HasMethods,
     Trials,
     _fit_context,
@@ -248,11 +247,7 @@ def rows_of(signals, statistics):
 
 
 class NoveltyGuard(
-    DocumentedEstimator,
-    TakesGroups,
-    MetaEstimatorMixin,
-    OrdinalClassifierMixin,
-    BaseEstimator,
+    TakesGroups, MetaEstimatorMixin, OrdinalClassifierMixin, BaseEstimator
 ):
     """Say how unlike the training touches a touch is, and believe the model less then.
 

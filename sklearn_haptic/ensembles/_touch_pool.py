@@ -21,7 +21,6 @@ from ..utils._folds import (
 )
 from ..utils._sklearn import (
     CrossValidator,
-    DocumentedEstimator,
     Trials,
     _BaseComposition,
     _fit_context,
@@ -57,11 +56,7 @@ MARGINAL = "marginal"
 
 
 class TouchPool(
-    DocumentedEstimator,
-    TakesGroups,
-    MetaEstimatorMixin,
-    OrdinalClassifierMixin,
-    _BaseComposition,
+    TakesGroups, MetaEstimatorMixin, OrdinalClassifierMixin, _BaseComposition
 ):
     """Pool the predictions of several models over the touches of an object.
 

@@ -16,7 +16,6 @@ from sklearn.utils.validation import check_is_fitted, check_memory
 from ..recordings._sequences import Sequences, row_index
 from ..recordings._trials import channel_names
 from ..utils._sklearn import (
-    DocumentedEstimator,
     FloatArray,
     HasMethods,
     Interval,
@@ -145,7 +144,7 @@ def learn_dictionary(
     return atoms, len(errors), error
 
 
-class DictionaryCoder(DocumentedEstimator, CallbackSupportMixin):
+class DictionaryCoder(CallbackSupportMixin):
     """Mixin for transformers that code trials, or rows of a table, over a dictionary.
 
     This mixin is not a TransformerMixin, so `set_output` does not wrap its methods:

@@ -11,16 +11,11 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..recordings._sequences import Sequences, row_index
 from ..recordings._trials import channel_names, check_sequences, check_trials, is_table
-from ..utils._sklearn import (
-    DocumentedEstimator,
-    Names,
-    _check_feature_names_in,
-    _get_output_config,
-)
+from ..utils._sklearn import Names, _check_feature_names_in, _get_output_config
 from ..utils._validation import check_table
 
 
-class TrialRows(DocumentedEstimator, CallbackSupportMixin, TransformerMixin):
+class TrialRows(CallbackSupportMixin, TransformerMixin):
     """Mixin for transformers that turn each trial into one row of features.
 
     `fit` calls `_record(X)`, and `transform` calls `_check(X)`; both return the trials

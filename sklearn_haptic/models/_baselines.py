@@ -13,18 +13,12 @@ from sklearn.utils.validation import (
 )
 
 from ..ratings._checks import check_rated, check_ratings
-from ..utils._sklearn import (
-    DocumentedEstimator,
-    StrOptions,
-    Trials,
-    _fit_context,
-    _num_samples,
-)
+from ..utils._sklearn import StrOptions, Trials, _fit_context, _num_samples
 from ..utils._validation import check_weights
 from ._ordinal import OrdinalClassifierMixin
 
 
-class DummyDistribution(DocumentedEstimator, OrdinalClassifierMixin, BaseEstimator):
+class DummyDistribution(OrdinalClassifierMixin, BaseEstimator):
     """Predict the same distribution for every trial, whatever its features.
 
     A model must beat both strategies; which one is harder to beat depends on the score.

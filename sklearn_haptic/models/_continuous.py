@@ -23,14 +23,7 @@ from ..ratings._checks import check_rated
 from ..ratings._continuous import cdf_at, check_answers, quantile_at
 from ..ratings._distributions import cdf, shares
 from ..utils._folds import TakesGroups, groups_for
-from ..utils._sklearn import (
-    DocumentedEstimator,
-    HasMethods,
-    Interval,
-    StrOptions,
-    Trials,
-    _fit_context,
-)
+from ..utils._sklearn import HasMethods, Interval, StrOptions, Trials, _fit_context
 from ..utils._validation import (
     check_groups,
     check_numbers,
@@ -79,12 +72,7 @@ def _for_last(model, given):
 
 
 class ContinuousRatingsRegressor(
-    DocumentedEstimator,
-    TakesGroups,
-    MetaEstimatorMixin,
-    DistributionMixin,
-    RegressorMixin,
-    BaseEstimator,
+    TakesGroups, MetaEstimatorMixin, DistributionMixin, RegressorMixin, BaseEstimator
 ):
     """Regressor that predicts the distribution of a crowd's continuous ratings.
 

@@ -25,7 +25,6 @@ from ..ratings._checks import check_adjectives, validate_rated_trials, weighted
 from ..ratings._distributions import level_at, quantile_grid
 from ..utils._folds import TakesGroups
 from ..utils._sklearn import (
-    DocumentedEstimator,
     HasMethods,
     Interval,
     RandomState,
@@ -63,7 +62,6 @@ from ._shared_features import (
 
 
 class DistributionalOrdinalRegressor(
-    DocumentedEstimator,
     TakesGroups,
     CallbackSupportMixin,
     MetaEstimatorMixin,

@@ -23,7 +23,6 @@ from sklearn.utils.validation import check_is_fitted
 from ..ratings._checks import validate_rated_trials
 from ..utils._folds import TakesGroups
 from ..utils._sklearn import (
-    DocumentedEstimator,
     FloatArray,
     HasMethods,
     Observations,
@@ -121,7 +120,6 @@ def n_units(network):
 
 
 class SensorFusionNNPOM(
-    DocumentedEstimator,
     TakesGroups,
     CallbackSupportMixin,
     MetaEstimatorMixin,

@@ -17,7 +17,6 @@ from sklearn.utils.validation import check_is_fitted
 from ..ratings._checks import validate_rated_trials
 from ..utils._folds import TakesGroups
 from ..utils._sklearn import (
-    DocumentedEstimator,
     FloatArray,
     Interval,
     Observations,
@@ -45,13 +44,7 @@ from ._shared_features import hold_out_trials
 from ._solvers import SOLVERS, Monitor, validation_error
 
 
-class NNPOM(
-    DocumentedEstimator,
-    TakesGroups,
-    CallbackSupportMixin,
-    OrdinalClassifierMixin,
-    BaseEstimator,
-):
+class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstimator):
     """Proportional-odds ordinal regression on one layer of logistic units.
 
     The neural-network proportional odds model of Gutiérrez et al. [1]_, with a

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..ratings._checks import validate_rated_trials
 from ..ratings._distributions import cdf
-from ..utils._sklearn import DocumentedEstimator, HasMethods, RandomState, _fit_context
+from ..utils._sklearn import HasMethods, RandomState, _fit_context
 from ..utils._validation import FLOATS, check_table, check_weights
 from ._ordinal import OrdinalClassifierMixin
 from ._shared_features import fit_with_weights, refuse_adjectives, seed_estimator
@@ -40,9 +40,7 @@ def proper_shares(below):
     return np.diff(below, axis=1, prepend=0, append=1)
 
 
-class RegressedDistribution(
-    DocumentedEstimator, MetaEstimatorMixin, OrdinalClassifierMixin, BaseEstimator
-):
+class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEstimator):
     """Classifier that predicts distributions of ratings by any regressor.
 
     The regressor learns the share of the ratings at or below each level, as one output

@@ -13,7 +13,6 @@ from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from ..utils._sklearn import (
-    DocumentedEstimator,
     FloatArray,
     Interval,
     Trials,
@@ -562,13 +561,7 @@ class TrialRepair:
         return tags
 
 
-class RepairTrials(
-    TrialRepair,
-    DocumentedEstimator,
-    OneToOneFeatureMixin,
-    TransformerMixin,
-    BaseEstimator,
-):
+class RepairTrials(TrialRepair, OneToOneFeatureMixin, TransformerMixin, BaseEstimator):
     """Repair what is wrong with real recordings, and report every repair.
 
     The transformers of features refuse recordings with missing values. As the first

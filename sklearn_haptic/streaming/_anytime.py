@@ -30,7 +30,6 @@ from ..utils._folds import TakesGroups
 from ..utils._pipeline_steps import flat_steps
 from ..utils._sklearn import (
     CrossValidator,
-    DocumentedEstimator,
     HasMethods,
     Interval,
     Trials,
@@ -51,11 +50,7 @@ from ._touch_in_progress import TouchInProgress, check_limits
 
 
 class AnytimeRegressor(
-    DocumentedEstimator,
-    TakesGroups,
-    OrdinalClassifierMixin,
-    MetaEstimatorMixin,
-    BaseEstimator,
+    TakesGroups, OrdinalClassifierMixin, MetaEstimatorMixin, BaseEstimator
 ):
     """Predict from touches of any length, by a pipeline fitted to prefixes.
 

@@ -39,7 +39,6 @@ from sklearn.utils.validation import (
 __all__ = [
     "BaseSearchCV",
     "CrossValidator",
-    "DocumentedEstimator",
     "FitTask",
     "FloatArray",
     "HasMethods",
@@ -152,22 +151,6 @@ validate_params: Callable[..., _Decorator] = _param_validation.validate_params
 
 
 with_callbacks: _Decorator = callback.with_callbacks
-
-
-DOCUMENTATION_URL = "https://sklearn-haptic.readthedocs.io/en/stable/"
-
-
-class DocumentedEstimator:
-    """Mixin, before `BaseEstimator`: the page of an estimator in this documentation.
-
-    scikit-learn's HTML representation of an estimator links to this page. Every
-    estimator is public in `sklearn_haptic`, whichever folder defines it.
-    """
-
-    _doc_link_module = "sklearn_haptic"
-    _doc_link_template = (
-        DOCUMENTATION_URL + "generated/sklearn_haptic.{estimator_name}.html"
-    )
 
 
 class FitTask:
