@@ -292,7 +292,7 @@ def test_stamps_that_contradict_the_rate_of_a_stream_are_refused():
         durations=[0.5, 1],
         sampling_rates={"q": 100},
         cv=2,
-    ).fit(pd.DataFrame({"q": trials}), np.arange(20) % 2 + 1)
+    ).fit(pd.DataFrame({"q": trials}), np.arange(20) % 2 + 1, groups=range(20))
     frames = [pd.DataFrame(trial, np.arange(200) / 1000) for trial in trials]
     with pytest.raises(ValueError, match=r"^Trial 0 of X\['q'\] is sampled at 1000 Hz"):
         model.predict_proba(pd.DataFrame({"q": frames}))
