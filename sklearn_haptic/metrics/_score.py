@@ -1,10 +1,9 @@
-"""What scores have in common: their arguments, their type, the mean over trials."""
+"""What scores have in common: their arguments, and the mean over trials."""
 
 from collections.abc import Callable
-from typing import Any, Literal, Protocol, overload
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from ..utils._sklearn import StrOptions, validate_params
 from ..utils._validation import check_weights
@@ -19,38 +18,12 @@ CONSTRAINTS = {
 
 UNITS = [StrOptions({"levels", "scale"})]
 
-
-class Score(Protocol):
-    """Type of a score: a float, or an array with ``average=False``."""
-
-    @overload
-    def __call__(
-        self,
-        y_true: ArrayLike,
-        y_proba: ArrayLike,
-        *,
-        sample_weight: ArrayLike | None = ...,
-        average: Literal[True] = ...,
-        levels: ArrayLike | None = ...,
-        **options: Any,
-    ) -> float: ...
-
-    @overload
-    def __call__(
-        self,
-        y_true: ArrayLike,
-        y_proba: ArrayLike,
-        *,
-        sample_weight: ArrayLike | None = ...,
-        average: Literal[False],
-        levels: ArrayLike | None = ...,
-        **options: Any,
-    ) -> NDArray[np.float64]: ...
+F = TypeVar("F", bound=Callable[..., Any])
 
 
-def as_score(**constraints: list[Any]) -> Callable[[Callable[..., Any]], Score]:
-    """Decorate a score: validate its parameters, and state its type once for all."""
-    decorate: Any = validate_params(
+def as_score(**constraints: list[Any]) -> Callable[[F], F]:
+    """Decorate a score: validate its parameters, and keep its type."""
+    decorate: Callable[[F], F] = validate_params(
         {**CONSTRAINTS, "average": ["boolean"], **constraints},
         prefer_skip_nested_validation=True,
     )

@@ -144,55 +144,33 @@ def _pair_models(scores, metric, by):
             f"scores has no column {sorted(missing)}; choose metric and by among "
             f"{list(scores.columns)}."
         )
-    compared = {"held_out", "start"}.intersection(by)
-    if compared:
-        raise ValueError(
-            f"by has {sorted(compared)}, which each summary compares; leave it out."
-        )
+    if not {"held_out", "start"}.isdisjoint(by):
+        raise ValueError(f"by={by} has what each summary compares; leave it out.")
     keys = [name for name in dict.fromkeys((*by, *_UNIT)) if name in scores]
     keys = [*keys, "held_out"]
-    if scores[keys].isna().any(axis=None):
-        blank = scores[keys].isna().any().idxmax()
-        raise ValueError(
-            f"scores has no value in some rows of {blank!r}; fill them in."
-        )
     check_numbers(scores[metric], metric)
+    if scores[keys].isna().any(axis=None):
+        raise ValueError(f"scores has no value in some rows of {keys}; fill them in.")
+    if not np.isfinite(scores[metric]).all():
+        raise ValueError(
+            f"{metric} is not finite in some rows; choose another metric, or "
+            "decode='mixture', by which no rating has probability 0."
+        )
     values = scores.set_index(keys)[metric]
-
-    def first(index):
-        return ", ".join(map("{}={}".format, index.names, index[0]))
-
-    twice = values.index.duplicated()
-    if twice.any():
-        raise ValueError(
-            f"scores has several rows with {first(values.index[twice])}; summarise "
-            "one run at a time."
-        )
-    bad = ~np.isfinite(values)
-    if bad.any():
-        raise ValueError(
-            f"{metric} is not finite in the row with {first(values.index[bad])}; "
-            "choose another metric, or decode='mixture', by which no rating has "
-            "probability 0."
-        )
     # In the order given: pandas 2 misplaces values in unstack(sort=False).
     rows = values.index.droplevel("held_out").unique()
-    paired = values.unstack("held_out").reindex(rows)
-    paired = paired[values.index.unique("held_out")]
-    if FULL_MODEL not in paired or paired.shape[1] == 1:
+    models = values.index.unique("held_out")
+    if FULL_MODEL not in models or len(models) == 1:
         raise ValueError(
-            f"held_out is {list(paired)} in scores; give the full model, "
+            f"held_out is {list(models)} in scores; give the full model, "
             f"{FULL_MODEL!r}, and at least one holdout."
         )
-    gaps = paired.isna()
-    if gaps.any(axis=None):
-        held_out = gaps.any().idxmax()
+    if values.index.has_duplicates or len(values) != len(rows) * len(models):
         raise ValueError(
-            f"scores has no row with held_out={held_out}, "
-            f"{first(paired.index[gaps[held_out]])}; score every model on the same "
-            "trials and starts."
+            "scores must have one row per model, start, fold and trial; score every "
+            "model on the same trials and starts, and summarise one run at a time."
         )
-    return paired
+    return values.unstack("held_out").reindex(rows)[models]
 
 
 def _compare_models(paired):

@@ -193,16 +193,13 @@ def _split_model(model):
         isinstance(regressor, DistributionalOrdinalRegressor)
         and isinstance(fusion, SensorFusionNNPOM)
     ):
-        of_fusion = "" if fusion is None else f" of a {type(fusion).__name__}"
         raise TypeError(
             "model must end in a DistributionalOrdinalRegressor of a "
-            "SensorFusionNNPOM, whose sensors can be held out, but it ends in a "
-            f"{type(regressor).__name__}{of_fusion}; use sensor_subsets for it."
+            "SensorFusionNNPOM; use sensor_subsets for others."
         )
     if fusion.held_out is not None:
         raise ValueError(
-            f"model has held_out={fusion.held_out!r} already; set it to None, so that "
-            "the model is the full one."
+            f"model has held_out={fusion.held_out!r} already; set it to None."
         )
     return features, regressor
 

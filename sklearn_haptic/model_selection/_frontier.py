@@ -234,7 +234,7 @@ def read_candidates(search, metric=None):
         seconds = np.negative(results[f"mean_test_{COST}"])
         cost = "time to predict, seconds per trial"
     else:
-        seconds = _fit_and_score_time(results)
+        seconds = np.add(results["mean_fit_time"], results["mean_score_time"])
         cost = "time to fit and score, seconds per fold"
     usable = np.isfinite(score) & np.isfinite(score_se) & np.isfinite(seconds)
     if "iter" in results:
@@ -271,16 +271,6 @@ def _mean_and_se(results, metric):
     with np.errstate(invalid="ignore"):  # scores may be infinite
         se = splits.std(axis=1, ddof=1) / np.sqrt(splits.shape[1])
     return np.asarray(results[f"mean_test_{metric}"], dtype=np.float64), se
-
-
-def _fit_and_score_time(results):
-    """Return each candidate's mean seconds to fit and score on one fold."""
-    for time in ("mean_fit_time", "mean_score_time"):
-        if time not in results:
-            raise ValueError(
-                f"The search has no {time!r}; give a fitted search or its cv_results_."
-            )
-    return np.add(results["mean_fit_time"], results["mean_score_time"])
 
 
 def _check_metric(results, metric):

@@ -153,33 +153,20 @@ def sensor_subsets(
 
 def _split_sensors(model):
     """Return the ColumnTransformer of each sensor alone, by the sensor's name."""
-    first = model[0] if isinstance(model, Pipeline) else model
-    if first is model or not isinstance(first, ColumnTransformer):
+    first = model[0] if isinstance(model, Pipeline) and len(model) > 1 else None
+    if not isinstance(first, ColumnTransformer):
         raise TypeError(
-            "model must be a Pipeline that begins with a ColumnTransformer with one "
-            f"transformer per sensor, but it begins with a {type(first).__name__}; "
-            "apply what comes before to the trials, such as repairs."
+            "model must be a Pipeline of a ColumnTransformer, with one transformer per "
+            "sensor, and a predictor; apply what comes before, such as repairs, first."
         )
-    if len(model) == 1:
-        raise ValueError("model ends with its ColumnTransformer; add a predictor.")
-    if not isinstance(first.remainder, str) or first.remainder != "drop":
-        raise ValueError(
-            f"model has a ColumnTransformer with remainder={first.remainder!r}, which "
-            "is no sensor; set it to 'drop' and name a transformer for each sensor."
-        )
-    entries = [
-        (name, transformer, columns)
-        for name, transformer, columns in first.transformers
-        if not isinstance(transformer, str) or transformer != "drop"
-    ]
+    used = [entry for entry in first.transformers if entry[1] != "drop"]
     sensors = {
-        entry[0]: clone(first).set_params(transformers=[entry]) for entry in entries
+        entry[0]: clone(first).set_params(transformers=[entry]) for entry in used
     }
-    if not 0 < len(sensors) == len(entries):
+    if first.remainder != "drop" or not 0 < len(sensors) == len(used):
         raise ValueError(
-            "model has a ColumnTransformer whose transformers are all dropped or share "
-            f"a name: {[name for name, *_ in first.transformers]}; give each sensor "
-            "one of its own."
+            "model must begin with a ColumnTransformer with remainder='drop' and one "
+            "transformer for each sensor, with a name of its own."
         )
     return sensors
 
