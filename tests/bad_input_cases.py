@@ -407,7 +407,7 @@ CROSS_VALIDATION = direct(model_selection.cross_val_predict_proba,
     estimator=DummyDistribution(), X=X, y=COUNTS)
 ask(CROSS_VALIDATION,
     check("a model of sliders", estimator=ContinuousRatingsRegressor(), y=X[:, 0],
-        says="^ContinuousRatingsRegressor has no classes_, which say what"))
+        says="^ContinuousRatingsRegressor has no predict_proba, from which"))
 MODEL_REPORT = direct(model_selection.model_report,
     model=DummyDistribution(), X=X, y=COUNTS)
 ask(MODEL_REPORT,
