@@ -190,8 +190,8 @@ def test_a_description_can_be_saved(faulty):
         ({"ratings": [1, 2], "levels": [1, 3]}, "ratings['ratings'] has the rating 2"),
         ({"limits": ("low", "high")}, "limits=('low', 'high') must be the lowest"),
         ({"sampling_rates": {"acc": 9}}, "sampling_rates names the sensor 'acc'"),
-        ({"sampling_rates": 0}, "sampling_rates has 0; give samples per second"),
-        ({"sampling_rates": {"": "fast"}}, "sampling_rates has 'fast'; give samples"),
+        ({"sampling_rates": 0}, "sampling_rates has 0; give a number above"),
+        ({"sampling_rates": {"": "fast"}}, "sampling_rates has 'fast'; give a num"),
         ({"ratings": np.ones((2, 3, 4))}, "ratings['ratings'] has shape (2, 3, 4);"),
         # Trials without a rating count when trials are numbered.
         ({"ratings": [[0, 0], [-1, 2]]}, "a negative count in trial 1"),

@@ -363,7 +363,7 @@ def test_several_sensors_in_a_data_frame():
 
 
 def test_frames_of_polars_hold_no_trials():
-    with pytest.raises(ValueError, match=r"^X is a frame of polars, whose cells hold"):
+    with pytest.raises(ValueError, match=r"^X is a frame of polars; give a"):
         RepairTrials().fit(pl.DataFrame({"skin": [[1.0, 2.0], [3.0]]}))
 
 

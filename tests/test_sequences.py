@@ -15,17 +15,15 @@ NAMES = ["a", "b"]
 @pytest.mark.parametrize(
     ("trials", "names", "options", "message"),
     [
-        (3, NAMES, {}, "trials is a int; give a list with one array per trial"),
-        ("ab", NAMES, {}, "trials is a str"),
-        ({0: ARRAYS[0]}, NAMES, {}, "trials is a dict"),
+        ("ab", NAMES, {}, "Trial 0 has shape ()"),
         ([[1.0, 2.0]], NAMES, {}, "Trial 0 has shape (2,); it must be (n_times, 2)"),
         (ARRAYS, ["a"], {}, "Trial 0 has shape (1, 2); it must be (n_times, 1)"),
-        ([[[1.0], [1.0, 2.0]]], NAMES, {}, "trials holds rows of unequal length"),
+        ([[[1.0], [1.0, 2.0]]], NAMES, {}, "Trial 0 is no array of one shape"),
         ([[["x", "y"]]], NAMES, {}, "Trial 0 holds values that are not finite real"),
-        ([[[1j, 2.0]]], NAMES, {}, "Trial 0 holds values that are not finite real"),
+        ([[[1j, 2.0]]], NAMES, {}, "Complex data not supported"),
         ([*ARRAYS, [[0, np.nan]]], NAMES, {}, "Trial 2 holds values that are not"),
         (ARRAYS, "ab", {}, "feature_names='ab' must list one name per column"),
-        (ARRAYS, NAMES, {"lengths": [1]}, "lengths has 1 entries, but there are 2"),
+        (ARRAYS, NAMES, {"lengths": [1]}, "lengths has 1 entries for 2 trials"),
         (ARRAYS, NAMES, {"row_index": pd.Index([*"xyz"])}, "row_index has 3 entries"),
     ],
 )

@@ -15,7 +15,7 @@ from sklearn.utils.validation import check_consistent_length
 from ..ratings import interrater_agreement
 from ..ratings._checks import check_counts, match_levels
 from ..ratings._distributions import shares
-from ..recordings._repair import USUAL, read_faulty
+from ..recordings._repair import USUAL, by_sensor, check_limits, read_faulty
 from ..recordings._trials import trial_columns
 from ..utils._report import Report
 from ..utils._sklearn import Trials, validate_params
@@ -160,8 +160,7 @@ def describe_corpus(
     columns = trial_columns(trials) if known else {}
     if not columns:
         raise ValueError(
-            "corpus has no trials; give what load_phac2 returns, a DataFrame with one "
-            "array per trial and sensor, or the trials of one sensor."
+            "corpus has no trials; give what load_phac2 returns, or trials."
         )
     n_trials = len(next(iter(columns.values())))
     objects = given.get("objects") if objects is None else objects
@@ -171,14 +170,11 @@ def describe_corpus(
     if sampling_rates is None:
         of_corpus = given.get("sampling_rates", {})
         sampling_rates = {name: of_corpus.get(name) for name in columns}
-    rates = _by_sensor(sampling_rates, columns, "sampling_rates")
+    rates = by_sensor(sampling_rates, columns, "sampling_rates")
     for rate in rates.values():
         if rate is not None and (not isinstance(rate, Real) or rate <= 0):
-            raise ValueError(
-                f"sampling_rates has {rate!r}; give samples per second, a number above "
-                "0."
-            )
-    ranges = _by_sensor(limits, columns, "limits")
+            raise ValueError(f"sampling_rates has {rate!r}; give a number above 0.")
+    ranges = by_sensor(limits, columns, "limits")
     rows = [
         {"rate": rates[name], **_sensor_row(column, name, ranges[name])}
         for name, column in columns.items()
@@ -193,26 +189,9 @@ def describe_corpus(
     )
 
 
-def _by_sensor(option, columns, name):
-    """Return the value of an option for each sensor, None where it has none."""
-    if not isinstance(option, Mapping):
-        return dict.fromkeys(columns, option)
-    unknown = [key for key in option if key not in columns]
-    if unknown:
-        raise ValueError(
-            f"{name} names the sensor {unknown[0]!r}, which is none of "
-            f"{list(columns)}; name sensors of the corpus."
-        )
-    return {key: option.get(key) for key in columns}
-
-
 def _sensor_row(column, name, limits):
     """Return a row of the table of sensors, but its rate."""
-    ends = np.asarray((-1, 1) if limits is None else limits)
-    if ends.shape != (2,) or ends.dtype.kind not in "iuf" or not ends[0] < ends[1]:
-        raise ValueError(
-            f"limits={limits!r} must be the lowest and the highest value of the sensor."
-        )
+    ends = check_limits(limits) or (-np.inf, np.inf)
     n_times, varies, unknown, n_missing, saturated = [], [], [], 0, 0
     for trial in read_faulty(column, name)[0]:
         n_times.append(0 if trial is None else len(trial))

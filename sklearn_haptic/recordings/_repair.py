@@ -355,30 +355,32 @@ def read_faulty(column, name, shape=None, names=None):
     return cells, (shape, names)
 
 
-def _settings_of(name, cells, limits, rest):
-    """Return the limits and the samples at rest of a sensor."""
-    for option in (limits, rest):
-        unknown = [*({*option} - {*cells})] if isinstance(option, Mapping) else []
-        if unknown:
-            raise ValueError(
-                f"The sensor {unknown[0]!r} is none of {list(cells)}; name columns of "
-                "X."
-            )
-    limits, rest = (
-        option.get(name) if isinstance(option, Mapping) else option
-        for option in (limits, rest)
-    )
-    if limits is not None:
-        pair = np.asarray(limits)
-        if pair.shape != (2,) or pair.dtype.kind not in "iuf" or not pair[0] < pair[1]:
-            raise ValueError(
-                f"limits={limits!r} must be the lowest and the highest value of the "
-                "sensor."
-            )
-        limits = tuple(pair.tolist())
+def by_sensor(option, sensors, name):
+    """Return the value of an option for each sensor, None where it has none."""
+    if not isinstance(option, Mapping):
+        return dict.fromkeys(sensors, option)
+    unknown = [key for key in option if key not in sensors]
+    if unknown:
+        raise ValueError(
+            f"{name} names the sensor {unknown[0]!r}, which is none of {[*sensors]}."
+        )
+    return {key: option.get(key) for key in sensors}
+
+
+def check_limits(limits):
+    """Return the lowest and the highest value of a sensor, None if not given."""
+    ends = np.asarray((-1, 1) if limits is None else limits)
+    if ends.shape != (2,) or ends.dtype.kind not in "iuf" or not ends[0] < ends[1]:
+        raise ValueError(
+            f"limits={limits!r} must be the lowest and the highest value of the sensor."
+        )
+    return None if limits is None else tuple(ends.tolist())
+
+
+def _check_rest(rest):
     if rest is not None and (not isinstance(rest, Integral) or rest < 1):
         raise ValueError(f"rest={rest!r} must be a number of samples, at least 1.")
-    return limits, rest
+    return rest
 
 
 class TrialRepair:
@@ -415,14 +417,14 @@ class TrialRepair:
             read = {name: read_faulty(c, name) for name, c in trial_columns(X).items()}
         else:
             read = {ALONE: (self._rows(X, reset=True), ((1,), None))}
+        limits = by_sensor(self.limits, read, "limits")
+        rest = by_sensor(self.rest, read, "rest")
         settings, usual = {}, {}
         for name, (cells, samples) in read.items():
             if all(cell is None for cell in cells):
-                where, mend = f"X[{name!r}]", "leave the sensor out"
-                if name == ALONE:
-                    where, mend = "X", "give one trial or more that has some"
-                raise ValueError(f"{where} holds no samples at all; {mend}.")
-            settings[name] = _settings_of(name, read, self.limits, self.rest)
+                where = "X" if name == ALONE else f"X[{name!r}]"
+                raise ValueError(f"{where} holds no samples at all; leave it out.")
+            settings[name] = check_limits(limits[name]), _check_rest(rest[name])
             usual[name] = usual_trials(cells, samples, *settings[name])
         if takes_trials:
             vars(self).pop("feature_names_in_", None)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import resample_poly
 
-from ..utils._sklearn import FloatArray
+from ..utils._sklearn import FloatArray, Interval, StrOptions, validate_params
 from ..utils._validation import has_no_samples
 from ._trials import UNITS, check_trials, has_time_index, seconds_of, typical_step
 
@@ -21,6 +21,14 @@ _MOST_IN_STEP = 300
 _LONGEST = 1000
 
 
+@validate_params(
+    {
+        "rate": [Interval(Real, 0, np.inf, closed="neither"), None],
+        "unit": [StrOptions({*UNITS})],
+        "longest_gap": [Interval(Real, 0, np.inf, closed="right"), None],
+    },
+    prefer_skip_nested_validation=True,
+)
 def resample_trials(
     trials: Sequence[ArrayLike],
     times: Sequence[ArrayLike] | str | None = None,
@@ -87,18 +95,6 @@ def resample_trials(
            [ 6.],
            [ 7.]])]
     """
-    if rate is not None and not (isinstance(rate, Real) and 0 < float(rate) < np.inf):
-        raise ValueError(
-            f"rate={rate!r} must be a positive number of samples a second, or None."
-        )
-    if longest_gap is not None and not (
-        isinstance(longest_gap, Real) and float(longest_gap) > 0
-    ):
-        raise ValueError(
-            f"longest_gap={longest_gap!r} must be a number of seconds above 0."
-        )
-    if unit not in UNITS:
-        raise ValueError(f"unit={unit!r} must be one of {list(UNITS)}.")
     pairs = _with_stamps(trials, times, unit)
     if rate is None:
         rate = _usual_rate([stamps for _, stamps in pairs if stamps is not None])
@@ -138,10 +134,7 @@ def _with_stamps(trials, times, unit):
         elif times is not None:
             name = f"The column {times!r} of trial {i}"
             if times not in getattr(trial, "columns", ()):
-                raise ValueError(
-                    f"Trial {i} has no column {times!r}; name the column of time "
-                    "stamps."
-                )
+                raise ValueError(f"Trial {i} has no column {times!r} of time stamps.")
             stamps = trial[times]
             trial = trial[[column for column in trial.columns if column != times]]
         elif has_time_index(trial):
@@ -164,10 +157,7 @@ def _with_stamps(trials, times, unit):
 def _usual_rate(stamps):
     steps = [typical_step(each) for each in stamps if len(each) > 1]
     if not steps:
-        raise ValueError(
-            "No trial has two samples, whose time stamps would tell a rate; give the "
-            "rate."
-        )
+        raise ValueError("No trial has two samples, to tell a rate; give the rate.")
     return 1 / np.median(steps)
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from ..utils._sklearn import FloatArray, Names, one_blas_thread
+from ..utils._validation import check_regular
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -95,11 +96,6 @@ class Sequences(Sequence[FloatArray]):
         lengths: Sequence[int] | None = None,
         unit: str = "time samples",
     ) -> None:
-        if isinstance(trials, (str, Mapping)) or not hasattr(trials, "__len__"):
-            raise ValueError(
-                f"trials is a {type(trials).__name__}; give a list with one array per "
-                "trial."
-            )
         self.feature_names = np.asarray(feature_names, dtype=object)
         if self.feature_names.ndim != 1:
             raise ValueError(
@@ -115,8 +111,7 @@ class Sequences(Sequence[FloatArray]):
         for name, entries in (("lengths", self.lengths), ("row_index", row_index)):
             if entries is not None and len(entries) != len(self):
                 raise ValueError(
-                    f"{name} has {len(entries)} entries, but there are {len(self)} "
-                    "trials; give one entry per trial."
+                    f"{name} has {len(entries)} entries for {len(self)} trials."
                 )
 
     def __len__(self) -> int:
@@ -156,12 +151,7 @@ def row_index(X):
 
 def _check_arrays(trials, n_columns):
     """Return trials as arrays of one floating-point data type."""
-    try:
-        arrays = [np.asarray(trial) for trial in trials]
-    except ValueError as error:
-        raise ValueError(
-            f"trials holds rows of unequal length; mend them ({error})."
-        ) from error
+    arrays = [check_regular(trial, f"Trial {i}") for i, trial in enumerate(trials)]
     for i, array in enumerate(arrays):
         if array.ndim != 2 or array.shape[1] != n_columns:
             raise ValueError(
@@ -170,8 +160,7 @@ def _check_arrays(trials, n_columns):
             )
         if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
             raise ValueError(
-                f"Trial {i} holds values that are not finite real numbers; convert, "
-                "impute or remove them."
+                f"Trial {i} holds values that are not finite real numbers; mend them."
             )
     single = all(array.dtype == np.float32 for array in arrays)
     dtype = np.float32 if single else np.float64

@@ -203,10 +203,7 @@ def trial_columns(X, names=None):
     `names` are those to return; by default all columns that hold trials.
     """
     if hasattr(X, "to_series"):
-        raise ValueError(
-            "X is a frame of polars, whose cells hold no arrays; give trials in a "
-            "DataFrame of pandas."
-        )
+        raise ValueError("X is a frame of polars; give a DataFrame of pandas.")
     if not hasattr(X, "columns"):
         if names not in (None, [ALONE]):
             raise ValueError(
@@ -366,8 +363,7 @@ def _check_trial(trial, name, ndims, finite):
             trial = trial.astype(np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(
-            f"{name} is not an array of numbers ({error}); give each trial as an array "
-            "of shape (n_times, n_channels)."
+            f"{name} is not an array of numbers ({error}); convert it."
         ) from error
     if trial.ndim == 1 and 2 in ndims:
         trial = trial[:, None]
@@ -376,18 +372,13 @@ def _check_trial(trial, name, ndims, finite):
             {2: "(n_times, n_channels)", 3: "(n_times, height, width)"}[n]
             for n in ndims
         )
-        images = trial.ndim == 3  # of a sensor whose channels are expected
-        mend = (
-            "; make one channel of each pixel by reshape(len(trial), -1), or describe "
-            "the sensor of a whole model as TaxelGrid()"
-        ) * images
-        raise ValueError(f"{name} has shape {trial.shape}; it must be {wanted}{mend}.")
+        raise ValueError(
+            f"{name} has shape {trial.shape}; it must be {wanted}. For images describe "
+            "the sensor as TaxelGrid(), or use reshape(len(trial), -1)."
+        )
     _check_length(name, len(trial))
     if trial.size == 0:
-        raise ValueError(
-            f"{name} has shape {trial.shape}, which holds no values; give each trial "
-            "one channel or more."
-        )
+        raise ValueError(f"{name} has shape {trial.shape}, which holds no values.")
     known = np.isfinite(trial)
     if known.all():
         return trial
