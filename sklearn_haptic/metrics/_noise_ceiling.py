@@ -14,10 +14,13 @@ from ..ratings._checks import check_ratings, refuse, refuse_shares
 from ..ratings._continuous import check_answers, half_mean_difference
 from ..ratings._distributions import shares
 from ..utils._sklearn import validate_params
-from ._proper_scores import crps, log_score, ranked_probability_score
+from ._proper_scores import (
+    PROPER_SCORES,
+    crps,
+    log_score,
+    ranked_probability_score,
+)
 from ._score import summarise
-
-PROPER_SCORES = (ranked_probability_score, crps, log_score)
 
 
 @validate_params(

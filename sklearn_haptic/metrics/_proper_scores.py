@@ -224,3 +224,6 @@ def log_score(
     counts, proba, _ = check_distributions(y_true, y_proba, levels)
     scores = -xlogy(shares(counts), proba).sum(axis=1)
     return summarise(scores + 0.0, sample_weight, average)  # -0.0 becomes 0.0
+
+
+PROPER_SCORES = (ranked_probability_score, crps, log_score)

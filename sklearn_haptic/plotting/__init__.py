@@ -6,7 +6,7 @@ All raise an ImportError if matplotlib is not installed.
 from ._atoms import AtomsDisplay
 from ._calibration import PITHistogramDisplay, ReliabilityDisplay
 from ._contributions import SensorContributionsDisplay
-from ._one_object import DistributionDisplay, InverseCDFDisplay
+from ._predicted_distributions import DistributionDisplay, InverseCDFDisplay
 from ._ratings import (
     AdjectiveCorrelationDisplay,
     InterraterAgreementDisplay,

@@ -17,7 +17,7 @@ from ..metrics import (
     noise_ceiling,
     ranked_probability_score,
 )
-from ..metrics._noise_ceiling import PROPER_SCORES
+from ..metrics._proper_scores import PROPER_SCORES
 from ..model_selection._contributions import FULL_MODEL
 
 _CELL = ["adjective", "procedure"]

@@ -3,10 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from sklearn.model_selection import GroupKFold
 from sklearn.utils import check_random_state
 
-from ..utils._folds import validation_split
+from ..utils._folds import ObjectKFold, validation_split
 
 _SHARE_OF_TEST = 0.1  # of the objects, in the paper's split
 
@@ -69,7 +68,7 @@ def split_objects(objects, split, *, n_splits, n_repeats, seed):
     if split == "paper":
         outer = [validation_split(len(objects), objects, _SHARE_OF_TEST, rng)]
     else:
-        kfold = GroupKFold(n_splits, shuffle=True, random_state=rng)
+        kfold = ObjectKFold(n_splits, shuffle=True, random_state=rng)
         outer = [
             fold
             for _ in range(n_repeats)

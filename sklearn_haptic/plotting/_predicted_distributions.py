@@ -246,12 +246,10 @@ class InverseCDFDisplay(_OneObjectDisplay):
         return cls(counts, [], levels=levels, scores=np.empty(0)).plot(ax)
 
     def _draw(self, ax):
-        from matplotlib import colormaps
-
         n_trials = len(self.steps)
         offset = min(_OFFSET, _MAX_OFFSET / max(n_trials, 1))
         offsets = offset * (np.arange(n_trials) - (n_trials - 1) / 2)
-        colours = colormaps["viridis"](np.linspace(0, 0.85, n_trials))
+        colours = colours_of(n_trials)
         self.true_line_ = ax.stairs(
             *_steps(self.counts),
             baseline=None,
