@@ -17,7 +17,7 @@ from ..ratings._levels import in_named_order
 from ..utils._sklearn import Trials, _safe_indexing
 from ..utils._validation import check_regular
 from ._display import Display
-from ._style import BLUE, legend_beside
+from ._style import BLUE, colours_of, legend_beside
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
