@@ -393,8 +393,7 @@ def _check_groups(groups, counts):
     names, objects = np.unique(check_groups(groups, counts), return_inverse=True)
     if len(names) == 1:
         raise ValueError(
-            "groups has one object, but the effect of chance shows only over several; "
-            "leave groups out, or give trials of at least two objects."
+            "groups has one object; leave groups out, or give two or more."
         )
     return objects
 

@@ -59,10 +59,7 @@ class Display:
         """
         cell = self.ax_.get_subplotspec()
         if cell is None:
-            raise ValueError(
-                f"ax is on no grid, so {type(self).__name__} cannot divide it into "
-                "panels; make it with matplotlib.pyplot.subplots."
-            )
+            raise ValueError("ax is on no grid; make it by matplotlib.pyplot.subplots.")
         self.ax_.set_axis_off()
         shared = {name: options.pop(name, False) for name in ("sharex", "sharey")}
         return cell.subgridspec(*shape, **options).subplots(squeeze=False, **shared)

@@ -466,16 +466,11 @@ def _counts_of_objects(
     tables = {name: table for name, (table, _) in checked.items()}
     first_name, (first_table, levels_of_all) = next(iter(checked.items()))
     for name, (table, its_levels) in checked.items():
-        if table.shape != first_table.shape:
+        same_levels = its_levels.tolist() == levels_of_all.tolist()
+        if not same_levels or table.shape != first_table.shape:
             raise ValueError(
-                f"{called[name]} has shape {table.shape}, but {called[first_name]} has "
-                f"{first_table.shape}; give the same rows and levels for each."
-            )
-        if its_levels.tolist() != levels_of_all.tolist():
-            raise ValueError(
-                f"{called[name]} has the levels {its_levels.tolist()}, but "
-                f"{called[first_name]} has {levels_of_all.tolist()}; give the same "
-                "levels for each."
+                f"{called[name]} has other rows or levels than {called[first_name]}; "
+                "give the same for each."
             )
     if objects is None:
         return tables, [*map(str, range(len(first_table)))], levels_of_all
@@ -487,9 +482,8 @@ def _counts_of_objects(
         if differs.any():
             row = int(np.argmax(differs))
             raise ValueError(
-                f"{called[name]} has other counts in row {row} than in row "
-                f"{first[which[row]]}, both of the object {objects[row].item()!r}; "
-                "give all rows of an object the same counts."
+                f"{called[name]} has other counts in row {row} than in another of the "
+                f"object {objects[row].item()!r}; give all its rows the same."
             )
     rows = np.sort(first)
     labels = [*map(str, objects[rows])]

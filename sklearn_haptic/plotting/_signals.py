@@ -119,12 +119,8 @@ class SignalsDisplay(Display):
         """
         titles, trials = _named_trials(X)
         sensors = list(trials[0])
-        for i, trial in enumerate(trials):
-            if set(trial) != set(sensors):
-                raise ValueError(
-                    f"Trial {i} of X has the sensors {list(trial)}, but {sensors} are "
-                    "expected, as in the first trial; give all the same."
-                )
+        if any(set(trial) != set(sensors) for trial in trials):
+            raise ValueError("X has trials of different sensors; give all the same.")
         return cls(
             {s: _check_signals(s, [trial[s] for trial in trials]) for s in sensors},
             titles=titles,
@@ -210,17 +206,12 @@ def _named_trials(X):
     else:
         pairs = list(X.items()) if hasattr(X, "items") else [("", X)]
         nested = {hasattr(trial, "items") for _, trial in pairs}
-        if nested == {True, False}:
-            raise ValueError(
-                "X holds trials of several sensors beside signals of one; name the "
-                "sensors of all."
-            )
-        if nested == {False}:
+        if True not in nested:
             pairs = [("", dict(pairs))]
+        elif False in nested:
+            raise ValueError("X has trials beside signals; name the sensors of all.")
     if not pairs or not all(len(trial) for _, trial in pairs):
-        raise ValueError(
-            "X holds no signals; give it one trial and one sensor or more."
-        )
+        raise ValueError("X holds no signals; give one trial and sensor or more.")
     return [str(name) for name, _ in pairs], [dict(trial) for _, trial in pairs]
 
 
@@ -235,8 +226,7 @@ def _rate_of(sensor, sampling_rate):
         rate = (SAMPLING_RATES | dict(rate or {})).get(sensor)
         if rate is None:
             raise ValueError(
-                f"sampling_rate of the sensor {sensor!r} is unknown; give it in "
-                "samples per second."
+                f"sampling_rate of the sensor {sensor!r} is unknown; give it in Hz."
             )
     return check_rate(rate)
 

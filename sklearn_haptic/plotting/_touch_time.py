@@ -247,14 +247,10 @@ def _check_seconds(seconds, proba):
 
 def _check_index(index, name, shape):
     index = np.asarray(index)
-    if index.dtype.kind not in "iu" or index.shape[-1:] != shape[:1] or index.ndim > 2:
+    whole = index.dtype.kind in "iu" and index.shape[-1:] == shape[:1]
+    if not whole or index.ndim > 2 or not np.isin(index, range(shape[1])).all():
         raise ValueError(
-            f"stopped[{name!r}] has shape {index.shape} and type {index.dtype}; give "
-            "the index of a duration per trial, as stop_at returns it."
-        )
-    if index.min() < 0 or index.max() >= shape[1]:
-        raise ValueError(
-            f"stopped[{name!r}] holds indices outside 0 to {shape[1] - 1}; they count "
-            "the durations in seconds."
+            f"stopped[{name!r}] must have the index of a duration per trial, from 0 to "
+            f"{shape[1] - 1}, as stop_at returns it."
         )
     return index
