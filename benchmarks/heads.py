@@ -38,16 +38,13 @@ LEVELS = "mean", "std", "max", "min", "slope", "change"
 RIDGE = RidgeClassifierCV(np.logspace(-1, 5, 13))
 
 
-def maxima(sensors=SENSORS, factor=1.0):
-    """Maxima of codes over dictionaries of some multiple of the presets' sizes.
-
-    Such features the paper has. Here the dictionaries are learned in five iterations.
-    """
+def maxima(sensors=SENSORS):
+    """Maxima of codes, as in the paper, over dictionaries of five iterations."""
     parts = []
     for sensor in sensors:
         features = make_haptic_pipeline([sensor], random_state=0)[0]
         coder = features.transformers[0][1]["codes"][0]
-        coder.set_params(n_atoms=int(factor * coder.n_atoms), max_iter=5)
+        coder.set_params(max_iter=5)
         parts.append((sensor, make_pipeline(coder, TemporalMaxPool((4, 2, 1))), sensor))
     return ColumnTransformer(parts)
 

@@ -3,29 +3,17 @@
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/streams.py PART \
         [FOLDER] [--quick]
 
-PART is one of
-
 hold, squeeze, slow_slide  The RPS at each duration, of three adjectives on 24 generated
           objects, with models fitted to 48 others; one to two minutes.
 slides    The share of errors of twenty materials on later runs of slides (FOLDER); two
-          minutes. Below are, for these four, dispersion and the outer tenths of the PIT
-          histogram at each duration, and mean seconds and loss of rules of stopping.
+          minutes. For ratings there are also dispersions, and for all of these mean
+          seconds and loss of rules of stopping.
 early     The same by features of the presets, by statistics in 32 bands, and beside
           early classifiers of aeon, TEASER and a threshold on probability, in the first
           six seconds of slides (FOLDER); aeon classifies by MiniRocket features of all
           44 channels at 100 Hz, and rules of this package are shown on the same
           predictions. Learned from runs 1 to 10, tested on 11 to 15. Five minutes;
           needs the extra `aeon`.
-halves    Why half of a slow slide costs something: the loss by the first two seconds,
-          the next two, and all four, by models that share more or less with their
-          neighbours, beside the loss out of fold on the training objects; two minutes.
-short     Touches with fewer windows than cells, from pressure and temperature cut into
-          stretches at random and pooled into 16, 8, 4, 2 and 1 cells: what a cell holds
-          if it is the window in which the cell begins; the one or two windows that it
-          covers in part; the window at its middle and the two beside it (the
-          package's); every window; zeros where no window begins; or if levels of more
-          cells than the shortest training touch has windows are dropped. Accuracy of
-          twenty materials (FOLDER) and RPS of generated fast slides; four minutes.
 
 ``--quick`` takes fewer objects or durations.
 """
@@ -37,16 +25,9 @@ from tempfile import TemporaryDirectory
 
 import data
 import numpy as np
-import pandas as pd
 from data import RATES
-from heads import RIDGE, linear, minirocket
-from measure import (
-    command,
-    head,
-    of_groups,
-    plus_minus,
-    row,
-)
+from heads import minirocket
+from measure import command, head, of_groups, plus_minus, row
 from sklearn.base import clone
 from sklearn.compose import make_column_transformer
 from sklearn.decomposition import PCA
@@ -55,27 +36,18 @@ from sklearn.model_selection import GroupKFold, cross_val_predict
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic import (
-    AnytimeRegressor,
-    KSVDTransformer,
-    SignalStatistics,
-    TemporalMaxPool,
-    make_haptic_pipeline,
-)
+from sklearn_haptic import AnytimeRegressor, SignalStatistics, make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.metrics import dispersion, pit_histogram, ranked_probability_score
+from sklearn_haptic.metrics import dispersion, ranked_probability_score
 from sklearn_haptic.streaming import CertaintyThreshold, ExpectedGain
 
 DURATIONS = [0.1, 0.25, 0.5, 1, 2, 4, 8]
 LONGEST = {"hold": 8, "squeeze": 4, "slow_slide": 4}
 ADJECTIVES = "hard", "cold", "slippery"
 CLASSIFIER = LogisticRegression(C=0.1, max_iter=500)
-RULES = {f"probability {t:g}": CertaintyThreshold(t) for t in (0.3, 0.5, 0.7, 0.8)}
-RULES |= {f"probability {t:g}": CertaintyThreshold(t) for t in (0.9, 0.97)}
-RULES |= {
-    f"expected gain, price {p:g}": ExpectedGain(p)
-    for p in (0.1, 0.03, 0.01, 0.003, 0.001)
-}
+THRESHOLDS, PRICES = (0.3, 0.5, 0.7, 0.8, 0.9, 0.97), (0.1, 0.03, 0.01, 0.003, 0.001)
+RULES = {f"probability {t:g}": CertaintyThreshold(t) for t in THRESHOLDS}
+RULES |= {f"expected gain, price {p:g}": ExpectedGain(p) for p in PRICES}
 
 
 def pipeline(model=None):
@@ -128,8 +100,6 @@ def curve(touches, targets, groups, train, durations, model, cv):
         if y.ndim == 2:
             at_each = list(proba.swapaxes(0, 1))
             row("dispersion", *(f"{dispersion(y[~train], p):.2f}" for p in at_each))
-            pit = np.array([pit_histogram(y[~train], p) for p in at_each])
-            row("PIT, outer tenths", *(f"{p[0]:.2f}, {p[-1]:.2f}" for p in pit))
         total = total + loss / len(targets)
         path = np.where(reached[..., None], proba, np.nan)
         for label, rule in RULES.items():
@@ -160,38 +130,6 @@ def slides(folder, quick):
     durations = [0.5, 1] if quick else [*DURATIONS[:-1], 7.5]
     trials, model = data.by_sensor(frames), pipeline(CLASSIFIER)
     curve(trials, {"material": material}, run, run <= 10, durations, model, 5)
-
-
-def halves(quick):
-    corpus, train = generated("slow_slide", quick)
-    head("touch", "seconds", "loss", "out of fold", "2 s to the longest")
-    cases = [("0–2 s", 0, 2, 0), ("2–4 s", 2, 4, 0)]
-    cases += [(f"0–4 s, sharing {x}", 0, 4, x) for x in (0, 0.5, 1)]
-    for name, start, end, sharing in cases:
-        cut = {
-            s: [x[start * r : end * r] for x in corpus.trials[s]]
-            for s, r in RATES.items()
-        }
-        cut = pd.DataFrame(cut)
-        durations = [d for d in (1, 2, 4) if d <= end - start]
-        model = AnytimeRegressor(
-            pipeline(),
-            durations=durations,
-            sampling_rates=RATES,
-            cv=3,
-            sharing=sharing,
-        )
-        loss = inner = 0
-        for adjective in ADJECTIVES:
-            y = corpus.ratings[adjective]
-            model.fit(cut[train], y[train], groups=corpus.objects[train])
-            proba = model.predict_proba_over_time(cut[~train], durations)
-            loss = loss + loss_of(y[~train], proba, None) / 3
-            inner = inner + loss_of(y[train], model.oof_proba_, None).mean(axis=0) / 3
-        gain = of_groups(loss[:, 1] - loss[:, -1], corpus.objects[~train])
-        for k, seconds in list(enumerate(durations))[1:]:
-            means = f"{loss[:, k].mean():.3f}", f"{inner[k]:.3f}"
-            row(name, seconds, *means, plus_minus(gain))
 
 
 # Beside early classifiers -------------------------------------------------------------
@@ -253,7 +191,7 @@ def early(folder, quick):
 
         fitted = ProbabilityThresholdEarlyClassifier(rockets, **options)
         fitted.fit(X[train], y[train])
-        for threshold in (0.3, 0.5, 0.7, 0.8, 0.9, 0.97):
+        for threshold in THRESHOLDS:
             fitted.probability_threshold = threshold
             show_peer(f"probability {threshold:g}", fitted)
         path, oof = [], []
@@ -271,121 +209,20 @@ def early(folder, quick):
         show_peer("TEASER", TEASER(rockets, **options).fit(X[train], y[train]))
 
 
-# Short touches ------------------------------------------------------------------------
-
-CELLS = (16, 8, 4, 2, 1)
-ATOMS = {"pdc": 25, "tac": 25, "tdc": 10}
-# Seconds of training and of test touches.
-STRETCHES = {
-    "whole, test 1": ((99, 99), (1, 1)),
-    "1": ((1, 1), (1, 1)),
-    "2, test 0.6": ((2, 2), (0.6, 0.6)),
-    "1.2 to 3.5": ((1.2, 3.5), (1.2, 3.5)),
-    "whole": ((99, 99), (99, 99)),
-}
-
-
-def level(codes, n_cells, rule):
-    """The features of a level of the pyramid."""
-    n_times, cell = len(codes), np.arange(n_cells)
-    if n_cells <= n_times or rule in ("beside", "dropped"):
-        return TemporalMaxPool((n_cells,)).fit_transform([codes]).ravel()
-    first = cell * n_times // n_cells
-    if rule == "begin":
-        return codes[first].ravel()
-    if rule == "covered":
-        last = -(-(cell + 1) * n_times // n_cells) - 1
-        return np.maximum(codes[first], codes[last]).ravel()
-    if rule == "all":
-        return np.tile(codes.max(axis=0), (n_cells, 1)).ravel()
-    out = np.zeros((n_cells, codes.shape[1]))  # zeros
-    out[-(-np.arange(n_times) * n_cells // n_times)] = codes
-    return out.ravel()
-
-
-def pool(codes, rule, train):
-    """Features of all touches of a sensor."""
-    shortest = min(len(codes[i]) for i in train)
-    cells = [n for n in CELLS if rule != "dropped" or n <= shortest]
-    return np.array(
-        [np.concatenate([level(each, n, rule) for n in cells]) for each in codes]
-    )
-
-
-def scores(trials, folds, score, seconds):
-    """The score of every rule, one row per fold."""
-    table = []
-    for fold, (train, test) in enumerate(folds):
-        rng = np.random.default_rng(fold)
-        frames = rng.uniform(*seconds[1], len(trials))
-        frames[train] = rng.uniform(*seconds[0], len(train))
-        frames, places = (100 * frames).astype(int), rng.uniform(size=len(trials))
-        codes = []
-        for sensor, n_atoms in ATOMS.items():
-            cut = []
-            for trial, n, place in zip(trials[sensor], frames, places):
-                start = int(place * max(0, len(trial) - n))
-                cut.append(np.asarray(trial[start : start + n], dtype=float))
-            coder = KSVDTransformer(
-                n_atoms, window=50, remove_mean=False, max_iter=20, random_state=0
-            )
-            coder.fit([cut[i] for i in train])
-            codes.append(list(coder.transform(cut)))
-        rules = "begin", "covered", "beside", "all", "zeros", "dropped"
-        features = [np.hstack([pool(c, rule, train) for c in codes]) for rule in rules]
-        table.append([score(X, train, test) for X in features])
-    return np.mean(table, axis=0)
-
-
-def short(folder, quick):
-    """Print a row for each length of touches."""
-    frames, material, run = data.slide_frames(folder, dtype=float)
-    blocks = [(run - 1) // 5 == b for b in range(1 if quick else 3)]
-    folds = [(np.flatnonzero(~b), np.flatnonzero(b)) for b in blocks]
-
-    def accuracy(X, train, test):
-        model = make_pipeline(StandardScaler(), RIDGE)
-        return model.fit(X[train], material[train]).score(X[test], material[test])
-
-    corpus = make_haptic_corpus(40, 4, "fast_slide", sensors=[*ATOMS], random_state=0)
-    by_object = list(GroupKFold(4).split(corpus.objects, groups=corpus.objects))
-
-    def rps(X, train, test):
-        model, found = make_pipeline(StandardScaler(), linear()), []
-        for adjective in ("hard", "rough", "cold"):
-            y = corpus.ratings[adjective]
-            proba = model.fit(X[train], y[train]).predict_proba(X[test])
-            found.append(ranked_probability_score(y[test], proba))
-        return np.mean(found)
-
-    lengths = list(STRETCHES)
-    rules = "begin", "covered", "beside", "all", "zeros", "dropped"
-    head("touches", "seconds", *rules)
-    for name, trials, splits, score, used in [
-        ("slides, accuracy", data.by_sensor(frames), folds, accuracy, lengths[:-1]),
-        ("generated, RPS", corpus.trials, by_object, rps, lengths[2:]),
-    ]:
-        for length in used[:1] if quick else used:
-            means = scores(trials, splits, score, STRETCHES[length])
-            row(name, length, *(f"{mean:.3f}" for mean in means))
-
-
 def main():
-    of_folder = {"slides": slides, "early": early, "short": short}
     parser = command(__doc__)
-    parser.add_argument("part", choices=[*LONGEST, *of_folder, "halves"])
+    parser.add_argument("part", choices=[*LONGEST, "slides", "early"])
     parser.add_argument("folder", type=Path, nargs="?")
     parser.add_argument("--quick", action="store_true")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")  # of aeon
-    if arguments.part in of_folder:
-        if arguments.folder is None:
-            sys.exit("Name the folder of data sets.")
-        of_folder[arguments.part](arguments.folder, arguments.quick)
-    elif arguments.part == "halves":
-        halves(arguments.quick)
-    else:
+    if arguments.part in LONGEST:
         procedure(arguments.part, arguments.quick)
+    elif arguments.folder is None:
+        sys.exit("Name the folder of data sets.")
+    else:
+        part = {"slides": slides, "early": early}[arguments.part]
+        part(arguments.folder, arguments.quick)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ TABLE is one of
 time      Seconds by the clock of one process, as the records of the study have them:
           run nothing else beside. Hold, five sensors, ten trials per object, the
           paper's split, its grid and ten starts, 15 to 60 objects; some minutes.
-patience  The same study with the default stopping and the paper's patience.
 choices   One setting at a time changed from the defaults to the paper's protocol, and
           back: two corpora of 20 objects and 5 trials, Fast Slide, *hard*, three
           sensors, networks of five units, three penalties; three folds keep objects
@@ -52,57 +51,34 @@ def stopping(patience, max_iter):
     return DistributionalOrdinalRegressor(network)
 
 
-def timed_study(n_objects, **settings):
-    """Return the results of a study of Hold, and the seconds of each unit."""
+def seconds_of(n_objects, protocol):
+    """Mean seconds of the units of a study of Hold: of features, and of models."""
     with TemporaryDirectory() as folder:
-        study = run_study(
+        run_study(
             partial(make_haptic_corpus, n_objects, 10, random_state=0),
             folder,
+            protocol=protocol,
             adjectives=ADJECTIVES,
             procedures=["hold"],
             split="paper",
             verbose=False,
-            **settings,
         )
-        units = [("features", "hold", sensor) for sensor in SENSORS]
-        units += [("models", "hold", adjective, 0) for adjective in ADJECTIVES]
-        seconds = {unit: read_record(Path(folder), unit)["seconds"] for unit in units}
-    return study, seconds
+        features = [("features", "hold", sensor) for sensor in SENSORS]
+        models = [("models", "hold", adjective, 0) for adjective in ADJECTIVES]
+        return [
+            np.mean([read_record(Path(folder), unit)["seconds"] for unit in units])
+            for units in (features, models)
+        ]
 
 
 def time(quick):
     """Time the units of several numbers of objects, means of two adjectives."""
     units = "a dictionary and its features", "all models of a fold"
-    head("objects", *units, *(f"the paper's: {unit}" for unit in units))
+    protocols = ("default",) if quick else ("default", "paper")
+    head("objects", *(f"{protocol}: {u}" for protocol in protocols for u in units))
     for n_objects in (15,) if quick else (15, 30, 60):
-        cells = []
-        for protocol in ("default",) if quick else ("default", "paper"):
-            _, seconds = timed_study(n_objects, protocol=protocol)
-            for kind in ("features", "models"):
-                taken = [each for unit, each in seconds.items() if unit[0] == kind]
-                cells.append(f"{np.mean(taken):.1f}")
-        row(n_objects, *cells)
-
-
-def patience(quick):
-    """Compare the default stopping with the paper's patience, on the same features."""
-    limits = (30, 200), (150, 500)
-    cells = [f"{name}, {a} of {b}" for name in ("MAE^M", "seconds") for a, b in limits]
-    head("objects", "adjective", "networks chosen otherwise", *cells)
-    for n_objects in (15,) if quick else (15, 60):
-        studies = [timed_study(n_objects, regressor=stopping(*of)) for of in limits]
-        for adjective in ADJECTIVES:
-            chosen, errors, times = [], [], []
-            for study, seconds in studies:
-                choices = study.choices.query("adjective == @adjective")
-                chosen.append(choices[["n_hidden", "alpha"]].to_numpy())
-                full = study.scores.query(
-                    "adjective == @adjective and held_out == 'none'"
-                )
-                errors.append(f"{full['macro_mae'].mean():.3f}")
-                times.append(f"{seconds['models', 'hold', adjective, 0]:.0f}")
-            others = (chosen[0] != chosen[1]).any(axis=1).sum()
-            row(n_objects, adjective, f"{others} of {len(chosen[0])}", *errors, *times)
+        found = [s for name in protocols for s in seconds_of(n_objects, name)]
+        row(n_objects, *(f"{seconds:.1f}" for seconds in found))
 
 
 # The paper's settings -----------------------------------------------------------------
@@ -205,7 +181,7 @@ def choices(quick):
 
 
 def main():
-    tables = {"time": time, "patience": patience, "choices": choices}
+    tables = {"time": time, "choices": choices}
     parser = command(__doc__)
     parser.add_argument("table", choices=tables)
     parser.add_argument("--quick", action="store_true")
