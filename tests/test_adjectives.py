@@ -244,7 +244,7 @@ def test_without_positions():
 def test_a_combined_network_without_units_to_share():
     X, counts, _ = touches()
     fusion = SensorFusionNNPOM({"pac": [0]}, final_estimator=NNPOM(0))
-    with pytest.raises(ValueError, match="final_estimator has n_hidden=0, which leav"):
+    with pytest.raises(ValueError, match="a final_estimator with n_hidden=0 cannot"):
         DistributionalOrdinalRegressor(fusion).fit(X, counts)
 
 

@@ -324,7 +324,9 @@ def test_a_frozen_network_of_other_columns():
     X, counts, _ = touches()
     narrow = DistributionalOrdinalRegressor(NNPOM(2)).fit(X[:, :2], counts).estimator_
     model = SensorFusionNNPOM({"pac": [0, 1, 2]}, {"pac": FrozenEstimator(narrow)})
-    with pytest.raises(ValueError, match=r"has 3 inputs, but 4 .* position among them"):
+    with pytest.raises(
+        ValueError, match=r"has n_features_in_=3, but 4 .* position last"
+    ):
         DistributionalOrdinalRegressor(model).fit(X, counts)
 
 

@@ -39,7 +39,6 @@ from ..utils._validation import (
     check_table,
     check_weights,
 )
-from ._frozen import check_frozen, unfrozen
 from ._nnpom import NNPOM, fit_linear_networks
 from ._observations import relative_weights
 from ._ordinal import OrdinalClassifierMixin
@@ -54,10 +53,12 @@ from ._quantile_positions import (
     training_observations,
 )
 from ._shared_features import (
+    check_frozen,
     has_latent_response,
     hold_out_trials,
     seed_estimator,
     share_features,
+    unfrozen,
 )
 
 

@@ -33,11 +33,10 @@ from ..utils._sklearn import (
     with_callbacks,
 )
 from ..utils._validation import FLOATS, check_groups, check_table, check_weights
-from ._frozen import check_frozen, unfrozen
 from ._nnpom import NNPOM
 from ._observations import single_ratings
 from ._ordinal import OrdinalClassifierMixin
-from ._shared_features import hold_out_trials
+from ._shared_features import check_frozen, hold_out_trials, refuse_adjectives, unfrozen
 
 _Network: TypeAlias = NNPOM | FrozenEstimator
 
@@ -89,27 +88,20 @@ def resolve_sensors(sensors, feature_names, n_features):
 
 def _resolve_columns(sensor, columns, feature_names, n_features):
     try:
-        if isinstance(columns, slice):
-            columns = np.arange(n_features)[columns]
-        columns = np.atleast_1d(columns)
-        if columns.size == 0:
-            columns = columns.astype(np.intp)
-        if columns.dtype.kind in "UO":
-            known = {} if feature_names is None else feature_names
-            index = {name: i for i, name in enumerate(known)}
-            columns = np.array([index[name] for name in columns], dtype=np.intp)
-        columns = np.arange(n_features)[columns]
+        if not isinstance(columns, slice):
+            columns = np.atleast_1d(columns)
+            if columns.dtype.kind in "UO":
+                known = () if feature_names is None else feature_names
+                index = {name: i for i, name in enumerate(known)}
+                columns = [index[name] for name in columns]
+        found = np.arange(n_features)[columns]
+        found[0]
     except (IndexError, KeyError) as error:
         raise ValueError(
-            f"sensors has columns for {sensor!r} that are not in X ({error}); name "
-            f"some of its {n_features} columns."
+            f"sensors has columns for {sensor!r} that are not in X ({error}), or none; "
+            f"name some of its {n_features} columns."
         ) from error
-    if len(columns) == 0:
-        raise ValueError(
-            f"sensors has no columns for {sensor!r}; name at least one column, or "
-            "leave the sensor out."
-        )
-    return columns
+    return found
 
 
 def n_units(network):
@@ -327,33 +319,29 @@ class SensorFusionNNPOM(
         self.final_network_ = unfrozen(final_network)
         self.levels_ = self.classes_ = levels
 
-        def of_sensor(columns):
-            return lambda X, positions: (X[:, columns], positions)
-
-        def of_all(X, positions):
+        def inputs_of(sensor, X, positions):
+            if sensor is not None:
+                return X[:, self.sensors_[sensor]], positions
             if positions is None:
-                return self._activations(X), None
+                return self._activations(X)[:, 0], None
             hidden = self._activations(X, positions.reshape(len(X), -1))
             return hidden.reshape(*positions.shape, -1), None
 
-        tasks = [
-            (f"fit network of {sensor}", network, of_sensor(self.sensors_[sensor]))
-            for sensor, network in networks.items()
-        ]
-        tasks.append(("fit combined network", final_network, of_all))
-        tasks = [task for task in tasks if not isinstance(task[1], FrozenEstimator)]
-        with fit_task(self, X, max_subtasks=len(tasks)) as task:
-            for name, network, inputs_of in tasks:
+        unfitted = {
+            sensor: network
+            for sensor, network in {**networks, None: final_network}.items()
+            if not isinstance(network, FrozenEstimator)
+        }
+        with fit_task(self, X, max_subtasks=len(unfitted)) as task:
+            for sensor, network in unfitted.items():
+                which = f"network of {sensor}" if sensor else "combined network"
+                train = *inputs_of(sensor, X, positions), level, weight
                 validating = None
                 if validation is not None and network.early_stopping:
-                    validating = (*inputs_of(*validation[:2]), *validation[2:])
-                with task.fit_of(name, network):
+                    validating = *inputs_of(sensor, *validation[:2]), *validation[2:]
+                with task.fit_of(f"fit {which}", network):
                     network.fit_with_positions(
-                        *inputs_of(X, positions),
-                        level,
-                        weight,
-                        levels=levels,
-                        validation=validating,
+                        *train, levels=levels, validation=validating
                     )
         self.thresholds_ = self.final_network_.thresholds_
         return self
@@ -391,11 +379,7 @@ class SensorFusionNNPOM(
                     f"but y has {rated}; fit it to the same adjectives."
                 )
         elif adjectives and final_network.n_hidden == 0:
-            raise ValueError(
-                "final_estimator has n_hidden=0, which leaves nothing that several "
-                "adjectives could share; set it to at least 1, or fit a model to each "
-                "adjective."
-            )
+            refuse_adjectives("final_estimator with n_hidden=0")
         if self.random_state is not None:
             rng = check_random_state(self.random_state)
             for network in (*networks.values(), final_network):
@@ -413,12 +397,13 @@ class SensorFusionNNPOM(
             )
         n_inputs = len(self.sensors_[sensor]) + self._has_position
         if isinstance(network, FrozenEstimator):
-            name = f"The network of sensor {sensor!r}"
             names = getattr(self, "feature_names_in_", None)
-            if names is not None:
-                names = names[self.sensors_[sensor]]
             check_frozen(
-                network, name, n_inputs, names=names, position=self._has_position
+                network,
+                f"The network of sensor {sensor!r}",
+                n_inputs,
+                names=None if names is None else names[self.sensors_[sensor]],
+                position=self._has_position,
             )
         if n_units(network) == 0:
             raise ValueError(
@@ -429,39 +414,33 @@ class SensorFusionNNPOM(
     def _stopping_early(self):
         # Frozen networks count, so that all models that share them train on the same
         # trials.
-        of_sensor = self.estimator
-        networks = of_sensor.values() if isinstance(of_sensor, dict) else [of_sensor]
-        return [
-            network
-            for network in (*networks, self.final_estimator)
-            if getattr(network, "early_stopping", False)
-        ]
+        given = self.estimator
+        networks = given.values() if isinstance(given, dict) else [given]
+        networks = *networks, self.final_estimator
+        return [each for each in networks if getattr(each, "early_stopping", False)]
 
     def validation_share(self) -> float:
         """Share of the trials that early stopping validates on.
 
         It is the largest of the networks that stop early, 0 if none does.
         """
-        fractions = [network.validation_fraction for network in self._stopping_early()]
-        return max(fractions, default=0.0)
+        return max((n.validation_fraction for n in self._stopping_early()), default=0.0)
 
     @one_blas_thread
     def _activations(self, X, positions=None):
         """Put the activations of all sensors side by side, 0 for the one held out."""
-        shape = (len(X),) if positions is None else (len(X), np.shape(positions)[-1])
-        parts = []
-        for sensor, columns in self.sensors_.items():
-            if sensor not in self.sensor_networks_:  # held out in fit
-                parts.append(np.zeros((*shape, self._n_hidden[sensor])))
-                continue
-            network, of_sensor = self.sensor_networks_[sensor], X[:, columns]
-            if positions is None:
-                parts.append(network.hidden_activations(of_sensor))
-            else:
-                parts.append(
-                    network.hidden_activations_with_positions(of_sensor, positions)
+        shape = len(X), 1 if positions is None else np.shape(positions)[-1]
+        return np.concatenate(
+            [
+                self.sensor_networks_[sensor].hidden_activations_with_positions(
+                    X[:, columns], positions
                 )
-        return np.concatenate(parts, axis=-1)
+                if sensor in self.sensor_networks_
+                else np.zeros((*shape, self._n_hidden[sensor]))
+                for sensor, columns in self.sensors_.items()
+            ],
+            axis=-1,
+        )
 
     def hidden_activations(self, X: ArrayLike) -> NDArray[np.float64]:
         """Activations of the hidden units of the sensors' networks.
@@ -477,9 +456,8 @@ class SensorFusionNNPOM(
         """
         check_is_fitted(self)
         X = check_table(self, X, dtype=FLOATS, reset=False)
-        if not self._has_position:
-            return self._activations(X)
-        return self._activations(X[:, :-1], X[:, -1:])[:, 0]
+        inputs = (X[:, :-1], X[:, -1:]) if self._has_position else (X,)
+        return self._activations(*inputs)[:, 0]
 
     def predict_latent(self, X: ArrayLike) -> NDArray[np.float64]:
         """Predict the latent response, which the thresholds cut into levels.

@@ -40,7 +40,7 @@ from ._observations import (
 )
 from ._ordinal import OrdinalClassifierMixin
 from ._proportional_odds import GAPS, thresholds_of_all_levels
-from ._shared_features import hold_out_trials
+from ._shared_features import hold_out_trials, refuse_adjectives
 from ._solvers import SOLVERS, Monitor, validation_error
 
 
@@ -318,18 +318,18 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         X, _, _, weight = train
         several = weight.ndim == 3
         if several and self.n_hidden == 0:
-            raise ValueError(
-                "n_hidden=0 leaves nothing that several adjectives could share; set it "
-                "to at least 1, or fit a model to each adjective."
-            )
+            refuse_adjectives("NNPOM with n_hidden=0")
         with fit_task(self, X, max_subtasks=self.max_iter) as task:
             if self.n_hidden == 0:
                 fit_linear_networks([self], *train[:1], [train[1:]], levels, task)
             else:
-                found = self._minimise(
-                    train, validation, len(levels), rng, task.on_iteration
+                self._take(
+                    *self._minimise(
+                        train, validation, len(levels), rng, task.on_iteration
+                    ),
+                    levels,
+                    several,
                 )
-                self._take(*found, levels, several)
         return self
 
     def _take(self, network, loss, loss_curve, n_iter, levels, several=False):
@@ -371,12 +371,16 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         def error_of(params):
             return validation_error(network_of(params), *validation)
 
-        monitor = Monitor(
-            None if validation is None else error_of,
-            self.n_iter_no_change,
-            on_iteration,
+        looked_at = None if validation is None else error_of
+        monitor = Monitor(looked_at, self.n_iter_no_change, on_iteration)
+        options = {"max_iter": self.max_iter, "tol": self.tol, "callback": monitor}
+        params, n_iter, converged = SOLVERS[self.solver](
+            loss, features.apply(start), **options
         )
-        params, n_iter = self._search(loss, features.apply(start), monitor)
+        if monitor.best_params is not None:
+            params = monitor.best_params
+        elif not converged:
+            self._warn_of_no_convergence(n_iter)
         return network_of(params), float(loss(params)[0]), monitor.costs, n_iter
 
     def _warn_of_no_convergence(self, n_iter):
@@ -386,19 +390,6 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
             ConvergenceWarning,
             stacklevel=4,
         )
-
-    def _search(self, loss, start, monitor):
-        """Return the parameters that cost least, or validate best, and the iterations.
-
-        A search that did not converge warns, unless validation chose the parameters.
-        """
-        options = {"max_iter": self.max_iter, "tol": self.tol, "callback": monitor}
-        params, n_iter, converged = SOLVERS[self.solver](loss, start, **options)
-        if monitor.best_params is not None:
-            return monitor.best_params, n_iter
-        if not converged:
-            self._warn_of_no_convergence(n_iter)
-        return params, n_iter
 
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
         """Predict the probability of each level.
@@ -414,10 +405,11 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
             learned, every prediction has a further axis for them behind that of the
             trials.
         """
-        return np.ascontiguousarray(self._probabilities(self._forward(X)[0])[:, 0])
+        proba = self.predict_proba_with_positions(self._checked(X), None)
+        return np.ascontiguousarray(proba[:, 0])
 
     def predict_proba_with_positions(
-        self, X: FloatArray, positions: FloatArray
+        self, X: FloatArray, positions: FloatArray | None
     ) -> NDArray[np.float64]:
         """Predict for each trial at each position, sharing the trial's features.
 
@@ -425,17 +417,18 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         ----------
         X : ndarray of shape (n_trials, n_features)
             Validated features, without the position.
-        positions : ndarray of shape (n_positions,)
-            The last feature.
+        positions : ndarray of shape (n_positions,), or None
+            The last feature, if it is a position.
 
         Returns
         -------
         proba : ndarray of shape (n_trials, n_positions, n_levels)
         """
-        return self._probabilities(self._apply(X, positions)[0])
+        latent = self._forward(X, positions)[0]
+        return self._of_adjectives(self._network.probabilities(latent), -2)
 
     def predict_latent_with_positions(
-        self, X: FloatArray, positions: FloatArray
+        self, X: FloatArray, positions: FloatArray | None
     ) -> NDArray[np.float64]:
         """Predict the latent response of each trial at each position.
 
@@ -443,15 +436,15 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         ----------
         X : ndarray of shape (n_trials, n_features)
             Validated features, without the position.
-        positions : ndarray of shape (n_positions,)
-            The last feature.
+        positions : ndarray of shape (n_positions,), or None
+            The last feature, if it is a position.
 
         Returns
         -------
         latent : ndarray of shape (n_trials, n_positions)
             The response that `thresholds_` divide into levels.
         """
-        return self._of_adjectives(self._apply(X, positions)[0], -1)
+        return self._of_adjectives(self._forward(X, positions)[0], -1)
 
     def validation_share(self) -> float:
         """Share of the trials that early stopping validates on, 0 without it."""
@@ -475,7 +468,7 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         hidden : ndarray of shape (n_trials, n_positions, n_hidden)
             Values in [0, 1].
         """
-        return self._apply(X, positions)[1]
+        return self._forward(X, positions)[1]
 
     def predict_latent(self, X: ArrayLike) -> NDArray[np.float64]:
         """Predict the latent response f, which the thresholds divide into levels.
@@ -488,7 +481,7 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         -------
         latent : ndarray of shape (n_trials,)
         """
-        return self._of_adjectives(self._forward(X)[0], -1)[:, 0]
+        return self.predict_latent_with_positions(self._checked(X), None)[:, 0]
 
     def hidden_activations(self, X: ArrayLike) -> NDArray[np.float64]:
         """Return the activations of the hidden units, the network's own features.
@@ -502,20 +495,16 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         hidden : ndarray of shape (n_trials, n_hidden)
             Values in [0, 1]; no columns for the linear model.
         """
-        return self._forward(X)[1][:, 0]
+        return self._forward(self._checked(X), None)[1][:, 0]
 
-    def _forward(self, X):
+    def _checked(self, X):
         check_is_fitted(self)
-        X = check_table(self, X, dtype=FLOATS, reset=False)
-        return self._apply(X, None)
+        return check_table(self, X, dtype=FLOATS, reset=False)
 
     @one_blas_thread
-    def _apply(self, X, positions):
+    def _forward(self, X, positions):
         positions = None if positions is None else np.atleast_2d(positions)
         return self._network.forward(X, positions)
-
-    def _probabilities(self, latent):
-        return self._of_adjectives(self._network.probabilities(latent), -2)
 
     def _of_adjectives(self, predicted, axis):
         """Drop the axis of the adjectives if the network was fitted to one alone."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sklearn.base import is_regressor
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils import gen_batches
-from sklearn.utils.validation import has_fit_parameter
+from sklearn.utils.validation import check_is_fitted, has_fit_parameter
 
 from ..utils._folds import validation_split, warn_of_no_groups
 from ..utils._sklearn import FloatArray, Observations
@@ -160,8 +160,63 @@ def refuse_adjectives(name):
     """Raise the error of an estimator that cannot learn several adjectives."""
     raise ValueError(
         f"y has the ratings of several adjectives, which a {name} cannot share; use an "
-        "NNPOM or a SensorFusionNNPOM, or fit a model to each adjective."
+        "NNPOM or a SensorFusionNNPOM with hidden units, or fit a model to each "
+        "adjective."
     )
+
+
+def unfrozen(estimator):
+    """Return the estimator itself, without any `FrozenEstimator` around it.
+
+    A `FrozenEstimator` hands out every attribute of what it wraps. So ``hasattr`` finds
+    ``fit_with_positions`` in it, and calling that would fit the wrapped estimator
+    again, in place. Therefore it is unwrapped, checked, and then only predicts.
+    """
+    while isinstance(estimator, FrozenEstimator):
+        estimator = estimator.estimator
+    return estimator
+
+
+def check_frozen(estimator, name, n_inputs, levels=None, *, names=None, position=False):
+    """Check that a frozen estimator was fitted to data like those given here.
+
+    Parameters
+    ----------
+    estimator : FrozenEstimator
+    name : str
+        Its name in error messages.
+    n_inputs : int
+        Number of features that it will be given.
+    levels : ndarray of shape (n_levels,), default=None
+        The levels that it must predict; None if that does not matter.
+    names : ndarray of shape (n_features,), default=None
+        Names of the features, without the position.
+    position : bool, default=False
+        Whether the position in the population is the last feature.
+
+    Raises
+    ------
+    NotFittedError, ValueError
+        If it is not fitted, takes other features or predicts other levels.
+    """
+    estimator = unfrozen(estimator)
+    check_is_fitted(estimator)
+    for attribute, given in (
+        ("n_features_in_", n_inputs),
+        ("feature_names_in_", names),
+        ("classes_", levels),
+    ):
+        known = getattr(estimator, attribute, given)
+        if given is None:
+            continue
+        compared = known[: len(given)] if given is names else known
+        if not np.array_equal(compared, given):
+            raise ValueError(
+                f"{name} is frozen and has {attribute}={np.array(known).tolist()}, but "
+                f"{np.array(given).tolist()} is required here; fit it to the same "
+                f"columns in the same order{', the position last,' * position} and to "
+                "the same levels."
+            )
 
 
 @dataclass(frozen=True)
