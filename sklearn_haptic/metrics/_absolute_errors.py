@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..ratings._checks import check_distributions, check_predicted_ratings
 from ..ratings._distributions import cdf, level_at, macro_error, quantile_grid
 from ..ratings._levels import level_values
-from ..utils._sklearn import Interval, validate_params
+from ..utils._sklearn import Interval
 from ..utils._validation import check_positions
-from ._score import UNITS, as_score, summarise
+from ._score import as_score, summarise
 
 
-@as_score(units=UNITS, n_quantiles=[Interval(Integral, 1, None, closed="left")])
+@as_score(n_quantiles=[Interval(Integral, 1, None, closed="left")])
 def macro_mae(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -96,18 +96,7 @@ def macro_mae(
     return summarise(errors, sample_weight, average)
 
 
-@validate_params(
-    {
-        "y_true": ["array-like"],
-        "y_pred": ["array-like"],
-        "p": "no_validation",  # but by check_positions
-        "sample_weight": ["array-like", None],
-        "average": ["boolean"],
-        "levels": ["array-like", None],
-        "units": UNITS,
-    },
-    prefer_skip_nested_validation=True,
-)
+@as_score(y_pred=["array-like"])
 def macro_mae_at_positions(
     y_true: ArrayLike,
     y_pred: ArrayLike,
@@ -185,7 +174,7 @@ def macro_mae_at_positions(
     return summarise(errors, sample_weight, average)
 
 
-@as_score(units=UNITS)
+@as_score()
 def earth_movers_distance(
     y_true: ArrayLike,
     y_proba: ArrayLike,

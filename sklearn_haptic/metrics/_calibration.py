@@ -11,14 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from ..ratings._checks import check_distributions
 from ..ratings._distributions import cdf, shares
 from ..ratings._levels import level_values
-from ..utils._sklearn import Interval, validate_params
-from ._score import CONSTRAINTS, UNITS, weighted_mean
+from ..utils._sklearn import Interval
+from ._score import as_score, weighted_mean
 
 
-@validate_params(
-    {**CONSTRAINTS, "n_bins": [Interval(Integral, 1, None, closed="left")]},
-    prefer_skip_nested_validation=True,
-)
+@as_score(n_bins=[Interval(Integral, 1, None, closed="left")])
 def pit_histogram(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -91,7 +88,7 @@ def pit_histogram(
     return n_bins * np.diff(weighted_mean(below, sample_weight))
 
 
-@validate_params({**CONSTRAINTS, "units": UNITS}, prefer_skip_nested_validation=True)
+@as_score()
 def dispersion(
     y_true: ArrayLike,
     y_proba: ArrayLike,

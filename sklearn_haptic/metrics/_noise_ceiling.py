@@ -13,25 +13,16 @@ from sklearn.utils import Bunch
 from ..ratings._checks import check_ratings, refuse, refuse_shares
 from ..ratings._continuous import check_answers, half_mean_difference
 from ..ratings._distributions import shares
-from ..utils._sklearn import validate_params
 from ._proper_scores import (
     PROPER_SCORES,
     crps,
     log_score,
     ranked_probability_score,
 )
-from ._score import summarise
+from ._score import as_score, summarise
 
 
-@validate_params(
-    {
-        "y_true": ["array-like"],
-        "score": [callable],
-        "sample_weight": ["array-like", None],
-        "average": ["boolean"],
-    },
-    prefer_skip_nested_validation=True,
-)
+@as_score(score=[callable])
 def noise_ceiling(
     y_true: ArrayLike | Sequence[ArrayLike],
     score: Callable[..., Any] = ranked_probability_score,

@@ -13,11 +13,10 @@ from ..ratings._checks import check_distributions
 from ..ratings._continuous import check_answers, check_cdf, crps_per_trial
 from ..ratings._distributions import cdf, shares
 from ..ratings._levels import level_values
-from ..utils._sklearn import validate_params
-from ._score import UNITS, as_score, summarise
+from ._score import as_score, summarise
 
 
-@as_score(units=UNITS)
+@as_score()
 def ranked_probability_score(
     y_true: ArrayLike,
     y_proba: ArrayLike,
@@ -92,16 +91,7 @@ def ranked_probability_score(
     return summarise(scores, sample_weight, average)
 
 
-@validate_params(
-    {
-        "y_true": ["array-like"],
-        "y_cdf": ["array-like"],
-        "values": ["array-like"],
-        "sample_weight": ["array-like", None],
-        "average": ["boolean"],
-    },
-    prefer_skip_nested_validation=True,
-)
+@as_score(y_cdf=["array-like"], values=["array-like"])
 def crps(
     y_true: ArrayLike | Sequence[ArrayLike],
     y_cdf: ArrayLike,

@@ -1,6 +1,7 @@
 """What scores have in common: their arguments, and the mean over trials."""
 
 from collections.abc import Callable
+from inspect import signature
 from typing import Any, TypeVar
 
 import numpy as np
@@ -8,25 +9,30 @@ import numpy as np
 from ..utils._sklearn import StrOptions, validate_params
 from ..utils._validation import check_weights
 
-CONSTRAINTS = {
+_SHARED = {
     "y_true": ["array-like"],
     "y_proba": ["array-like"],
     "sample_weight": ["array-like", None],
+    "average": ["boolean"],
     "levels": ["array-like", None],
+    "units": [StrOptions({"levels", "scale"})],
 }
-
-
-UNITS = [StrOptions({"levels", "scale"})]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def as_score(**constraints: list[Any]) -> Callable[[F], F]:
-    """Decorate a score: validate its parameters, and keep its type."""
-    decorate: Callable[[F], F] = validate_params(
-        {**CONSTRAINTS, "average": ["boolean"], **constraints},
-        prefer_skip_nested_validation=True,
-    )
+    """Decorate a score: validate its parameters, those that scores share alike."""
+
+    def decorate(score: F) -> F:
+        own = [name for name in signature(score).parameters if name in all_known]
+        validate = validate_params(
+            {name: all_known[name] for name in own}, prefer_skip_nested_validation=True
+        )
+        validated: F = validate(score)
+        return validated
+
+    all_known = {**_SHARED, **constraints}
     return decorate
 
 
