@@ -1,21 +1,19 @@
 """Extreme input to this package and to its peers, and what each makes of it.
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/extremes.py \
-        [--parts codes dictionaries networks models] [--data FOLDER]
+        [--parts codes dictionaries models]
 
-prints a Markdown table, in under a minute, a part in seconds. Peers are optional, best
-in an environment of their own that has this package too:
-``pip install spams-bin dictlearn numba skordinal``. Every call has a process of its
-own, so that one that crashes ends nothing else. FOLDER holds ``*_stress.npz``:
-parameters of ordinal networks, what ORCA makes of them, and cost and gradient in
-arithmetic of 60 digits, for the part "networks", which is left out without it.
+prints a Markdown table, in under a minute. Peers are optional, best in an environment
+of their own that has this package too: ``pip install spams-bin dictlearn numba
+skordinal``. Every call has a process of its own, so that one that crashes ends nothing
+else.
 """
 
 import math
 import warnings
+from functools import partial
 from importlib.util import find_spec
 from multiprocessing import get_context
-from pathlib import Path
 from signal import Signals
 
 import numpy as np
@@ -29,9 +27,7 @@ from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import NNPOM, KSVDTransformer
 
-# Cost, gradient and probabilities at given parameters; in public they are only fitted.
-from sklearn_haptic.models._network import Layout
-from sklearn_haptic.models._network_loss import NetworkLoss
+# Probabilities at given parameters; in public these are only fitted.
 from sklearn_haptic.models._proportional_odds import level_probabilities
 
 if find_spec("spams"):
@@ -72,19 +68,17 @@ def outcome(function, seconds=60):
     return receiver.recv()
 
 
-def row(case, functions, judge):
-    """Print a row; peers of the same outcome share their words."""
+def row(case, judge, rivals, describe, *given):
+    """Print what is said of each rival; peers of the same outcome share their words."""
     said = {}
-    for name, function in functions.items():
+    for name, rival in rivals.items():
         if name not in MODULES or find_spec(name):
-            said.setdefault(outcome(function), []).append(name)
+            text = outcome(partial(describe, rival, *given))
+            said.setdefault(text, []).append(name)
     ours = next(text for text, names in said.items() if OURS in names)
-    peers = []
-    for text, names in said.items():
-        names = [name for name in names if name != OURS]
-        if names:
-            peers.append(f"{', '.join(names)}: {text}")
-    print_row(case, "; ".join(peers), ours, judge)
+    peers = {t: ", ".join(n for n in names if n != OURS) for t, names in said.items()}
+    peers = "; ".join(f"{names}: {text}" for text, names in peers.items() if names)
+    print_row(case, peers, ours, judge)
 
 
 # Sparse codes ---------------------------------------------------------------
@@ -92,18 +86,9 @@ def row(case, functions, judge):
 
 def code_by_ksvd_transformer(signals, atoms, n_coefs):
     model = KSVDTransformer(
-        len(atoms),
-        n_coefs,
-        dict_init=atoms,
-        max_iter=0,
-        remove_mean=False,
-        sign="none",
+        len(atoms), n_coefs, dict_init=atoms, max_iter=0, remove_mean=False, sign="none"
     )
     return model.fit_transform(signals)
-
-
-def code_by_sparse_coder(signals, atoms, n_coefs):
-    return SparseCoder(atoms, transform_n_nonzero_coefs=n_coefs).transform(signals)
 
 
 def code_by_gram(signals, atoms, n_coefs):
@@ -117,16 +102,16 @@ def code_by_spams(signals, atoms, n_coefs):
     return codes.toarray().T
 
 
-def code_by_dictlearn(signals, atoms, n_coefs):
-    return dictlearn.SparseCoder(atoms, n_nonzero_coefs=n_coefs).fit_transform(signals)
-
-
 CODERS = {
     OURS: code_by_ksvd_transformer,
-    "SparseCoder": code_by_sparse_coder,
+    "SparseCoder": lambda X, D, n: SparseCoder(
+        D, transform_n_nonzero_coefs=n
+    ).transform(X),
     "orthogonal_mp_gram": code_by_gram,
     "spams": code_by_spams,
-    "dictlearn": code_by_dictlearn,
+    "dictlearn": lambda X, D, n: dictlearn.SparseCoder(
+        D, n_nonzero_coefs=n
+    ).fit_transform(X),
 }
 
 
@@ -172,35 +157,28 @@ def code_error(coder, signals, atoms, n_coefs):
 
 
 def coding_row(case, signals, atoms, n_coefs):
-    functions = {
-        name: lambda coder=coder: code_error(coder, signals, atoms, n_coefs)
-        for name, coder in CODERS.items()
-    }
     judge = "refused in words"
     if np.isfinite(signals).all():
         codes = code_by_least_squares(signals, atoms, n_coefs)
         judge = f"least squares: {relative_error(codes, signals, atoms):.3f}"
-    row(case, functions, judge)
+    row(case, judge, CODERS, code_error, signals, atoms, n_coefs)
 
 
 def coding():
     rng = np.random.default_rng(0)
     atoms, signals = unit_rows(rng.normal(size=(20, 10))), rng.normal(size=(100, 10))
     single, single_atoms = signals.astype(np.float32), atoms.astype(np.float32)
-    coding_row("Codes: signals of ordinary size", signals, atoms, 4)
-    for size in ("1e-12", "1e-150", "1e150"):
-        coding_row(f"signals × {size}", float(size) * signals, atoms, 4)
-    for size in ("1e-30", "1e30"):
+    for size in ("1", "1e-12", "1e-150"):
+        coding_row(f"Codes: signals × {size}", float(size) * signals, atoms, 4)
+    largest = 3e38 / np.abs(single).max()
+    for size in ("1e-30", "1e30", f"{largest:.2g}"):
         scaled = np.float32(size) * single
         coding_row(f"float32 signals × {size}", scaled, single_atoms, 4)
-    largest = np.float32(3e38) * (single / np.abs(single).max())
-    coding_row("float32 signals up to 3e38", largest, single_atoms, 4)
     coding_row("3 atoms, 5 coefficients", signals, atoms[:3], 5)
     merged = unit_rows(atoms[:1] + 1e-9 * np.vstack((np.zeros(10), atoms[1])))
     coding_row("2 atoms 1e-9 apart", signals, merged, 2)
-    coding_row(
-        "NaN in a signal", np.where(signals == signals[0, 0], np.nan, signals), atoms, 4
-    )
+    missing = np.where(signals == signals[0, 0], np.nan, signals)
+    coding_row("NaN in a signal", missing, atoms, 4)
 
 
 # Dictionaries ---------------------------------------------------------------
@@ -255,23 +233,16 @@ LEARNERS = {
 }
 
 
-def learning_row(case, signals, start, judge):
-    def learn(learner):
-        atoms = learner(signals, start)
-        if not np.isfinite(atoms).all():
-            return "NaN atoms"
-        n_unit = np.isclose(np.linalg.norm(atoms, axis=1), 1, rtol=1e-6).sum()
-        text = f"{n_unit} of {len(start)} atoms of norm 1"
-        if signals.any():
-            codes = code_by_least_squares(signals, atoms, 2)
-            text += f", error {relative_error(codes, signals, atoms):.3f}"
-        return text
-
-    functions = {
-        name: lambda learner=learner: learn(learner)
-        for name, learner in LEARNERS.items()
-    }
-    row(case, functions, judge)
+def learned(learner, signals, start):
+    atoms = learner(signals, start)
+    if not np.isfinite(atoms).all():
+        return "NaN atoms"
+    n_unit = np.isclose(np.linalg.norm(atoms, axis=1), 1, rtol=1e-6).sum()
+    text = f"{n_unit} of {len(start)} atoms of norm 1"
+    if signals.any():
+        codes = code_by_least_squares(signals, atoms, 2)
+        text += f", error {relative_error(codes, signals, atoms):.3f}"
+    return text
 
 
 def learning():
@@ -282,61 +253,13 @@ def learning():
     signals = codes @ planted
     codes = code_by_least_squares(signals, planted, 2)
     judge = f"error over planted atoms: {relative_error(codes, signals, planted):.3f}"
-    learning_row("Dictionaries: signals of ordinary size", signals, start, judge)
-    for size in ("1e-12", "1e-150", "1e150"):
-        scaled = float(size) * signals
-        learning_row(f"signals × {size}", scaled, start, "the row of ordinary size")
-    learning_row("all signals zero", 0 * signals, start, "atoms of norm 1")
+    for size in ("1", "1e-12", "1e-150", "1e150"):
+        case, scaled = f"Dictionaries: signals × {size}", float(size) * signals
+        row(case, judge, LEARNERS, learned, scaled, start)
+    row("all signals zero", "atoms of norm 1", LEARNERS, learned, 0 * signals, start)
 
 
 # Ordinal models -------------------------------------------------------------
-
-
-def costs(case):
-    """ORCA's, skordinal's and our cost and gradient at parameters in ORCA's layout."""
-    X, y = case["X_train"], case["y_train"].ravel().astype(int)
-    n_hidden, penalty = case["hidden"].item(), case["lam"].item()
-    params, n_features = case["params"].ravel(), X.shape[1]
-    yield "ORCA", case["orca_cost"].item(), case["orca_grad"].ravel()
-    if find_spec("skordinal"):
-        indicator = (y[:, None] == np.unique(y)).astype(int)
-        sizes = n_features, n_hidden, indicator.shape[1]
-        yield "skordinal", *Peer()._objective(params, *sizes, X, indicator, penalty)
-
-    layer, output, t = np.split(
-        params, np.cumsum((n_hidden * (n_features + 1), n_hidden))
-    )
-    layer = layer.reshape(n_hidden, n_features + 1, order="F")
-    gap_logits = t[1:] ** 2 + np.log(-np.expm1(-(t[1:] ** 2)))  # its gaps are squares
-    ours = np.concatenate(
-        (layer[:, 1:].T.ravel(), layer[:, 0], output, t[:1], gap_logits)
-    )
-    level, weight = y[:, None] - 1, np.ones((len(y), 1))
-    layout = Layout(n_features, n_hidden, (len(t) + 1,))
-    cost, grad = NetworkLoss(layout, X, [(None, level, weight)], penalty)(ours)
-    coef, bias, [(output, first, gaps)] = layout.split(grad)
-    gaps = gaps * 2 * t[1:] / -np.expm1(-(t[1:] ** 2))
-    layer = np.column_stack((bias, coef.T)).ravel(order="F")
-    yield OURS, cost, np.concatenate((layer, output, first, gaps))
-
-
-def stressed(folder):
-    for path in sorted(folder.glob("*_stress.npz")):
-        case = np.load(path)
-        exact_cost, exact_grad = case["exact_cost"].item(), case["exact_grad"].ravel()
-        largest = np.abs(exact_grad).max()
-        texts = {}
-        for name, cost, grad in costs(case):
-            errors = cost / exact_cost - 1, (grad - exact_grad) / largest
-            texts[name] = "cost off by {:.0e}, gradient by {:.0e}".format(
-                *(np.abs(error).max() for error in errors)
-            )
-            if not (np.isfinite(cost) and np.isfinite(grad).all()):
-                n_lost = (~np.isfinite(grad)).sum()
-                texts[name] = f"cost {cost}, {n_lost} of {len(grad)} slopes not finite"
-        functions = {name: lambda text=text: text for name, text in texts.items()}
-        data = path.name.split("_")[0]
-        row(f"Network of saturated units, {data}", functions, "60 digits")
 
 
 def tail_of_ours():
@@ -378,15 +301,9 @@ def touches():
     return X, np.digitize(latent, [-3, -1, 1, 3])
 
 
-def model_row(case, describe, judge, models=MODELS):
-    functions = {
-        name: lambda make=make: describe(make) for name, make in models.items()
-    }
-    row(case, functions, judge)
-
-
-def described(model, X, y, ratings):
+def described(make, X, y, ratings, **params):
     """Columns of the probabilities, and how often the ratings are predicted."""
+    model = make(**params) if make is MODELS[OURS] or "levels" not in params else make()
     proba = model.fit(X, y).predict_proba(X)
     if not np.isfinite(proba).all():
         return "NaN probabilities"
@@ -394,14 +311,9 @@ def described(model, X, y, ratings):
     return f"{proba.shape[1]} columns, {right:.0%} right"
 
 
-def with_levels(make, levels):
-    """A model, told all levels if it can be."""
-    return make(levels=levels) if make is MODELS[OURS] else make()
-
-
-def log_score(model, X, y):
+def log_score(make, X, y):
     """In training, in nats."""
-    proba = model.fit(X, y).predict_proba(X)
+    proba = make().fit(X, y).predict_proba(X)
     with np.errstate(divide="ignore"):
         return f"{-np.log(proba[np.arange(len(y)), y]).mean():.3f}"
 
@@ -417,39 +329,24 @@ def rare(make):
 def ordinal():
     X, y = touches()
     tails = {OURS: tail_of_ours, "mord": tail_of_mord, "skordinal": tail_of_skordinal}
-    row(
-        "Probability of a level that begins 41 above the response",
-        {name: lambda tail=tail: f"{tail():.2e}" for name, tail in tails.items()},
-        f"exp(-41) / (1 + exp(-41)) = {math.exp(-41):.2e}",
-    )
+    case = "Probability of a level that begins 41 above the response"
+    judge = f"exp(-41) / (1 + exp(-41)) = {math.exp(-41):.2e}"
+    row(case, judge, tails, lambda tail: f"{tail():.2e}")
     line, thirds = np.arange(60.0)[:, None] - 29.5, np.arange(60) // 20
-    model_row(
-        "Three separable levels, alpha = 0",
-        lambda make: described(make(alpha=0), line, thirds, thirds),
-        "100% right",
-    )
+    separable = partial(described, alpha=0)
+    case = "Three separable levels, alpha = 0"
+    row(case, "100% right", MODELS, separable, line, thirds, thirds)
     gap = np.where(y == 2, 1, y)
-    model_row(
-        "A level of five that nobody gave",
-        lambda make: described(with_levels(make, range(5)), X, gap, gap),
-        "5 columns",
-    )
-    model_row("One rating of weight 1 between two of 1e12", rare, f"{1 / 2e12:.2e}")
-    model_row(
-        "Log score in training", lambda make: log_score(make(), X, y), "next two rows"
-    )
-    for change, shifted in {"× 1e12": 1e12 * X, "+ 1e6": X + 1e6}.items():
-        model_row(
-            f"the same, features {change}",
-            lambda make, shifted=shifted: log_score(make(), shifted, y),
-            "the row before",
-            MODELS | STANDARDISED,
-        )
-    model_row(
-        "Features × 1e-310",
-        lambda make: described(make(), 1e-310 * X, y, y),
-        "as without, or refused in words",
-    )
+    told = partial(described, levels=range(5))  # if it can be
+    row("A level of five that nobody gave", "5 columns", MODELS, told, X, gap, gap)
+    row("One rating of weight 1 between two of 1e12", f"{1 / 2e12:.2e}", MODELS, rare)
+    for change, shifted in {"": X, " × 1e12": 1e12 * X, " + 1e6": X + 1e6}.items():
+        case = f"Log score in training, features{change}"
+        rivals = MODELS | STANDARDISED if change else MODELS
+        row(case, "as without", rivals, log_score, shifted, y)
+    for change, scaled in {"": X, " × 1e-310": 1e-310 * X}.items():
+        case = f"Share of right ratings, features{change}"
+        row(case, "as without, or refused in words", MODELS, described, scaled, y, y)
 
 
 PARTS = {"codes": coding, "dictionaries": learning, "models": ordinal}
@@ -457,15 +354,12 @@ PARTS = {"codes": coding, "dictionaries": learning, "models": ordinal}
 
 def main():
     parser = command(__doc__)
-    parser.add_argument("--parts", nargs="+", choices=[*PARTS, "networks"])
-    parser.add_argument("--data", type=Path, metavar="FOLDER")
+    parser.add_argument("--parts", nargs="+", default=list(PARTS), choices=PARTS)
     arguments = parser.parse_args()
-    parts = PARTS | {"networks": lambda: stressed(arguments.data)}
     machine("mord", "spams-bin", "dictlearn", "skordinal")
     head("case", "peers", "this package", "judged by")
-    for name in arguments.parts or parts:
-        if name != "networks" or arguments.data:
-            parts[name]()
+    for name in arguments.parts:
+        PARTS[name]()
 
 
 if __name__ == "__main__":

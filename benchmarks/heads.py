@@ -1,35 +1,28 @@
 """What the benchmarks compare: features of touches, and models of ratings."""
 
-from functools import partial
-
 import mord
 import numpy as np
 import pandas as pd
 from data import SENSORS
-from scipy.optimize import minimize
-from scipy.special import expit, log_expit
-from sklearn.base import BaseEstimator, ClassifierMixin, TransformerMixin, clone
+from sklearn.base import BaseEstimator, ClassifierMixin, TransformerMixin
 from sklearn.compose import ColumnTransformer
-from sklearn.decomposition import PCA
 from sklearn.ensemble import ExtraTreesRegressor, RandomForestRegressor
 from sklearn.kernel_ridge import KernelRidge
-from sklearn.linear_model import LogisticRegression, RidgeClassifierCV
+from sklearn.linear_model import RidgeClassifierCV
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import (
     NNPOM,
-    PAPER_2020,
     DistributionalOrdinalRegressor,
-    DistributionBlend,
     DummyDistribution,
     RegressedDistribution,
     SignalStatistics,
     TemporalMaxPool,
     make_haptic_pipeline,
 )
-from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
+from sklearn_haptic.metrics import neg_rps_scorer
 
 # Features -----------------------------------------------------------------------------
 
@@ -96,18 +89,12 @@ class OfAeon(TransformerMixin, BaseEstimator):
         return np.pad(trial[: self.n_times_], ((0, missing), (0, 0)), mode="edge").T
 
 
-def minirocket(n_kernels=10_000):
+def minirocket():
     import numba
     from aeon.transformations.collection.convolution_based import MiniRocket
 
     numba.set_num_threads(1)
-    return MiniRocket(n_kernels, random_state=0)
-
-
-def catch22():
-    from aeon.transformations.collection.feature_based import Catch22
-
-    return Catch22(replace_nans=True)
+    return MiniRocket(random_state=0)
 
 
 def of_sensors(columns, make):
@@ -127,12 +114,7 @@ def families(columns=SENSORS):
         "bands": of_sensors(columns, lambda s: statistics(s, "bands", cells=(4, 2, 1))),
     }
     if set(columns) == set(SENSORS):
-        own_rates = partial(minirocket, 2_000)
         found["MiniRocket"] = OfAeon(minirocket)
-        found["MiniRocket, own rates"] = of_sensors(
-            columns, lambda s: OfAeon(own_rates)
-        )
-        found["Catch22"] = OfAeon(catch22)
     found = {name: make_pipeline(f, StandardScaler()) for name, f in found.items()}
     return {PRESETS: make_haptic_pipeline(columns, random_state=0)[:-1]} | found
 
@@ -145,43 +127,19 @@ def with_ridge(features):
 # Rivals among models ------------------------------------------------------------------
 
 
-class OfShares(ClassifierMixin, BaseEstimator):
-    """A model of the shares of each level; the levels are 1, 2, …"""
-
-    def fit(self, X, y):
-        self.levels_ = self.classes_ = np.arange(1, y.shape[1] + 1)
-        return self.fit_shares(X, y / y.sum(axis=1, keepdims=True))
-
-
-class OnRepeatedRows(OfShares):
-    """A classifier of single ratings, given a row per level of a trial."""
-
-    def __init__(self, estimator):
-        self.estimator = estimator
-
-    def fit_shares(self, X, shares):
-        trial, level = np.nonzero(shares)
-        weight = shares[trial, level]
-        self.estimator_ = clone(self.estimator).fit(X[trial], level, weight)
-        return self
-
-    def predict_proba(self, X):
-        proba = np.zeros((len(X), len(self.levels_)))
-        proba[:, self.estimator_.classes_] = self.estimator_.predict_proba(X)
-        return proba
-
-
-class QuantileForest(OfShares):
+class QuantileForest(ClassifierMixin, BaseEstimator):
     """Meinshausen's forest: grown for the mean rating, its leaves keep distributions.
 
     This is what `quantile_forest.RandomForestQuantileRegressor` estimates, here from
     counts: a new trial gets the mean over trees of the mean shares of its leaf.
     """
 
-    def fit_shares(self, X, shares):
+    def fit(self, X, y):
+        self.classes_ = np.arange(1, y.shape[1] + 1)
+        shares = y / y.sum(axis=1, keepdims=True)
         self.forest_ = RandomForestRegressor(
             100, min_samples_leaf=3, max_features=1 / 3, random_state=0
-        ).fit(X, shares @ self.levels_)
+        ).fit(X, shares @ self.classes_)
         self.shares_ = []
         for leaf in self.forest_.apply(X).T:
             total = np.stack([np.bincount(leaf, s) for s in shares.T], axis=1)
@@ -193,89 +151,6 @@ class QuantileForest(OfShares):
         return np.mean([s[leaf] for s, leaf in zip(self.shares_, leaves)], axis=0)
 
 
-class Ordered(OfShares):
-    """statsmodels' OrderedModel of the first principal components of the features."""
-
-    def __init__(self, n_components=3):
-        self.n_components = n_components
-
-    def fit_shares(self, X, shares):
-        from statsmodels.miscmodels.ordinal_model import OrderedModel
-
-        self.pca_ = make_pipeline(PCA(self.n_components), StandardScaler()).fit(X)
-        people = np.rint(12 * shares).astype(int)
-        trial, level = np.nonzero(people)
-        rows = np.repeat(np.arange(len(trial)), people[trial, level])
-        self.present_ = np.unique(level)
-        rating = np.searchsorted(self.present_, level[rows])
-        model = OrderedModel(rating, self.pca_.transform(X)[trial[rows]], distr="logit")
-        self.result_ = model.fit(method="bfgs", disp=False)
-        return self
-
-    def predict_proba(self, X):
-        proba = np.zeros((len(X), len(self.levels_)))
-        proba[:, self.present_] = self.result_.predict(self.pca_.transform(X))
-        return proba
-
-
-class LocationScale(OfShares):
-    """P(y <= k) = sigma((b_k - f(x)) exp(-s(x))) with linear f and s.
-
-    Penalties are of features divided by the root of their total variance, as those of
-    `NNPOM` are.
-    """
-
-    def __init__(self, alpha=0.2, scale_alpha=2.0):
-        self.alpha = alpha
-        self.scale_alpha = scale_alpha
-
-    def fit_shares(self, X, shares):
-        self.mean_, self.unit_ = X.mean(axis=0), np.sqrt(X.var(axis=0).sum())
-        below = np.clip(np.cumsum(shares.mean(axis=0))[:-1], 1e-3, 1 - 1e-3)
-        start = np.log(below / (1 - below))
-        gaps = np.log(np.maximum(np.diff(start), 1e-2))
-        self.params_ = minimize(
-            self._loss,
-            np.concatenate((start[:1], gaps, np.zeros(2 * X.shape[1]))),
-            ((X - self.mean_) / self.unit_, shares),
-            jac=True,
-            method="L-BFGS-B",
-            options={"maxiter": 300, "maxcor": 30, "gtol": 1e-4 * len(X)},
-        ).x
-        return self
-
-    def _parts(self, params, X):
-        first, log_gaps, f, s = np.split(
-            params, [1, len(self.levels_) - 1, len(self.levels_) - 1 + X.shape[1]]
-        )
-        gaps, shrink = np.exp(log_gaps), np.exp(-(X @ s))[:, None]
-        thresholds = np.cumsum(np.concatenate((first, gaps)))
-        return gaps, f, s, shrink, (thresholds - (X @ f)[:, None]) * shrink
-
-    def _loss(self, params, X, shares):
-        gaps, f, s, shrink, z = self._parts(params, X)
-        # log(sigma(b) - sigma(a)) = log sigma(b) + log sigma(-a) + log(1 - exp(a - b))
-        width = np.diff(z, axis=1)
-        log_p = np.zeros_like(shares)
-        log_p[:, :-1] += log_expit(z)
-        log_p[:, 1:] += log_expit(-z)
-        log_p[:, 1:-1] += np.log(-np.expm1(-width))
-        loss = -np.sum(shares * log_p)
-        g_z = -shares[:, :-1] * expit(-z) + shares[:, 1:] * expit(z)
-        g_width = -shares[:, 1:-1] / np.expm1(width)
-        g_z[:, 1:] += g_width
-        g_z[:, :-1] -= g_width
-        later = np.cumsum((g_z * shrink).sum(axis=0)[::-1])[::-1]
-        g_f = -X.T @ (g_z * shrink).sum(axis=1) + self.alpha * f
-        g_s = -X.T @ (g_z * z).sum(axis=1) + self.scale_alpha * s
-        loss += 0.5 * self.alpha * (f @ f) + 0.5 * self.scale_alpha * (s @ s)
-        return loss, np.concatenate((later[:1], later[1:] * gaps, g_f, g_s))
-
-    def predict_proba(self, X):
-        *_, z = self._parts(self.params_, (X - self.mean_) / self.unit_)
-        return np.diff(expit(z), axis=1, prepend=0, append=1)
-
-
 # Models of ratings --------------------------------------------------------------------
 
 
@@ -284,63 +159,38 @@ def linear(alpha=3.0, **options):
     return DistributionalOrdinalRegressor(NNPOM(0, alpha), **options)
 
 
-def searched(model, scoring=neg_rps_scorer, **grid):
+def searched(model, **grid):
     """Choose settings by folds of whole objects of the training trials."""
-    return GridSearchCV(model, grid, scoring=scoring, cv=GroupKFold(4))
+    return GridSearchCV(model, grid, scoring=neg_rps_scorer, cv=GroupKFold(4))
 
 
 def models(n_features):
     """Name -> a model, and whether it is given principal components, all of them."""
-    trees = ExtraTreesRegressor(
-        100, min_samples_leaf=3, max_features="sqrt", random_state=0
+    trees = RegressedDistribution(
+        ExtraTreesRegressor(
+            100, min_samples_leaf=3, max_features="sqrt", random_state=0
+        )
     )
-    trees = RegressedDistribution(trees)
-    kernel = RegressedDistribution(KernelRidge(kernel="rbf", gamma=1 / n_features))
-    multinomial = OnRepeatedRows(LogisticRegression(max_iter=300))
+    kernel = RegressedDistribution(KernelRidge(kernel="rbf"))
     mords = DistributionalOrdinalRegressor(mord.LogisticAT())
-    hidden = DistributionalOrdinalRegressor(NNPOM(10), random_state=0)
-    paper = DistributionalOrdinalRegressor(**PAPER_2020, random_state=0)
-    paper.set_fit_request(groups=True)  # it stops early on whole objects
     alphas = [1, 3, 10, 30, 100, 1000]
     sharp = linear(decode="quantile")
-    pair = [("linear", linear()), ("trees", trees)]
-    gammas = np.array([0.3, 1]) / n_features
+    kernels = {
+        "estimator__alpha": [0.1, 0.3, 1, 3, 10],
+        "estimator__gamma": np.array([0.3, 1]) / n_features,
+    }
+    rotated = {
+        "marginal": DummyDistribution(),
+        "barycentre": DummyDistribution("barycentre"),
+        "linear, alpha chosen": searched(linear(), estimator__alpha=alphas),
+        "the same, quantile decoding": searched(sharp, estimator__alpha=alphas),
+        "counts, no p": searched(NNPOM(0), alpha=[0.1, 0.3, *alphas[:-1]]),
+        "kernel ridge": searched(kernel, **kernels),
+        "mord LogisticAT": searched(mords, estimator__alpha=10.0 ** np.arange(1, 6)),
+    }
+    forests = {"quantile forest": QuantileForest(), "trees": trees}
     return {
-        "marginal": (DummyDistribution(), True),
-        "barycentre": (DummyDistribution("barycentre"), True),
-        "linear, alpha chosen": (searched(linear(), estimator__alpha=alphas), True),
-        "the same, quantile decoding": (searched(sharp, estimator__alpha=alphas), True),
-        "counts, no p": (searched(NNPOM(0), alpha=[0.1, 0.3, *alphas[:-1]]), True),
-        "ten hidden units": (searched(hidden, estimator__alpha=alphas[:-1]), True),
-        "paper's settings": (
-            searched(
-                paper,
-                neg_macro_mae_scorer,
-                estimator__n_hidden=[1, 10, 30],
-                estimator__alpha=[0.01, 0.1, 1, 10],
-            ),
-            True,
-        ),
-        "location and scale": (searched(LocationScale(), alpha=[0.1, 0.3, 1, 5]), True),
-        "multinomial on counts": (
-            searched(multinomial, estimator__C=[1e-4, 1e-3, 1e-2, 0.1]),
-            True,
-        ),
-        "kernel ridge": (
-            searched(
-                kernel, estimator__alpha=[0.1, 0.3, 1, 3, 10], estimator__gamma=gammas
-            ),
-            True,
-        ),
-        "mord LogisticAT": (
-            searched(mords, estimator__alpha=10.0 ** np.arange(1, 6)),
-            True,
-        ),
-        "statsmodels OrderedModel": (searched(Ordered(), n_components=[1, 3]), True),
-        "quantile forest": (QuantileForest(), False),
-        "trees": (trees, False),
-        "blend, equal": (DistributionBlend(pair, weights="equal"), False),
-        "blend": (DistributionBlend(pair), False),
+        name: (model, name in rotated) for name, model in (rotated | forests).items()
     }
 
 

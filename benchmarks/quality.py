@@ -9,13 +9,13 @@ fabrics and materials by sensors that are described, named, or left to be found 
 All sets and rows take some hours on one core, the adjectives hard, smooth and springy
 alone an hour and a half, one small set (phac2, films, bolt) minutes, "sensors" a
 minute. ``--quick`` takes "fast", "accurate" and "marginal" on one adjective. Rows whose
-packages (aeon, statsmodels) are missing are left out.
+packages (aeon) are missing are left out.
 
 Rows are other features with the linear model of "fast" and its penalty, then other
 models of the features of the presets, which choose their settings inside the training
 trials. "maxima" are those of codes over learned dictionaries. MiniRocket has all
-sensors at 100 Hz, or each at its own rate. Features that learn from no ratings but draw
-kernels are fitted once, to the first training trials. Whole objects are left out.
+sensors at 100 Hz, and is fitted once, to the first training trials. Whole objects are
+left out.
 Scores are means over objects, lower is better; differences are paired with "fast" and
 "accurate", ± is the standard error over objects. Probabilities below 1e-3 count as 1e-3
 in the log score. On the slides, the score is the share of materials taken for another,
@@ -66,7 +66,7 @@ COLUMNS += ["log", "dispersion", "learning_s", "ms", "mb", "mae_m", "emd"]
 BASES = "fast", "accurate"
 QUICK = [*BASES, "marginal"]
 SETS = [*data.RATED, "slides", "sensors"]
-ONCE = {"MiniRocket", "MiniRocket, own rates", "Catch22"}  # they need no ratings
+ONCE = {"MiniRocket"}  # its kernels need no ratings
 ROUGHNESS = [2, 0, 1, 0, 0, 0, 2, 0, 0, 0, 2, 1, 0, 0, 0, 2, 2, 2, 2, 0]
 
 
@@ -346,7 +346,7 @@ def main():
         arguments.rows, arguments.adjectives = QUICK, ["hard"]
     tables = {"slides": of_slides, "sensors": of_sensors}
     results = []
-    warnings.simplefilter("ignore")  # of mord, statsmodels and few iterations
+    warnings.simplefilter("ignore")  # of mord and few iterations
     with config_context(enable_metadata_routing=True):
         for name in arguments.sets:
             of_set = tables.get(name, of_ratings)
