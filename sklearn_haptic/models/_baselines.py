@@ -7,10 +7,7 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
-from sklearn.utils.validation import (
-    check_is_fitted,
-    validate_data,
-)
+from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..ratings._checks import check_rated, check_ratings
 from ..utils._sklearn import StrOptions, Trials, _fit_context, _num_samples

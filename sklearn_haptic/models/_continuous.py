@@ -24,11 +24,7 @@ from ..ratings._continuous import cdf_at, check_answers, quantile_at
 from ..ratings._distributions import cdf, shares
 from ..utils._folds import TakesGroups, groups_for
 from ..utils._sklearn import HasMethods, Interval, StrOptions, Trials, _fit_context
-from ..utils._validation import (
-    check_groups,
-    check_numbers,
-    check_weights,
-)
+from ..utils._validation import check_groups, check_numbers, check_weights
 from ._distributional import DistributionalOrdinalRegressor
 from ._ordinal import DistributionMixin
 
@@ -56,10 +52,8 @@ def count_in_cells(answers, edges):
     n_cells = len(edges) - 1
     cell = np.searchsorted(edges[1:-1], answers)
     cell += n_cells * np.arange(len(answers))[:, None]
-    counts = np.bincount(
-        cell[~np.isnan(answers)], minlength=len(answers) * n_cells
-    ).astype(np.float64)
-    return counts.reshape(-1, n_cells)
+    counts = np.bincount(cell[~np.isnan(answers)], minlength=len(answers) * n_cells)
+    return counts.reshape(-1, n_cells).astype(np.float64)
 
 
 def _for_last(model, given):
@@ -203,9 +197,9 @@ class ContinuousRatingsRegressor(
         grid = self._make_grid(answers, weight)
         model: Any = self.estimator
         model = DistributionalOrdinalRegressor() if model is None else clone(model)
-        given = {} if sample_weight is None else {"sample_weight": weight}
         params = groups_for(model, check_groups(groups, answers))
-        params |= _for_last(model, given)
+        if sample_weight is not None:
+            params |= _for_last(model, {"sample_weight": weight})
         self.estimator_: Any = model.fit(X, count_in_cells(answers, grid), **params)
         self.grid_ = grid
         return self

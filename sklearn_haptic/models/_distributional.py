@@ -298,14 +298,10 @@ class DistributionalOrdinalRegressor(
             fit_task(self, X, y, max_subtasks=1) as task,
             task.fit_of("fit estimator", self.estimator_),
         ):
+            names = getattr(self, "feature_names_in_", None)
+            options = {"validation": validation, "feature_names": names}
             self._base.fit_with_positions(
-                X,
-                inputs,
-                level,
-                weight,
-                levels=self.levels_,
-                validation=validation,
-                feature_names=getattr(self, "feature_names_in_", None),
+                X, inputs, level, weight, levels=self.levels_, **options
             )
         self._smooth = is_smooth(self._predict_at, X)
         return self
@@ -316,10 +312,8 @@ class DistributionalOrdinalRegressor(
         return share_features(self.estimator_, self._present, len(self.levels_))
 
     def _make_estimator(self, rng):
-        if self.estimator is None:
-            estimator = NNPOM(n_hidden=0, alpha=3.0)
-        else:
-            estimator = clone(self.estimator)
+        default = NNPOM(n_hidden=0, alpha=3.0)
+        estimator = clone(default if self.estimator is None else self.estimator)
         if isinstance(estimator, FrozenEstimator):
             return unfrozen(estimator)
         if self.random_state is not None:
@@ -328,10 +322,10 @@ class DistributionalOrdinalRegressor(
 
     def _check_validation(self, X_val, y_val, share):
         """Return the validation trials and their counts, None if none are given."""
-        if X_val is None and y_val is None:
-            return None
-        if X_val is None or y_val is None:
+        if (X_val is None) != (y_val is None):
             raise ValueError("X_val and y_val belong together; give both or neither.")
+        if X_val is None:
+            return None
         if share == 0:
             raise ValueError(
                 "X_val requires an estimator that stops early; use an NNPOM with "
@@ -345,12 +339,11 @@ class DistributionalOrdinalRegressor(
     def _check_frozen(self, X, counts):
         """Check a fitted estimator, which takes the features and the position."""
         labels = self.levels_ if self._base is self.estimator_ else self._present
+        labels = None if is_regressor(self.estimator_) else labels
+        names = getattr(self, "feature_names_in_", None)
         check_frozen(
-            self.estimator,
-            "estimator",
-            X.shape[1] + 1,
-            None if is_regressor(self.estimator_) else labels,
-            names=getattr(self, "feature_names_in_", None),
+            *(self.estimator, "estimator", X.shape[1] + 1, labels),
+            names=names,
             position=True,
         )
         predicted = self._predict_at(X[:1], np.array([0.5])).shape[2:]
@@ -363,15 +356,10 @@ class DistributionalOrdinalRegressor(
 
     def _observe(self, counts, sample_weight, rng):
         """Return what is observed of each trial: inputs, levels and weights."""
-        positions, level, weight = (
-            each.reshape(*counts.shape[:-1], -1)
-            for each in training_observations(
-                counts.reshape(-1, counts.shape[-1]),
-                self.n_duplicates,
-                self.sampling,
-                rng,
-            )
-        )
+        rows = counts.reshape(-1, counts.shape[-1])
+        observed = training_observations(rows, self.n_duplicates, self.sampling, rng)
+        shape = *counts.shape[:-1], -1
+        positions, level, weight = (each.reshape(shape) for each in observed)
         return self._to_input(positions), level, weighted(weight, sample_weight)
 
     def _validation_set(self, X, counts, trial_weight=1.0):

@@ -256,9 +256,8 @@ class SensorFusionNNPOM(
         """
         final = self.final_estimator
         known = "levels_" if isinstance(final, FrozenEstimator) else "levels"
-        X, counts, levels = validate_rated_trials(
-            self, X, y, getattr(final, known, None)
-        )
+        levels = getattr(final, known, None)
+        X, counts, levels = validate_rated_trials(self, X, y, levels)
         groups = check_groups(groups, X)
         sample_weight = check_weights(sample_weight, X)
         names = getattr(self, "feature_names_in_", None)
@@ -270,10 +269,9 @@ class SensorFusionNNPOM(
         validation = None
         share = self.validation_share()
         if share > 0:
-            seed = self.random_state
-            if seed is None:
-                seed = self._stopping_early()[0].random_state
-            rng = check_random_state(seed)
+            own = self.random_state is not None
+            seeded = self if own else self._stopping_early()[0]
+            rng = check_random_state(seeded.random_state)
             train, validating = hold_out_trials(self, len(X), groups, share, rng)
             validation = X[validating], None, level[validating], counted[validating]
             X, level, weight = X[train], level[train], weight[train]
@@ -362,10 +360,9 @@ class SensorFusionNNPOM(
                 f"{list(self.sensors_)}; give one network for each sensor."
             )
         networks = {sensor: clone(of_sensor[sensor]) for sensor in self.sensors_}
-        if self.final_estimator is None:
-            final_network = NNPOM(n_hidden=10 if adjectives else 0, alpha=10.0)
-        else:
-            final_network = clone(self.final_estimator)
+        default = NNPOM(n_hidden=10 if adjectives else 0, alpha=10.0)
+        given = self.final_estimator
+        final_network = clone(default if given is None else given)
         for sensor, network in networks.items():
             self._check_network(sensor, network)
         if isinstance(final_network, FrozenEstimator):
@@ -398,13 +395,9 @@ class SensorFusionNNPOM(
         n_inputs = len(self.sensors_[sensor]) + self._has_position
         if isinstance(network, FrozenEstimator):
             names = getattr(self, "feature_names_in_", None)
-            check_frozen(
-                network,
-                f"The network of sensor {sensor!r}",
-                n_inputs,
-                names=None if names is None else names[self.sensors_[sensor]],
-                position=self._has_position,
-            )
+            names = None if names is None else names[self.sensors_[sensor]]
+            which, position = f"The network of sensor {sensor!r}", self._has_position
+            check_frozen(network, which, n_inputs, names=names, position=position)
         if n_units(network) == 0:
             raise ValueError(
                 f"The network of sensor {sensor!r} has n_hidden=0, so no activations "

@@ -138,9 +138,8 @@ class Network:
 
     def adjective(self, i):
         """Return the network of one of the adjectives alone."""
-        return replace(
-            self, output=self.output[:, [i]], thresholds=self.thresholds[[i]]
-        )
+        own = {"output": self.output[:, [i]], "thresholds": self.thresholds[[i]]}
+        return replace(self, **own)
 
     def forward(self, X, positions=None):
         """Return the latent response and the hidden activations of each observation.

@@ -64,13 +64,10 @@ class _AdjectiveLoss:
         """
         layer = self._activate(shared, position_coef)
         latent = layer @ head.output
+        if self.positions is None:
+            latent = latent[self.trial]
         loss, g_latent, g_first, g_raw_gaps = ordinal_loss(
-            latent[self.trial] if self.positions is None else latent,
-            self.level,
-            self.weight,
-            head.first[0],
-            head.raw_gaps,
-            self.gaps,
+            latent, self.level, self.weight, head.first[0], head.raw_gaps, self.gaps
         )
         slope = np.subtract(1, layer, out=self.buffers[1])
         slope *= layer
@@ -153,20 +150,13 @@ class NetworkLoss:
         blocks = []
         for start in range(0, n_trials, size):
             rows = slice(start, start + size)
-            losses = [
-                (
-                    i,
-                    _AdjectiveLoss(
-                        self.layout,
-                        None if positions is None else positions[rows],
-                        np.broadcast_to(level, weight.shape)[rows],
-                        weight[rows],
-                        buffers,
-                    ),
-                )
-                for i, (positions, level, weight) in enumerate(observations)
-                if weight[rows].any()
-            ]
+            losses = []
+            for i, (positions, level, weight) in enumerate(observations):
+                if weight[rows].any():
+                    level = np.broadcast_to(level, weight.shape)[rows]
+                    at = None if positions is None else positions[rows]
+                    loss = _AdjectiveLoss(self.layout, at, level, weight[rows], buffers)
+                    losses.append((i, loss))
             blocks.append((rows, losses))
         return blocks
 

@@ -50,7 +50,7 @@ _EXPONENTS = {np.dtype(np.float32): 30, np.dtype(np.float64): 300}
 
 _BLOCK = 1 << 18  # values that are taken to float64 at once
 
-_HALVINGS, _LARGEST_NUMBER, _N_POWERS = 40, 500, 1
+_HALVINGS, _LARGEST_NUMBER = 40, 500
 
 _ROUNDING = 1e-14
 
@@ -129,18 +129,17 @@ def fit_linear(X, problems, on_iteration=None):
 def _in_step(fits, features):
     """Run fits that ask for products with vectors; return what they return."""
     results, answers = [None] * len(fits), dict.fromkeys(range(len(fits)))
-    while answers:
+    while True:
         asked = {}
         for i, answer in answers.items():
             try:
                 asked[i] = fits[i].send(answer)
             except StopIteration as stop:
                 results[i] = stop.value
-        if asked:
-            back = features.back(np.array(list(asked.values())))
-            answers = dict(zip(asked, zip(back, features.forth(back))))
-        else:
-            answers = {}
+        if not asked:
+            break
+        back = features.back(np.array(list(asked.values())))
+        answers = dict(zip(asked, zip(back, features.forth(back))))
     return results
 
 
@@ -160,14 +159,14 @@ def _newton(problem, features, alpha, on_iteration):
         if cost < _NO_COST:  # weights without a penalty grow for ever
             break
         slope, common_slope, curvature = likelihood.derivatives(latent, common)
-        back, forth = yield slope - curvature.cross @ curvature.solve(common_slope)
+        back, forth = yield slope - curvature.cross @ (curvature.inverse @ common_slope)
         residual = -(back + alpha * coef), -(forth + alpha * latent)
         precondition = features.preconditioner(curvature, alpha)
         step, moved, decrement = yield from _conjugate_gradients(
             residual, curvature, alpha, precondition
         )
-        common_step = -curvature.solve(common_slope + moved @ curvature.cross)
-        decrement += common_slope @ curvature.solve(common_slope)
+        common_step = -curvature.inverse @ (common_slope + moved @ curvature.cross)
+        decrement += common_slope @ (curvature.inverse @ common_slope)
         change = np.sqrt(decrement / curvature.diagonal.sum())
         size = likelihood.largest_step(common, common_step)
         for _ in range(_HALVINGS):
@@ -185,8 +184,8 @@ def _newton(problem, features, alpha, on_iteration):
         stalled = last / 2 < change <= features.rounding
         converged = size == 1 and (change <= tol or stalled)
         last = change
-        if (on_iteration is not None and on_iteration(len(curve))) or converged:
-            converged = True
+        converged |= on_iteration is not None and on_iteration(len(curve))
+        if converged:
             break
     total = likelihood.level_weight.sum()
     curve = [float(each / total) for each in (cost, *curve)]
@@ -236,9 +235,6 @@ class _Curvature(NamedTuple):
 
     inverse: FloatArray
     """Of shape (n_common, n_common): inverse of that of the shared parameters."""
-
-    def solve(self, slope):
-        return self.inverse @ slope
 
     def apply(self, moved):
         """Multiply by the Hessian in the responses, the shared parameters following."""
@@ -413,10 +409,9 @@ class _Features:
     def _reduce(self):
         """Take few features as they are, many in coordinates of the trials' span."""
         if self.rows.shape[1] > _FEW:
-            self._axes, triangle = linalg.qr(
-                self.rows.T, mode="economic", check_finite=False
-            )
-            self.rows = np.ascontiguousarray(triangle.T)
+            rows = self.rows.T
+            self._axes, rows = linalg.qr(rows, mode="economic", check_finite=False)
+            self.rows = np.ascontiguousarray(rows.T)
             self._offset = np.zeros(self.rows.shape[1])
         length = np.sqrt(np.einsum("ij,ij->j", self.rows, self.rows))
         rounding = length.max(initial=0) * max(self.rows.shape) * np.finfo(float).eps
@@ -426,14 +421,11 @@ class _Features:
         """Find principal directions of some trials, by a randomised range finder."""
         rng = np.random.default_rng(0)
         some = np.sort(rng.permutation(used)[:_N_SKETCHED])
-        sketch = self.rows if len(some) == len(self.rows) else self.rows[some]
+        sketch = self.rows[some]
         directions = rng.normal(size=(_N_DIRECTIONS, len(some)))
-        for _ in range(_N_POWERS):
-            directions = self.forth(self.back(directions, sketch), sketch)
-        directions = self.back(directions, sketch)
-        self._directions = linalg.qr(directions.T, mode="economic", check_finite=False)[
-            0
-        ]
+        directions = self.forth(self.back(directions, sketch), sketch)
+        directions = self.back(directions, sketch).T
+        self._directions, _ = linalg.qr(directions, mode="economic", check_finite=False)
         self._responses = np.ascontiguousarray(self.forth(self._directions.T).T)
         # Along any further direction they vary by about this, or less.
         self._beyond = np.square(self._responses).mean(axis=0).min()
@@ -468,7 +460,12 @@ class _Features:
             return scale * linalg.cho_solve(factor, scale * r, check_finite=False)
 
         if exact:
-            return lambda r, to_r: _with_response(inside(r), self.rows)
+
+            def within(r, to_r):
+                z = inside(r)
+                return z, self.rows @ z
+
+            return within
         outside = alpha + curvature.diagonal.sum() * self._beyond
 
         def both(r, to_r):
@@ -486,10 +483,6 @@ class _Features:
         coef = coef / self.unit
         thresholds = thresholds + self.centre @ coef
         return LinearFit(np.concatenate((coef, position_coef)), thresholds, *rest)
-
-
-def _with_response(z, rows):
-    return z, rows @ z
 
 
 def _blocks(X, unit, origin):

@@ -247,12 +247,13 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
             X, counts, groups, sample_weight
         )
         rng = check_random_state(self.random_state)
-        if self.validation_share() == 0:
-            return self._fit((X, None, level, weight), None, levels, rng)
-        t, v = hold_out_trials(self, len(X), groups, self.validation_fraction, rng)
-        train = X[t], None, level[t], weight[t]
-        validation = X[v], None, level[v], validation_weight[v]
-        return self._fit(train, validation, levels, rng)
+        train, validation = slice(None), None
+        if self.validation_share() > 0:
+            fraction = self.validation_fraction
+            train, v = hold_out_trials(self, len(X), groups, fraction, rng)
+            validation = X[v], None, level[v], validation_weight[v]
+        observed = X[train], None, level[train], weight[train]
+        return self._fit(observed, validation, levels, rng)
 
     @with_callbacks
     def fit_with_positions(
@@ -323,13 +324,8 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
             if self.n_hidden == 0:
                 fit_linear_networks([self], *train[:1], [train[1:]], levels, task)
             else:
-                self._take(
-                    *self._minimise(
-                        train, validation, len(levels), rng, task.on_iteration
-                    ),
-                    levels,
-                    several,
-                )
+                found = self._minimise(train, validation, len(levels), rng, task)
+                self._take(*found, levels, several)
         return self
 
     def _take(self, network, loss, loss_curve, n_iter, levels, several=False):
@@ -343,7 +339,7 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         self.levels_ = self.classes_ = levels
 
     @one_blas_thread
-    def _minimise(self, train, validation, n_levels, rng, on_iteration):
+    def _minimise(self, train, validation, n_levels, rng, task):
         """Return the network, its cost, the cost after each iteration, their number."""
         X, positions, level, weight = train
         weight, alpha = scaled_to_unit_weight(weight, self.alpha)
@@ -361,9 +357,8 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         scale, rotate = self.scale_features, self.solver == "lbfgs"
         features = Conditioning(X, layout, alpha, trial_weight, scale, rotate)
         observations = [each.observations for each in learned]
-        loss = NetworkLoss(
-            features.layout, features.inputs, observations, features.alpha
-        )
+        inputs = features.layout, features.inputs
+        loss = NetworkLoss(*inputs, observations, features.alpha)
 
         def network_of(params):
             return layout.network(features.invert(params), present, n_levels)
@@ -372,7 +367,7 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
             return validation_error(network_of(params), *validation)
 
         looked_at = None if validation is None else error_of
-        monitor = Monitor(looked_at, self.n_iter_no_change, on_iteration)
+        monitor = Monitor(looked_at, self.n_iter_no_change, task.on_iteration)
         options = {"max_iter": self.max_iter, "tol": self.tol, "callback": monitor}
         params, n_iter, converged = SOLVERS[self.solver](
             loss, features.apply(start), **options
@@ -549,8 +544,7 @@ def fit_linear_networks(networks, X, observations, levels, task=None):
         n_iter = len(fitted.loss_curve)
         if not fitted.converged:
             network._warn_of_no_convergence(n_iter)
-        between = thresholds_of_all_levels(
-            fitted.thresholds, ratings.present, len(levels)
-        )
+        present = ratings.present
+        between = thresholds_of_all_levels(fitted.thresholds, present, len(levels))
         found = Network(fitted.coef, np.empty(0), np.empty((0, 1)), between[None])
         network._take(found, fitted.loss, fitted.loss_curve, n_iter, levels)

@@ -79,7 +79,7 @@ def one_trial_each(X, positions, level, weight):
     if several:
         own = np.nonzero(used)[0][:, None] == np.arange(len(used))
         observed = (
-            None if each is None else (each * own)[..., None] for each in observed
+            each if each is None else (each * own)[..., None] for each in observed
         )
     return X, *observed
 
@@ -132,11 +132,8 @@ def rank_levels(positions, level, weight, n_levels):
     ranked : list of RankedRatings
     """
     ranked = []
-    for positions_of, level_of, weight_of in of_each_adjective(
-        positions, level, weight
-    ):
-        level_weight = np.bincount(level_of.ravel(), weight_of.ravel(), n_levels)
-        present = np.flatnonzero(level_weight)
-        observations = positions_of, np.searchsorted(present, level_of), weight_of
+    for at, given, counted in of_each_adjective(positions, level, weight):
+        present = np.flatnonzero(np.bincount(given.ravel(), counted.ravel(), n_levels))
+        observations = at, np.searchsorted(present, given), counted
         ranked.append(RankedRatings(present, observations))
     return ranked

@@ -211,12 +211,16 @@ def ratings_at(predict, X, positions, rule):
     level : ndarray of int of shape (n_trials, n_positions), or \
             (n_trials, n_adjectives, n_positions)
     """
-    size = max(1, min(_BATCH_SIZE, _BATCH_POSITIONS // len(positions)))
     decided = [
-        decide(predict(X[batch], positions), rule)
-        for batch in gen_batches(len(X), size)
+        decide(predict(X[batch], positions), rule) for batch in _batches(X, positions)
     ]
     return np.moveaxis(np.concatenate(decided), 1, -1)
+
+
+def _batches(X, positions):
+    """Return slices of few trials."""
+    size = max(1, min(_BATCH_SIZE, _BATCH_POSITIONS // len(positions)))
+    return gen_batches(len(X), size)
 
 
 def share_of_medians(predict, X):
@@ -248,17 +252,13 @@ def share_between_crossings(base, X, to_input, to_position):
     return np.concatenate(shares)
 
 
-def _average_over_cells(predict, X, rule=None):
+def _average_over_cells(predict, X, rule=None, n_cells=_CELLS):
     """Average what may jump anywhere, over more cells for the trials that need them."""
-    proba, error = _average(predict, X, *population_cells(_CELLS[0]), rule, True)
-    rough = np.flatnonzero(error > _JUMP_ERROR)
-    for n_cells in _CELLS[1:]:
-        if len(rough) == 0:
-            break
-        proba[rough], error = _average(
-            predict, X[rough], *population_cells(n_cells), rule, True
-        )
-        rough = rough[error > _JUMP_ERROR]
+    n_cells, *more = n_cells
+    proba, error = _average(predict, X, *population_cells(n_cells), rule, True)
+    rough = error > _JUMP_ERROR
+    if more and rough.any():
+        proba[rough] = _average_over_cells(predict, X[rough], rule, more)
     return proba
 
 
@@ -272,8 +272,7 @@ def _average(predict, X, positions, weight, rule=None, with_error=False):
         The largest error by jumps between positions, if asked for.
     """
     averages, errors = [], []
-    size = max(1, min(_BATCH_SIZE, _BATCH_POSITIONS // len(positions)))
-    for batch in gen_batches(len(X), size):
+    for batch in _batches(X, positions):
         proba = predict(X[batch], positions)
         if rule is not None:
             decided = decide(proba, rule)[..., None]

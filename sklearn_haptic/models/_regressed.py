@@ -143,12 +143,8 @@ class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEsti
         return self
 
     def _fit_estimator(self, X, target, weight):
-        if self.estimator is None:
-            estimator = ExtraTreesRegressor(
-                300, min_samples_leaf=3, max_features="sqrt"
-            )
-        else:
-            estimator = clone(self.estimator)
+        trees = ExtraTreesRegressor(300, min_samples_leaf=3, max_features="sqrt")
+        estimator = clone(trees if self.estimator is None else self.estimator)
         if self.random_state is not None:
             seed_estimator(estimator, check_random_state(self.random_state))
         if target.shape[1] == 0:  # one level, which has nothing to learn
@@ -186,13 +182,10 @@ class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEsti
         departure = self.estimator_.predict(X) if shape[1] else np.empty(shape)
         departure = np.asarray(departure)
         one_output = shape[1] == 1 and departure.shape == shape[:1]
-        if departure.shape != shape and not one_output:
+        right = departure.shape == shape or one_output
+        if not right or not np.isfinite(departure).all():
             raise ValueError(
-                f"estimator predicts an array of shape {departure.shape}; give a "
-                f"regressor that predicts one of shape {shape}."
-            )
-        if not np.isfinite(departure).all():
-            raise ValueError(
-                "estimator predicts NaN or infinity; give one that fits these features."
+                f"estimator predicts an array of shape {departure.shape}, or NaN or "
+                f"infinity; give a regressor of finite outputs of shape {shape}."
             )
         return proper_shares(self.mean_cdf_ + departure.reshape(shape))

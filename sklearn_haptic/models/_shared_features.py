@@ -103,11 +103,7 @@ def has_latent_response(base: SharesFeatures) -> TypeGuard[HasLatentResponse]:
 def seed_estimator(estimator, rng):
     """Set each ``random_state`` of an estimator and its steps to one drawn seed."""
     seed = int(rng.randint(np.iinfo(np.int32).max))
-    names = [
-        name
-        for name in estimator.get_params()
-        if name == "random_state" or name.endswith("__random_state")
-    ]
+    names = (n for n in estimator.get_params() if n.split("__")[-1] == "random_state")
     estimator.set_params(**dict.fromkeys(names, seed))
 
 
@@ -117,9 +113,7 @@ def fit_with_weights(estimator, X, y, weight, refusal):
     Equal weights other than 1 matter beside a penalty. A ValueError says otherwise that
     the estimator takes no weights, but, as `refusal` goes on, that they differ.
     """
-    if (weight == 1).all():
-        return estimator.fit(X, y)
-    if has_fit_parameter(estimator, "sample_weight"):
+    if (weight != 1).any() and has_fit_parameter(estimator, "sample_weight"):
         return estimator.fit(X, y, sample_weight=weight)
     if np.ptp(weight) > 0:
         raise ValueError(

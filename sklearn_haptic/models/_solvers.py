@@ -63,10 +63,8 @@ def irprop_plus(fun, x0, *, max_iter, tol, callback):
             return x, iteration, True
         back = -1.0 if cost > previous_cost else 0.0
         for i in range(0, len(x), _CACHED):
-            part = slice(i, i + _CACHED)
-            _move(
-                x[part], grad[part], size[part], step[part], previous_sign[part], back
-            )
+            arrays = x, grad, size, step, previous_sign
+            _move(*(each[i : i + _CACHED] for each in arrays), back)
         previous_cost = cost
         if callback(x, cost):
             return x, iteration + 1, True
@@ -132,9 +130,8 @@ def validation_error(network, X, positions, level, weight):
     are given as to `NNPOM.fit_with_positions`.
     """
     errors = []
-    for i, (at, true, counted) in enumerate(
-        of_each_adjective(positions, level, weight)
-    ):
+    adjectives = of_each_adjective(positions, level, weight)
+    for i, (at, true, counted) in enumerate(adjectives):
         own = X[:, i] if X.ndim == 4 else X
         predicted = network.adjective(i).predict_proba(own, at)[:, :, 0].argmax(axis=-1)
         error = macro_error(predicted, true, counted > 0)
