@@ -27,7 +27,7 @@ from ..recordings._biotac import (
 )
 from ..utils._sklearn import Names, StrOptions, validate_params
 from ..utils._validation import check_names
-from ._hdf5 import check_stored, get_node, names_in, open_hdf5, read_rows
+from ._hdf5 import check_stored, get_node, names_in, open_hdf5, place_of, read_rows
 from ._matlab_ratings import LEVELS, MatlabRatings
 from ._phac2_ratings import rate_trials
 
@@ -315,9 +315,8 @@ def _procedure_rows(trial, states, procedure):
         found = [state.decode("ascii", "replace") for state in np.unique(states)]
         raise ValueError(
             f"Trial {trial.name[1:]!r} of {trial.file.filename} has no procedure "
-            f"{procedure!r}: no row is in state "
-            f"{PROCEDURE_STATES[procedure].decode()}, only in {found}. Leave the "
-            "trial out through trials=."
+            f"{procedure!r}: its states are {found}. Leave the trial out through "
+            "trials=."
         )
     return rows
 
@@ -358,9 +357,8 @@ def _read_finger(trial, finger, sensor, n_frames, rows, rest):
     finite = np.isfinite(signal).all(axis=1)
     if not finite.all():
         raise ValueError(
-            f"{dataset.name} of {dataset.file.filename} has NaN or infinity in sample "
-            f"{np.argmin(finite)} of the procedure or at rest; leave the trial out "
-            "through trials=."
+            f"{place_of(dataset)} has NaN or infinity in sample {np.argmin(finite)} of "
+            "the procedure or at rest; leave the trial out through trials=."
         )
     return signal
 
@@ -372,7 +370,4 @@ def _read_stretches(dataset, stretches):
 
 
 def _shape_error(dataset, wanted):
-    return (
-        f"{dataset.name} of {dataset.file.filename} has shape {dataset.shape}; it must "
-        f"be {wanted}."
-    )
+    return f"{place_of(dataset)} has shape {dataset.shape}; it must be {wanted}."

@@ -298,19 +298,14 @@ def _percepts(properties, rng):
 
 def _touch_by_all(material, procedures, sensors, trial):
     """Yield the signals of one trial, sensor by sensor in each procedure."""
-    for procedure in procedures:
-        yield from _touch_once(material, procedure, sensors, trial).values()
+    for i in map(PROCEDURES.index, procedures):
+        # Random streams depend on seed, object and run alone.
+        conditions = draw_conditions(np.random.default_rng([*trial, 2]))
 
+        def stream(k, at=3 + i):
+            return np.random.default_rng([*trial, at, k])
 
-def _touch_once(material, procedure, sensors, trial):
-    """Simulate one trial, whose random streams depend on seed, object and run alone."""
-    conditions = draw_conditions(np.random.default_rng([*trial, 2]))
-    at = 3 + PROCEDURES.index(procedure)
-
-    def stream(k):
-        return np.random.default_rng([*trial, at, k])
-
-    return touch(material, conditions, procedure, sensors, stream)
+        yield from touch(material, conditions, PROCEDURES[i], sensors, stream).values()
 
 
 def population(percepts):

@@ -122,7 +122,10 @@ class SignalsDisplay(Display):
         if any(set(trial) != set(sensors) for trial in trials):
             raise ValueError("X has trials of different sensors; give all the same.")
         return cls(
-            {s: _check_signals(s, [trial[s] for trial in trials]) for s in sensors},
+            {
+                s: check_trials([t[s] for t in trials], name=f"X[{s!r}]" if s else "X")
+                for s in sensors
+            },
             titles=titles,
             sampling_rates={s: _rate_of(s, sampling_rate) for s in sensors},
             units={s: _unit_of(s, unit) for s in sensors},
@@ -213,10 +216,6 @@ def _named_trials(X):
     if not pairs or not all(len(trial) for _, trial in pairs):
         raise ValueError("X holds no signals; give one trial and sensor or more.")
     return [str(name) for name, _ in pairs], [dict(trial) for _, trial in pairs]
-
-
-def _check_signals(sensor, signals):
-    return check_trials(signals, name=f"X[{sensor!r}]" if sensor else "X")
 
 
 def _rate_of(sensor, sampling_rate):
