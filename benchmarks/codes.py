@@ -1,7 +1,7 @@
 """Speed of sparse codes, dictionaries and features, beside peers.
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/codes.py \
-        [--parts omp ksvd trial corpus busy] [--quick]
+        [--parts omp ksvd trial corpus] [--quick]
 
 About five minutes; ``--quick`` (fewer signals, rounds and trials) a quarter of one.
 Peers are optional, best in an environment of their own that has this package too:
@@ -14,15 +14,8 @@ omp, ksvd  Batch OMP and K-SVD. Coders take turns, so that what else the machine
            run with atoms updated in their order, as dictlearn does, not a random one.
 trial      One generated Hold trial: codes, and codes pooled over time.
 corpus     Time and memory of a whole corpus of Hold trials of electrodes.
-busy       The clock, where BLAS may use every core, alone and beside a process that
-           keeps one core busy.
 """
 
-import os
-import subprocess
-import sys
-import time
-from contextlib import contextmanager, nullcontext
 from functools import partial
 from importlib.util import find_spec
 
@@ -30,15 +23,8 @@ import numpy as np
 from measure import command, head, in_turn, machine, peak_mb, plus_minus, row, timed
 from sklearn.decomposition import SparseCoder
 from sklearn.pipeline import make_pipeline
-from threadpoolctl import threadpool_limits
 
-from sklearn_haptic import (
-    NNPOM,
-    DistributionalOrdinalRegressor,
-    KSVDTransformer,
-    STHMPTransformer,
-    TemporalMaxPool,
-)
+from sklearn_haptic import KSVDTransformer, STHMPTransformer, TemporalMaxPool
 from sklearn_haptic.datasets import make_haptic_corpus
 
 # The transformers check, centre and write codes densely; what the peers do is private.
@@ -247,50 +233,7 @@ def corpus(quick):
             row(len(trials), np.dtype(dtype), *seconds, *cells)
 
 
-@contextmanager
-def busy_core():
-    """Keep a core busy by another process."""
-    process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
-    try:
-        time.sleep(0.2)
-        yield
-    finally:
-        process.kill()
-        process.wait()
-
-
-def busy(quick):
-    rng = np.random.default_rng(0)
-    trials = list(rng.normal(size=(20, 4510, 2)))
-    coder = KSVDTransformer(40, window=22, max_iter=3, tol=0, random_state=0)
-    steps = make_pipeline(coder, TemporalMaxPool()).fit(trials)
-    windows = np.concatenate(
-        [np.lib.stride_tricks.sliding_window_view(t, 22, axis=0)[::11] for t in trials]
-    ).reshape(-1, 22)
-    learn = partial(ksvd, windows, unit_rows(windows[:40]), 4, max_iter=3, tol=0)
-    X, y = rng.normal(size=(600, 2000)), rng.integers(1, 9, size=(600, 5))
-    model = DistributionalOrdinalRegressor(NNPOM(n_hidden=10, alpha=100.0))
-    model.fit(X[:100], y[:100])
-    rows = {
-        "K-SVD, 3 iterations": lambda: coder.fit(trials),
-        "the same, threads not limited": lambda: learn(rng=np.random.RandomState(0)),
-        "coding and pooling, 20 trials": lambda: steps.transform(trials),
-        "prediction, 600 trials": lambda: model.predict_proba(X),
-    }
-    title = f"BLAS may use {os.cpu_count()} threads; seconds by the clock"
-    head("", "alone", "beside a busy core", "ratio", title=title)
-    with threadpool_limits(os.cpu_count(), user_api="blas"):
-        for name, function in rows.items():
-            times = np.empty((1 if quick else 5, 2))
-            for of_run in times:
-                for i, state in enumerate((nullcontext, busy_core)):
-                    with state():
-                        of_run[i] = in_turn([function], clock=time.perf_counter).item()
-            alone, beside = np.median(times, axis=0)
-            row(name, f"{alone:.3f}", f"{beside:.3f}", f"{beside / alone:.1f}")
-
-
-PARTS = {"omp": omp, "ksvd": learning, "trial": trial, "corpus": corpus, "busy": busy}
+PARTS = {"omp": omp, "ksvd": learning, "trial": trial, "corpus": corpus}
 
 
 def main():

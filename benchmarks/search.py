@@ -10,11 +10,10 @@ processor time, which other load on the machine disturbs less than it does the c
 "memory= of the steps" is that of the transformers and of the pooling. "then PCA"
 rotates the features to as many axes as there are training trials, once a fold, instead
 of in every fit of the head. The networks' start values are drawn for other axes then,
-so their scores differ; those of a linear head, which has one optimum, do not. About
-six minutes; ``--quick`` takes six objects, two folds and two settings.
+so their scores differ. About six minutes; ``--quick`` takes six objects, two folds and
+two settings.
 """
 
-import os
 import tempfile
 import time
 import warnings
@@ -34,10 +33,8 @@ GRID = {
     "estimator__n_hidden": [1, 5, 10, 20, 30],
     "estimator__alpha": [0.001, 0.01, 0.1, 1.0, 10.0],
 }
-CONVERGING = {"estimator__alpha": [0.1, 1.0, 10.0]}
-NETWORK, LINEAR = (
-    DistributionalOrdinalRegressor(network, levels=[1, 2, 3, 4, 5], random_state=0)
-    for network in (NNPOM(max_iter=50), NNPOM(n_hidden=0, tol=1e-8, max_iter=2000))
+NETWORK = DistributionalOrdinalRegressor(
+    NNPOM(max_iter=50), levels=[1, 2, 3, 4, 5], random_state=0
 )
 
 
@@ -52,12 +49,7 @@ def whole_model(*, step_memory=None, pipeline_memory=None, rotate=False):
 def search_scores(estimator, grid, X, y, cv):
     """Search; return scores of shape (n_settings, n_folds)."""
     search = GridSearchCV(
-        estimator,
-        grid,
-        scoring=neg_rps_scorer,
-        cv=cv,
-        refit=False,
-        error_score="raise",
+        estimator, grid, scoring=neg_rps_scorer, cv=cv, refit=False, error_score="raise"
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # few iterations
@@ -81,38 +73,6 @@ def fold_by_fold(trials, y, folds, **options):
     return np.hstack(scores)
 
 
-def megabytes(folder):
-    return sum(f.stat().st_size for f in folder.rglob("*") if f.is_file()) / 1e6
-
-
-def stages(trials, y, folds):
-    """Print what is left: features once a fold, and the head's fits on them."""
-    linear = []
-    for rotate in (False, True):
-
-        def of_fold(train, test, rotate=rotate):
-            features = whole_model(rotate=rotate)[:-1]
-            A = features.fit_transform(trials.iloc[train])
-            return np.vstack((A, features.transform(trials.iloc[test])))
-
-        def of_heads(model, grid):
-            return [
-                search_scores(model, grid, X, y[np.append(*fold)], split)
-                for X, fold, split in zip(ready, folds, splits)  # noqa: B023
-            ]
-
-        computing, ready = timed(lambda f=of_fold: [f(*fold) for fold in folds])
-        splits = [[(np.arange(len(t)), np.arange(len(t), len(y)))] for t, _ in folds]
-        fitting, _ = timed(of_heads, NETWORK, GRID)
-        print(
-            f"{'With' if rotate else 'Without'} PCA: features once a fold "
-            f"{computing:.1f} s, fits and scores of the head {fitting:.1f} s"
-        )
-        linear.append(of_heads(LINEAR, CONVERGING))
-    change = np.abs(np.subtract(*linear)).max()
-    print(f"Largest change of a converged linear head's score by PCA: {change:.1g}")
-
-
 def search_table(trials, y, folds):
     costs = "s, clock", "s, processor", "speed-up", "cache, MB"
     head("", *costs, "scores", "best")
@@ -121,11 +81,7 @@ def search_table(trials, y, folds):
         ("`Pipeline(memory=)`", one_search, ("pipeline_memory",)),
         ("`memory=` of the steps", one_search, ("step_memory",)),
         ("both", one_search, ("step_memory", "pipeline_memory")),
-        (
-            "both, then PCA",
-            one_search,
-            ("step_memory", "pipeline_memory", "rotate"),
-        ),
+        ("both, then PCA", one_search, ("step_memory", "pipeline_memory", "rotate")),
         ("fold by fold", fold_by_fold, ()),
         ("fold by fold, then PCA", fold_by_fold, ("rotate",)),
     ]
@@ -133,13 +89,13 @@ def search_table(trials, y, folds):
     for name, search, options in variants:
         with tempfile.TemporaryDirectory() as folder:
             values = {
-                option: option == "rotate" or os.path.join(folder, option)
-                for option in options
+                option: option == "rotate" or f"{folder}/{option}" for option in options
             }
             clock = time.perf_counter()
             processor, scores = timed(search, trials, y, folds, **values)
             clock = time.perf_counter() - clock
-            size = megabytes(Path(folder))
+            files = [f for f in Path(folder).rglob("*") if f.is_file()]
+            size = sum(f.stat().st_size for f in files) / 1e6
         if reference is None:
             reference = scores, processor
         same = "equal" if np.array_equal(scores, reference[0]) else "other starts"
@@ -159,7 +115,6 @@ def main():
     corpus = make_haptic_corpus(n_objects, 4, procedure="slow_slide", random_state=0)
     y = corpus.ratings["hard"]
     folds = list(GroupKFold(n_folds).split(corpus.trials, y, corpus.objects))
-    stages(corpus.trials, y, folds)
     search_table(corpus.trials, y, folds)
 
 

@@ -8,35 +8,21 @@ hold, squeeze, slow_slide  The RPS at each duration, of three adjectives on 24 g
 slides    The share of errors of twenty materials on later runs of slides (FOLDER); two
           minutes. For ratings there are also dispersions, and for all of these mean
           seconds and loss of rules of stopping.
-early     The same by features of the presets, by statistics in 32 bands, and beside
-          early classifiers of aeon, TEASER and a threshold on probability, in the first
-          six seconds of slides (FOLDER); aeon classifies by MiniRocket features of all
-          44 channels at 100 Hz, and rules of this package are shown on the same
-          predictions. Learned from runs 1 to 10, tested on 11 to 15. Five minutes;
-          needs the extra `aeon`.
 
 ``--quick`` takes fewer objects or durations.
 """
 
 import sys
-import warnings
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import data
 import numpy as np
 from data import RATES
-from heads import minirocket
 from measure import command, head, of_groups, plus_minus, row
 from sklearn.base import clone
-from sklearn.compose import make_column_transformer
-from sklearn.decomposition import PCA
 from sklearn.linear_model import LogisticRegression
-from sklearn.model_selection import GroupKFold, cross_val_predict
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic import AnytimeRegressor, SignalStatistics, make_haptic_pipeline
+from sklearn_haptic import AnytimeRegressor, make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import dispersion, ranked_probability_score
 from sklearn_haptic.streaming import CertaintyThreshold, ExpectedGain
@@ -132,97 +118,18 @@ def slides(folder, quick):
     curve(trials, {"material": material}, run, run <= 10, durations, model, 5)
 
 
-# Beside early classifiers -------------------------------------------------------------
-
-
-def show(name, right, seconds):
-    row(name, f"{np.mean(seconds):.2f}", plus_minus(1.0 - right, 2, ""))
-
-
-def show_rules(name, path, out_of_fold, y, y_train, classes, durations):
-    """Fixed durations, and where rules of this package stop."""
-    right = classes[path.argmax(axis=2)] == y[:, None]
-    for k, seconds in enumerate(durations):
-        show(f"{name}, fixed {seconds:g} s", right[:, k], seconds)
-    for label, each in RULES.items():
-        at = stop(each, out_of_fold, y_train, path, durations, classes)
-        hit = right[np.arange(len(at)), at]
-        show(f"{name}, {label}", hit, np.take(durations, at))
-
-
-def early(folder, quick):
-    from aeon.classification.early_classification import (
-        TEASER,
-        ProbabilityThresholdEarlyClassifier,
-    )
-
-    points = [25, 50] if quick else [10, 25, 50, 100, 200, 400, 599]
-    durations = [n / 100 for n in points]
-    frames, y, run = data.slide_frames(folder, points[-1], float)
-    train, touches = run <= 10, data.by_sensor(frames)
-    head("rule", "seconds, mean", "share of errors")
-    statistics = make_column_transformer(
-        *((SignalStatistics(n_bands=32), sensor) for sensor in touches)
-    )
-    for name, model in {
-        "codes": pipeline(CLASSIFIER),
-        "statistics": make_pipeline(statistics, StandardScaler(), CLASSIFIER),
-    }.items():
-        model = AnytimeRegressor(model, durations=durations, sampling_rates=RATES)
-        model.fit(touches[train], y[train], groups=run[train])
-        path, oof = (
-            model.predict_proba_over_time(touches[~train], durations),
-            model.oof_proba_,
-        )
-        errors = loss_of(y[train], oof, model.classes_).mean(axis=0).round(2)
-        print(f"{name}, out of fold: errors {errors}")
-        show_rules(name, path, oof, y[~train], y[train], model.classes_, durations)
-
-    X = np.stack(frames).swapaxes(1, 2).astype(np.float32)
-    options = {"classification_points": points, "random_state": 0}
-    with TemporaryDirectory() as memory:
-        steps = minirocket(), StandardScaler(), PCA(random_state=0), CLASSIFIER
-        rockets = make_pipeline(*steps, memory=memory)
-
-        def show_peer(name, fitted):
-            predicted, _ = fitted.predict(X[~train])
-            stopped = np.take(points, fitted.state_info[:, 0]) / 100
-            show(f"aeon, {name}", predicted == y[~train], stopped)
-
-        fitted = ProbabilityThresholdEarlyClassifier(rockets, **options)
-        fitted.fit(X[train], y[train])
-        for threshold in THRESHOLDS:
-            fitted.probability_threshold = threshold
-            show_peer(f"probability {threshold:g}", fitted)
-        path, oof = [], []
-        for n, each in zip(points, fitted.estimators_):
-            path.append(each.predict_proba(X[~train, :, :n]))
-            folds = list(GroupKFold(5).split(y[train], groups=run[train]))
-            oof.append(
-                cross_val_predict(
-                    rockets, X[train, :, :n], y[train], cv=folds, method="predict_proba"
-                )
-            )
-        path, oof = np.stack(path, axis=1), np.stack(oof, axis=1)
-        of_test = path, oof, y[~train], y[train], np.unique(y), durations
-        show_rules("MiniRocket", *of_test)
-        show_peer("TEASER", TEASER(rockets, **options).fit(X[train], y[train]))
-
-
 def main():
     parser = command(__doc__)
-    parser.add_argument("part", choices=[*LONGEST, "slides", "early"])
+    parser.add_argument("part", choices=[*LONGEST, "slides"])
     parser.add_argument("folder", type=Path, nargs="?")
     parser.add_argument("--quick", action="store_true")
     arguments = parser.parse_args()
-    warnings.simplefilter("ignore")  # of aeon
     if arguments.part in LONGEST:
         procedure(arguments.part, arguments.quick)
     elif arguments.folder is None:
         sys.exit("Name the folder of data sets.")
     else:
-        part = {"slides": slides, "early": early}[arguments.part]
-        part(arguments.folder, arguments.quick)
+        slides(arguments.folder, arguments.quick)
 
 
 if __name__ == "__main__":
