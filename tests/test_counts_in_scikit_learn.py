@@ -103,7 +103,7 @@ def check_cross_val_predict_proba():
     for train, test in FOLDS:
         expected[test] = fit(train).predict_proba(X[test])
     np.testing.assert_array_equal(
-        cross_val_predict_proba(MODEL, X, COUNTS, groups=OBJECTS, cv=4), expected
+        cross_val_predict_proba(MODEL, X, COUNTS, groups=OBJECTS, cv=CV), expected
     )
 
 

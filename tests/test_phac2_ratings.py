@@ -121,7 +121,7 @@ def test_answers_stay_available(path, answers):
     both = answers.pivot(index=["object", "rater"], columns="adjective")["rating"]
     expected = both[["springy", "hard"]].corr("spearman").iloc[0, 1]
     rho = adjective_correlation(people).rho
-    np.testing.assert_allclose(rho[0, 2], expected, rtol=1e-12)
+    np.testing.assert_allclose(rho.loc["springy", "hard"], expected, rtol=1e-12)
     some = load_phac2(path, sensors=["pdc"], trials=TRIALS[:1], ratings=answers)
     assert set(some.rater_ratings.index.get_level_values("object")) == {7}
 

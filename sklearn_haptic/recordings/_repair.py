@@ -434,7 +434,7 @@ class TrialRepair:
             else:
                 self.n_features_in_ = len(usual[ALONE].mean)
         self.takes_trials_, self._settings, self._usual = takes_trials, settings, usual
-        self.faults_ = self.faults(X)
+        self._faults = self._rows_of_faults(X)
         return self
 
     # That of TransformerMixin would make a table of trials, by `set_output`.
@@ -508,13 +508,21 @@ class TrialRepair:
             channel, NaN for other faults).
         """
         check_is_fitted(self)
-        rows = [
+        return pd.DataFrame(self._rows_of_faults(X), columns=_COLUMNS)
+
+    @property
+    def faults_(self) -> pd.DataFrame:
+        """The faults of the trials of `fit`."""
+        check_is_fitted(self)
+        return pd.DataFrame(self._faults, columns=_COLUMNS)
+
+    def _rows_of_faults(self, X):
+        return [
             (i, name, *fault)
             for name, pairs in self._repair(X).items()
             for i, (_, faults) in enumerate(pairs)
             for fault in faults
         ]
-        return pd.DataFrame(rows, columns=_COLUMNS)
 
     def _repair(self, X):
         """Return the repaired trials of each sensor with their faults."""

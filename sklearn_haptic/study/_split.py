@@ -8,8 +8,6 @@ from sklearn.utils import check_random_state
 from ..utils._folds import ObjectKFold, validation_split
 
 _SHARE_OF_TEST = 0.1  # of the objects, in the paper's split
-
-
 _SHARE_OF_VALIDATION = 1 / 9  # of the objects that are not test objects
 
 
@@ -65,6 +63,8 @@ def split_objects(objects, split, *, n_splits, n_repeats, seed):
             'another n_splits or split="paper".'
         )
     rng = check_random_state(seed)
+    order = np.argsort(objects, kind="stable")  # the order of trials changes no fold
+    objects = objects[order]
     if split == "paper":
         outer = [validation_split(len(objects), objects, _SHARE_OF_TEST, rng)]
     else:
@@ -80,5 +80,5 @@ def split_objects(objects, split, *, n_splits, n_repeats, seed):
             len(rest), objects[rest], _SHARE_OF_VALIDATION, rng
         )
         parts = rest[train], rest[validation], test
-        folds.append(Parts(*map(np.sort, parts)))
+        folds.append(Parts(*(np.sort(order[part]) for part in parts)))
     return folds
