@@ -3,7 +3,7 @@
     python tests/mutants.py                 # 300 changes, about an hour on two cores
     python tests/mutants.py -n 20 --seed 1  # fewer, and others
 
-The command runs the whole suite once under coverage, to learn which test reaches which
+The command runs the fast tests once under coverage, to learn which test reaches which
 line and how long it takes. Then it makes one change at a time in a copy of the
 checkout: another operator, another constant, a dropped statement, two arguments
 exchanged. Against each change it runs the tests that reach the changed line, the
@@ -127,7 +127,7 @@ def reach(folder, workers):
     """Tests that reach each line of each module, and seconds of each test function."""
     options = f"-q -n {workers} --dist worksteal --cov={PACKAGE} --cov-context=test"
     options += f" --cov-report= -o junit_family=xunit1 --junitxml={folder}/times.xml"
-    command = [sys.executable, "-m", "pytest", *options.split()]
+    command = [sys.executable, "-m", "pytest", "-m", "not slow", *options.split()]
     if subprocess.run(command, stdout=subprocess.DEVNULL).returncode:
         raise SystemExit("The tests have to pass before their strength can be told.")
     seconds = collections.defaultdict(float)
@@ -204,7 +204,7 @@ def main():
         ("-n", int, 300, "number of changes"),
         ("--seed", int, 0, "seed of their choice"),
         ("--workers", int, 2, "processes"),
-        ("--budget", float, 40, "seconds of tests a change"),
+        ("--budget", float, 20, "seconds of tests a change"),
     ]:
         parser.add_argument(
             name, type=kind, default=default, help=f"{text} ({default})"

@@ -1,9 +1,8 @@
 """All that the package takes from scikit-learn's private names, in one place.
 
 Beside them stand the types of common arguments, and what every estimator shares: the
-link to its page of the documentation, the hooks of callbacks, and the limit of BLAS
-threads. The private names are imported from here and keep the names that scikit-learn
-gave them.
+hooks of callbacks and the limit of BLAS threads. The private names are imported from
+here and keep the names that scikit-learn gave them.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -36,45 +35,8 @@ from sklearn.utils.validation import (
     _num_samples,
 )
 
-__all__ = [
-    "BaseSearchCV",
-    "CrossValidator",
-    "FitTask",
-    "FloatArray",
-    "HasMethods",
-    "Interval",
-    "Memory",
-    "Names",
-    "Observations",
-    "RandomState",
-    "Scorer",
-    "StrOptions",
-    "Trials",
-    "_BaseComposition",
-    "_check_feature_names_in",
-    "_check_method_params",
-    "_check_sample_weight",
-    "_fit_context",
-    "_get_adapter_from_container",
-    "_get_output_config",
-    "_num_samples",
-    "_safe_indexing",
-    "_wrap_data_with_container",
-    "check_matplotlib_support",
-    "close_listener",
-    "fit_task",
-    "get_context_path",
-    "is_pandas_na",
-    "one_blas_thread",
-    "open_listener",
-    "send",
-    "validate_params",
-    "with_callbacks",
-]
-
 FloatArray: TypeAlias = NDArray[np.floating]
 """float64, or float32 where the input is."""
-
 
 Trials: TypeAlias = ArrayLike | Sequence[ArrayLike]
 """A table, or a collection of trials that may differ in length."""
