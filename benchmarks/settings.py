@@ -4,24 +4,16 @@
         [--sets bolt films …] [--knobs atoms "hidden units" …] [--csv FILE]
 
 It takes about an hour on one core, with ``--quick`` (small sets, three folds) a few
-minutes, and with one knob besides seconds to a minute. `figures.py` draws the file.
+minutes, with one knob besides seconds to a minute. `figures.py` draws the file.
 
-There are five folds of whole objects, repeated with other folds and seeds. Dictionaries
-and scaling are fitted to the training trials alone. The first value of every knob is
-its reference, which has scores ± standard errors. The others have their score and, in
-brackets, the paired difference to the reference on the same folds ± the standard error
-of that difference, in bold where it exceeds twice that error. The folds share training
-objects, so the errors are those of Nadeau and Bengio [1]_, which are larger.
-
-The base has the defaults of the transformers and of `DistributionalOrdinalRegressor`,
-but keeps the means of windows. Features are standardised and rotated to as many axes
-as there are trials, which loses nothing and makes every later fit faster. ``alpha`` is
-10 throughout, also with hidden units, unless a value says otherwise.
-
-Seconds are processor time on one thread, medians over folds. "features" learns
-dictionaries and codes, scales and rotates the training trials; "transform" codes,
-scales and rotates the test trials; "fit" and "predict" are those of the model, per
-adjective.
+There are five folds of whole objects, repeated with other folds and seeds. The first
+value of every knob is its reference, with scores ± standard errors; the others have in
+brackets the paired difference to it ± its standard error [1]_, in bold beyond two. The
+base has the defaults of the transformers and of `DistributionalOrdinalRegressor`, but
+keeps the means of windows; ``alpha`` is 10 unless a value says otherwise. Features are
+standardised and rotated to as many axes as there are trials, which loses nothing.
+Seconds are processor time, medians over folds: to learn and make features of training
+trials, to make those of test trials, and to fit and predict, per adjective.
 
 .. [1] Nadeau, C. & Bengio, Y. (2003). Inference for the generalization error.
    Machine Learning 52. https://doi.org/10.1023/A:1024068626366
@@ -30,7 +22,7 @@ adjective.
 import sys
 import time
 import warnings
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -234,18 +226,13 @@ class Sensor(NamedTuple):
     spatial_cells: tuple = (3, 2, 1)
     cells: tuple = (16, 8, 4, 2, 1)
 
-    def before_pooling(self):
-        """What the dictionary depends on."""
-        defaults = Sensor._field_defaults
-        names = "cells", "spatial_cells"
-        return self._replace(**{name: defaults[name] for name in names})
-
     def coder(self, random_state):
         names = "n_nonzero_coefs", "remove_mean", "max_iter", "update"
         parameters = {name: getattr(self, name) for name in names}
         parameters["random_state"] = random_state
         if self.name == "electrodes":
             parameters["max_train_patches"] = self.max_train
+            parameters["spatial_cells"] = self.spatial_cells
             return STHMPTransformer(round(10 * self.atoms), **parameters)
         window, n_atoms = SIZES[self.name]
         parameters |= {"window": window, "max_train_windows": self.max_train}
@@ -258,7 +245,7 @@ class Fold:
     def __init__(self, found, seed, train, test):
         self.data, self.seed, self.train, self.test = found, seed, train, test
         self.dictionary, self.block = cache(self.dictionary), cache(self.block)
-        self.results = {}
+        self.results, self.tables = {}, {}
 
     def cells(self, sensor, rows):
         cells = self.data.trials[sensor.name].iloc[rows]
@@ -270,21 +257,12 @@ class Fold:
 
     def block(self, sensor):
         """Features of training and test trials of a sensor, and their seconds."""
-        learning, coder = self.dictionary(sensor.before_pooling())
+        same = sensor._replace(cells=Sensor._field_defaults["cells"])
+        learning, coder = self.dictionary(same)
         train, test = (self.cells(sensor, rows) for rows in (self.train, self.test))
-        if sensor.name == "electrodes":  # other cells, the same dictionary
-            coder = clone(coder).set_params(
-                spatial_cells=sensor.spatial_cells,
-                dict_init=coder.components_,
-                max_iter=0,
-            )
-            coder.fit(train)
-        pool = TemporalMaxPool(sensor.cells)
-        scale = make_pipeline(StandardScaler(), PCA())
-        coding, A = timed(
-            lambda: scale.fit_transform(pool.fit_transform(coder.transform(train)))
-        )
-        other, B = timed(lambda: scale.transform(pool.transform(coder.transform(test))))
+        steps = make_pipeline(TemporalMaxPool(sensor.cells), StandardScaler(), PCA())
+        coding, A = timed(lambda: steps.fit_transform(coder.transform(train)))
+        other, B = timed(lambda: steps.transform(coder.transform(test)))
         return A, B, (learning + coding, other)
 
     def table(self, sensors=SENSORS, mean_removed=(), **changes):
@@ -302,10 +280,6 @@ class Fold:
         fitting, A = timed(rotation.fit_transform, np.hstack(A))
         other, B = timed(rotation.transform, np.hstack(B))
         return A, B, (seconds[0] + fitting, seconds[1] + other)
-
-    @cached_property
-    def base(self):
-        return self.table()
 
     def search(self, estimator, alphas, A, y):
         """Choose alpha by the RPS on grouped folds of the training trials."""
@@ -335,9 +309,10 @@ class Fold:
         """Seconds of the four stages and the scores, means over the targets."""
         key = joblib.hash(setting)
         if key not in self.results:
-            A, B, seconds = (
-                self.table(**setting.features) if setting.features else self.base
-            )
+            made = joblib.hash(setting.features)
+            if made not in self.tables:
+                self.tables[made] = self.table(**setting.features)
+            A, B, seconds = self.tables[made]
             runs = [self.run(setting, A, B, y) for y in self.data.targets.values()]
             self.results[key] = *seconds, *np.mean(runs, axis=0)
         return self.results[key]
