@@ -5,14 +5,11 @@
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \
         python benchmarks/figures.py real FOLDER [--sets films …] [--to FOLDER]
 
-The first two draw what `quality.py` and `settings.py` wrote, in seconds. The third
-predicts the recordings and ratings of FOLDER (`data.py`) out of fold, in a minute on
-one core: films, objects, materials, forces or runs are left out whole. Its upper panels
-show predictions, its lower panels how much worse (to the right) or better (to the left)
-each rival is than the default, with intervals of 95 % over films, objects, materials,
-forces and speeds, or runs. Settings that rivals have are chosen inside the training
-folds. The random kernels of MiniRocket, which needs the extra `aeon`, are drawn from
-all trials. ``--sets hardness`` takes seconds.
+The first two draw what `quality.py` and `settings.py` wrote. The third predicts the
+recordings and ratings of FOLDER (`data.py`) out of fold, in a minute on one core, and
+shows below predictions how much worse (to the right) or better each rival is than the
+default, with intervals of 95 % over films, objects, materials, forces and speeds, or
+runs. ``--sets hardness`` takes seconds.
 """
 
 import warnings
@@ -50,28 +47,18 @@ PANELS = {
     "films": "Stars of films,\nfeatures given, RPS",
     "slides": "Recorded slides: which of\n20 materials, share of errors",
 }
-STYLES = {
-    "fast": ("#D55E00", "D"),
-    "accurate": ("#0072B2", "D"),
-    "maxima": ("0.45", "D"),
-    "statistics": ("0.45", "o"),
-    "bands": ("0.45", "s"),
-    "MiniRocket": ("0.45", "^"),
-    "MiniRocket, own rates": ("0.45", ">"),
-    "Catch22": ("0.45", "v"),
-    "trees": ("#009E73", "o"),
-    "quantile forest": ("#009E73", "s"),
-    "kernel ridge": ("#009E73", "^"),
-    "linear, alpha chosen": ("#009E73", "v"),
-    "multinomial on counts": ("#009E73", "P"),
-    "location and scale": ("#009E73", "X"),
-    "mord LogisticAT": ("#009E73", "<"),
-    "statsmodels OrderedModel": ("#009E73", ">"),
-}
+FEATURES = "maxima", "statistics", "bands", "MiniRocket", "MiniRocket, own rates"
+FEATURES += ("Catch22",)
+MODELS = "trees", "quantile forest", "kernel ridge", "linear, alpha chosen"
+MODELS += "multinomial on counts", "location and scale", "mord LogisticAT"
+MODELS += ("statsmodels OrderedModel",)
+STYLES = dict(zip(BASES, [(ORANGE, "D"), (BLUE, "D")]))
+STYLES |= {name: (GREY, marker) for name, marker in zip(FEATURES, "Dos^>v")}
+STYLES |= {name: ("#009E73", marker) for name, marker in zip(MODELS, "os^vPX<>")}
 TITLES = {
-    "presets:": [*BASES],
-    "other features, linear model:": list(STYLES)[2:8],
-    "other models, features of the presets:": list(STYLES)[8:],
+    "presets:": BASES,
+    "other features, linear model:": FEATURES,
+    "other models, features of the presets:": MODELS,
 }
 
 
@@ -84,6 +71,14 @@ def of_panels(results):
     means = grouped[["difference", "ms"]].mean()
     means["error"] = np.sqrt(grouped["error"].sum()) / grouped.size()
     return means
+
+
+def log_axis(ax, subs):
+    """Label the steps of a logarithmic axis by plain numbers."""
+    ax.set_xscale("log")
+    ax.xaxis.set_major_locator(LogLocator(subs=subs))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter("")
 
 
 def draw_rivals(results, path):
@@ -101,11 +96,8 @@ def draw_rivals(results, path):
             each = point[["ms", "difference", "error"]]
             ax.errorbar(*each, color=colour, marker=marker, **style)
         ax.axhline(0, color=STYLES["fast"][0], lw=0.8, ls=":", zorder=1)
-        ax.set(xscale="log", title=PANELS[name])
-        ax.title.set_fontsize(10)
-        ax.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
-        ax.xaxis.set_major_formatter("{x:g}")
-        ax.xaxis.set_minor_formatter("")
+        ax.title.set(text=PANELS[name], fontsize=10)
+        log_axis(ax, (1, 3))
         ax.set_xlabel("processor ms per touch")
     figure.supylabel('score minus that of "fast": low is better', fontsize=11)
     handles = []
@@ -113,10 +105,8 @@ def draw_rivals(results, path):
         handles.append(Line2D([], [], ls="", label=title))
         drawn = [n for n in names if n in points.index.get_level_values("row")]
         for name in drawn:
-            colour, marker = STYLES[name]
-            handles.append(
-                Line2D([], [], ls="", color=colour, marker=marker, label=name)
-            )
+            style = dict(zip(("color", "marker"), STYLES[name]))
+            handles.append(Line2D([], [], ls="", label=name, **style))
     axes.flat[-1].legend(handles=handles, loc="center", fontsize=8, frameon=False)
     figure.savefig(path, dpi=85)
 
@@ -128,19 +118,13 @@ DRAWN = {"rps": "RPS", "mae_m": "MAE^M"}
 
 
 def draw_settings(summary, path):
-    """Draw one column of panels per set, one row per score."""
+    """Draw a column of panels per set, a row per score; dictionaries are in colour."""
     sets = ["synthetic", "bolt"]  # other sets have no features to make
     seconds = [f"{stage}_s" for stage in ("features", "transform", "fit", "predict")]
     summary = summary[summary[seconds[:2]].notna().all(axis=1)]
     summary = summary.assign(seconds=summary[seconds].sum(axis=1))
-    figure, axes = plt.subplots(
-        len(DRAWN),
-        len(sets),
-        figsize=(4.5 * len(sets) + 0.5, 3 * len(DRAWN)),
-        sharex="col",
-        squeeze=False,
-        layout="constrained",
-    )
+    shape = {"figsize": (9.5, 6), "layout": "constrained"}
+    figure, axes = plt.subplots(len(DRAWN), len(sets), sharex="col", **shape)
     for column, name in zip(axes.T, sets):
         for ax, score in zip(column, DRAWN):
             draw_panel(ax, summary[summary["set"] == name], score)
@@ -152,33 +136,37 @@ def draw_settings(summary, path):
 
 
 def draw_panel(ax, lines, score):
-    """Draw time against the difference in a score to the base, dictionaries in colour.
-
-    The first value of each other knob is the base as well.
-    """
+    """Draw time against the difference in a score to the base."""
+    coloured = lines["knob"] == "dictionaries"
+    # The first value of each other knob is the base as well.
+    lines = lines[coloured | lines[f"{score}_difference"].notna()]
+    grey = {"color": "0.75", "marker": ".", "markersize": 5, "linewidth": 0.7}
     for _, line in lines.iterrows():
-        coloured = line["knob"] == "dictionaries"
-        difference, error = line[[f"{score}_difference", f"{score}_error"]]
-        if pd.isna(difference):
-            if not coloured:
-                continue
-            difference, error = 0.0, 0.0
-        style = {"color": "0.75", "marker": ".", "markersize": 5, "linewidth": 0.7}
         label = "others" * (line["value"] == "half")
-        if coloured:
-            label = line["value"]
-            style = {"color": COLOURS[label], "marker": "D", "markersize": 8}
-            style |= {"linewidth": 2, "zorder": 3}
-        style = {"zorder": 2, "linestyle": "", "label": label} | style
-        ax.errorbar(line["seconds"], difference, error, **style)
+        style = {"linestyle": "", "zorder": 2, "label": label} | grey
+        if line["knob"] == "dictionaries":
+            style |= {"color": COLOURS[line["value"]], "marker": "D", "markersize": 8}
+            style |= {"linewidth": 2, "zorder": 3, "label": line["value"]}
+        point = line[["seconds", f"{score}_difference", f"{score}_error"]].fillna(0)
+        if np.isnan(line[f"{score}_difference"]):
+            point[f"{score}_error"] = 0
+        ax.errorbar(*point, **style)
     ax.axhline(0, color="0.4", linewidth=0.7, zorder=1)
-    ax.set(xscale="log", ylabel=f"{DRAWN[score]} minus that of the base")
-    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    ax.xaxis.set_major_formatter("{x:g}")
-    ax.xaxis.set_minor_formatter("")
+    ax.set_ylabel(f"{DRAWN[score]} minus that of the base")
+    log_axis(ax, (1, 2, 5))
 
 
 # Real recordings and ratings ----------------------------------------------------------
+
+
+NAMES = {
+    "guess: mean": "marginal",
+    "guess: centre": "barycentre",
+    "ours, penalty searched": "linear, alpha chosen",
+    "kernel ridge": "kernel ridge",
+    "quantile forest": "quantile forest",
+    "extremely randomised trees": "trees",
+}
 
 
 def distributions(name, folder):
@@ -187,15 +175,8 @@ def distributions(name, folder):
     tables = Tables(found.trials, found.folds, found.given)
     (y,), groups = found.targets.values(), np.asarray(found.groups)
     rivals = models(tables.of(PRESETS)[0][0][2].shape[1])
-    compared = {
-        "ours": (linear(), True),
-        "guess: mean": rivals["marginal"],
-        "guess: centre": rivals["barycentre"],
-        "ours, penalty searched": rivals["linear, alpha chosen"],
-        "kernel ridge": rivals["kernel ridge"],
-        "quantile forest": rivals["quantile forest"],
-        "extremely randomised trees": rivals["trees"],
-    }
+    compared = {"ours": (linear(), True)}
+    compared |= {name: rivals[of] for name, of in NAMES.items()}
     scores, predicted = {}, None
     for label, (model, components) in compared.items():
         proba, *_ = fold_proba(model, tables.of(PRESETS, components)[0], y, groups)
@@ -231,26 +212,23 @@ def named(described, trials, frames, y, groups, clusters):
 def beside_rivals(ax, scores, unit):
     """Differences from the first model, with intervals of 95 %."""
     ours, *rivals = scores
-    differences = {name: scores[name] - scores[ours] for name in rivals}
-    half = {
-        name: standard_error(d) * t.ppf(0.975, len(d) - 1)
-        for name, d in differences.items()
-    }
-    ends = [  # of all but the guesses, which would hide how the others differ
-        1.2 * (abs(d.mean()) + half[name])
-        for name, d in differences.items()
+    each = np.array([scores[name] - scores[ours] for name in rivals])
+    mean = each.mean(axis=1)
+    half = standard_error(each.T) * t.ppf(0.975, each.shape[1] - 1)
+    # Guesses would hide how the others differ.
+    end = max(
+        1.2 * (abs(m) + h)
+        for name, m, h in zip(rivals, mean, half)
         if not name.startswith("guess")
-    ]
-    ax.set_xlim(-max(ends), max(ends))
-    for row, (name, each) in enumerate(differences.items()):
-        worse, error = each.mean(), half[name]
+    )
+    ax.set_xlim(-end, end)
+    for row, (name, worse, error) in enumerate(zip(rivals, mean, half)):
         clear = abs(worse) > error
         colour = GREY if not clear else (BLUE if worse > 0 else ORANGE)
         print(f"  {name}: {worse:+.3f} ± {error:.3f}")
-        if worse > max(ends):
-            ax.text(
-                max(ends), row, f"+{worse:.2g} →", color=BLUE, ha="right", va="center"
-            )
+        if worse > end:
+            style = {"color": BLUE, "ha": "right", "va": "center"}
+            ax.text(end, row, f"+{worse:.2g} →", **style)
             continue
         marker = "s" if clear and worse < 0 else "o"
         ax.errorbar(worse, row, xerr=error, fmt=marker, color=colour, capsize=3)
@@ -281,12 +259,10 @@ def confusion(ax, y, predicted):
     kinds = np.unique(y)
     share = np.array([[np.mean(predicted[y == a] == b) for b in kinds] for a in kinds])
     ax.imshow(share, cmap="Blues", vmin=0, vmax=1)
+    style = {"ha": "center", "va": "center", "size": 7, "color": ORANGE}
     for (row, column), value in np.ndenumerate(share):
         if value and row != column:
-            ax.text(
-                column, row, f"{100 * value:.0f}", ha="center", va="center", size=7,
-                color=ORANGE,
-            )  # fmt: skip
+            ax.text(column, row, f"{100 * value:.0f}", **style)
     ax.set_yticks(range(len(kinds)), labels=kinds, size=8)
     ax.set_xticks([])
     ax.set(xlabel="taken for, in the same order (errors in %)")
@@ -299,17 +275,15 @@ def films(folder):
     y, _, proba, scores = distributions("films", folder)
     figure = plt.figure(figsize=(5.2, 5.4), layout="constrained")
     above, below = figure.subfigures(2, 1)
-    error = ranked_probability_score(y, proba, average=False)
-    error -= ranked_probability_score(
-        y, y / y.sum(axis=1, keepdims=True), average=False
+    error, least = (
+        ranked_probability_score(y, p, average=False)
+        for p in (proba, y / y.sum(axis=1, keepdims=True))
     )
-    order = np.argsort(error)
+    order, stars = np.argsort(error - least), np.arange(1, 6)
     axes = above.subplots(1, 3, sharex=True, sharey=True)
-    for ax, q, name in zip(
-        axes, (0.1, 0.5, 0.9), ("a good one", "the median", "a bad one")
-    ):
+    names = {"a good one": 0.1, "the median": 0.5, "a bad one": 0.9}
+    for ax, (name, q) in zip(axes, names.items()):
         film = order[round(q * (len(y) - 1))]
-        stars = np.arange(1, 6)
         ax.bar(stars, proba[film], color=BLUE)
         ax.plot(stars, y[film] / y[film].sum(), "o", color=ORANGE, mec="white", ms=7)
         ax.set(yticks=[], xlabel="stars", xticks=stars)
