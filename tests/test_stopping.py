@@ -55,18 +55,10 @@ def test_stop_at_is_a_loop_over_touches_and_durations(rule):
         assert index[i] == k
 
 
-def test_measures_of_certainty():
-    proba = np.array([[[0.6, 0.3, 0.1]]])
-    entropy = -(0.6 * np.log(0.6) + 0.3 * np.log(0.3) + 0.1 * np.log(0.1)) / np.log(3)
-    for measure, certainty in [
-        ("probability", 0.6),
-        ("margin", 0.3),
-        ("entropy", 1 - entropy),
-    ]:
-        below = CertaintyThreshold(certainty - 1e-9, measure=measure)
-        above = CertaintyThreshold(certainty + 1e-9, measure=measure)
-        assert below.stops(proba)[0]
-        assert not above.stops(proba)[0]
+def test_certainty_is_the_largest_probability():
+    proba = np.array([[[0.3, 0.6, 0.1]]])
+    assert CertaintyThreshold(0.6).stops(proba)[0]
+    assert not CertaintyThreshold(0.6 + 1e-9).stops(proba)[0]
 
 
 def test_the_dearer_a_second_the_shorter_the_touch():
