@@ -1459,8 +1459,7 @@ ask(of_a_touch("update"),
     check("text", {"pac": ["a"] * 19}, r"^samples\['pac'\] is not an array of numbers"))
 RULES = {
     "ExpectedGain": (streaming.ExpectedGain, settings("price", -1, "high")),
-    "CertaintyThreshold": (streaming.CertaintyThreshold, [
-        *settings("threshold", 2), *settings("measure", "sum")]),
+    "CertaintyThreshold": (streaming.CertaintyThreshold, settings("threshold", 2)),
 }
 for name, (rule, checks) in RULES.items():
     ask({f"{name}.fit": lambda *bad, rule=rule, **params: call(
