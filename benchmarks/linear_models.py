@@ -6,19 +6,17 @@ Generated float32 features whose variances fall as those of codes and spectra of
 do, and the ratings of twelve people. "24 at once" are four penalties times all touches
 and five folds. "off by" is the largest difference of a probability at any position to a
 fit of float64 features to a tolerance of 1e-9. LogisticRegression learns the most
-frequent rating of a touch with the same penalty; OrderedModel (statsmodels) learns one
-rating of each touch from 30 features, since its time grows with their cube. Processor
-time; the largest memory is that of a process of its own, with the features. Ten minutes
-and 8 GB on one core; pass numbers of touches to measure fewer.
+frequent rating of a touch with the same penalty. Processor time; the largest memory is
+that of a process of its own, with the features. Pass numbers of touches to measure
+fewer.
 """
 
 import resource
-import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
-import measure
 import numpy as np
+from measure import command, head, machine, row, timed
 from sklearn.linear_model import LogisticRegression
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor
@@ -70,19 +68,10 @@ def logistic(X, counts, level):
     return LogisticRegression(C=15 / 3, max_iter=1000).fit(X, counts.argmax(axis=1))
 
 
-def ordered(X, counts, level):
-    from statsmodels.miscmodels.ordinal_model import OrderedModel
-
-    few = X[:, :30].astype(np.float64) * np.sqrt(N_FEATURES)
-    return OrderedModel(level, few, distr="logit").fit(method="bfgs", disp=False)
-
-
 def measured(fit, n_touches, exact=False):
     """Seconds, GB and, if asked for, the distance to the optimum."""
     data = touches(n_touches)
-    started = time.process_time()
-    model = fit(*data)
-    seconds = time.process_time() - started
+    seconds, model = timed(fit, *data)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     if not exact:
         return seconds, memory, np.nan
@@ -96,28 +85,22 @@ def measured(fit, n_touches, exact=False):
 
 
 def main():
-    parser = measure.command(__doc__)
+    parser = command(__doc__)
     default = [100, 500, 2000, 5000, 10_000, 20_000]
     parser.add_argument("n_touches", type=int, nargs="*", default=default)
     sizes = parser.parse_args().n_touches
-    measure.machine("statsmodels")
-    print("| model | touches | seconds | GB | off by |\n|---|---|---|---|---|")
-    largest = {one: 20_000, many: 20_000, logistic: 2000, ordered: 5000}
-    for fit, n_most in largest.items():
+    machine()
+    head("model", "touches", "seconds", "GB", "off by")
+    for fit, n_most in {one: 20_000, many: 20_000, logistic: 2000}.items():
         for n in [size for size in sizes if size <= n_most]:
             exact = fit is one and n <= 5000
             context = get_context("spawn")
             with ProcessPoolExecutor(1, mp_context=context) as process:
-                try:
-                    taken = process.submit(measured, fit, n, exact).result()
-                except ImportError as missing:
-                    print(f"| {fit.__name__} | {n} | {missing} | | |", flush=True)
-                    continue
-            print(
-                "| {} | {:,} | {:.2f} | {:.1f} | {:.0e} |".format(
-                    fit.__name__, n, *taken
-                ),
-                flush=True,
+                taken = process.submit(measured, fit, n, exact).result()
+            row(
+                fit.__name__,
+                f"{n:,}",
+                *map("{:{}}".format, taken, (".2f", ".1f", ".0e")),
             )
 
 

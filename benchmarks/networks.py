@@ -1,31 +1,23 @@
 """Speed of the ordinal network and of distributions from any estimator.
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/networks.py \
-        [--parts cost fit predict decoding many] [--data FOLDER] [--quick]
+        [--parts fit predict decoding many] [--quick]
 
-About ten minutes; ``--quick`` one. The first two parts need ``pip install skordinal``.
-Ours and the peer's runs take turns; seconds are processor time.
-
-cost      Time to the final cost of skordinal 0.2 (its defaults: 500 iterations, alpha
-          0.01) on single ratings. The cost has many minima: medians over the starts
-          from which it is reached, and over all, where others count with their whole
-          time. FOLDER holds toy, tae and melanoma of ORCA as ``*_sin.npz``; without it
-          only the sets that skordinal ships are used.
 fit       `DistributionalOrdinalRegressor` against skordinal's network on a row for each
-          of 480 trials × 15 positions, the same number of iterations.
+          of 480 trials × 15 positions, the same number of iterations. It needs
+          ``pip install skordinal``.
 predict   `predict_proba` against the same network on materialised rows, 1000 trials ×
           2400 features at 99 positions, and the largest error of the distribution
           function, against 4,000 positions.
-decoding  The average over positions in the population of raters that any estimator
-          predicts: the largest error of the distribution function, over test trials and
-          levels, against 20,000 evenly spaced positions; the rows predicted per trial.
-          Beside it the error of 20 quadrature nodes alone, which suffice where the
-          prediction is smooth in the position.
+decoding  The average over the population of raters that any estimator predicts, and
+          that of 20 quadrature nodes: the largest error of the distribution function,
+          against 20,000 evenly spaced positions, and the rows predicted per trial.
 many      `predict_proba` of many trials.
+
+Five minutes, a part one or two; ``--quick`` one.
 """
 
 import warnings
-from pathlib import Path
 
 import mord
 import numpy as np
@@ -72,52 +64,7 @@ def at_positions(X, positions):
 # Beside skordinal ---------------------------------------------------------------------
 
 
-def single_ratings(folder):
-    """Name -> features, levels and hidden units."""
-    from skordinal.datasets import load_era, load_esl, load_lev, load_swd
-
-    sets = {}
-    for path in sorted(folder.glob("*_sin.npz")) if folder else []:
-        with np.load(path) as case:
-            levels, n_hidden = case["y_train"].ravel(), int(case["hidden"])
-            sets[path.name.split("_")[0]] = case["X_train"], levels, n_hidden
-    for load in (load_esl, load_lev, load_swd, load_era):
-        bunch = load()
-        X = StandardScaler().fit_transform(bunch.data)
-        sets[load.__name__.removeprefix("load_")] = X, bunch.target, 10
-    return sets
-
-
-def cost(quick, folder):
-    from skordinal.classifiers import NNPOM as Peer
-
-    head(
-        "data", "rows × features, units", "reached", "skordinal, s", "ours, s",
-        "ratio", "ratio of all", title="Time to skordinal's final cost, alpha 0.01",
-    )  # fmt: skip
-    for name, (X, y, n_hidden) in single_ratings(folder).items():
-        rows = []
-        for seed in range(2 if quick else 10):
-            peer = Peer(n_hidden=n_hidden, alpha=0.01, random_state=seed)
-            theirs, _ = timed(peer.fit, X, np.unique(y, return_inverse=True)[1])
-            ours = NNPOM(
-                n_hidden, 0.01, scale_features=False, gaps="squared", tol=1e-5,
-                max_iter=500, random_state=seed,
-            )  # fmt: skip
-            taken, _ = timed(ours.fit, X, y)
-            reached = np.flatnonzero(np.array(ours.loss_curve_) <= peer.loss_)
-            share = (reached[0] + 1) / len(ours.loss_curve_) if len(reached) else 1
-            rows.append((theirs, taken * share, taken * share / theirs, len(reached)))
-        rows = np.array(rows)
-        of_reached = rows[rows[:, 3] > 0]
-        theirs, ours, ratio, _ = np.median(of_reached, axis=0)
-        cells = [f"{each:.3f}" for each in (theirs, ours)]
-        cells += [f"{each:.2f}" for each in (ratio, np.median(rows[:, 2]))]
-        shape = f"{X.shape[0]} × {X.shape[1]}, {n_hidden}"
-        row(name, shape, f"{len(of_reached)} of {len(rows)}", *cells)
-
-
-def fit(quick, _):
+def fit(quick):
     from skordinal.classifiers import NNPOM as Peer
 
     n_iter, n_runs = (20, 1) if quick else (200, 3)
@@ -146,7 +93,7 @@ def fit(quick, _):
         row(f"{n_features}, {n_hidden}", *cells)
 
 
-def predict(quick, _):
+def predict(quick):
     head(
         "units", "99 rows per trial, ms", "ours, ms", "ratio", "CDF error",
         "of the 99 positions", title="predict_proba, 1000 trials × 2400 features",
@@ -234,7 +181,7 @@ def cdf_at(estimator, x, positions, n_levels):
     return (level[:, None] <= np.arange(n_levels)).astype(float)
 
 
-def decoding(quick, _):
+def decoding(quick):
     head("estimator", "error of 20 nodes", "error here", "rows per trial", "ms")
     X, counts = touches(60, 10, 10)
     n_dense, n_levels = (2000 if quick else 20_000), counts.shape[1]
@@ -262,7 +209,7 @@ def decoding(quick, _):
         row(name, *cells)
 
 
-def many(quick, _):
+def many(quick):
     sizes = (1, 100, 1000) if quick else (1, 5000, 100_000)
     head("estimator", *(f"{n} trials, ms" for n in sizes))
     X, counts = touches(60, 10, 10)
@@ -274,20 +221,18 @@ def many(quick, _):
         row(type(estimator).__name__, *(f"{1e3 * each:.3g}" for each in taken))
 
 
-PARTS = {"cost": cost, "fit": fit, "predict": predict}
-PARTS |= {"decoding": decoding, "many": many}
+PARTS = {"fit": fit, "predict": predict, "decoding": decoding, "many": many}
 
 
 def main():
     parser = command(__doc__)
     parser.add_argument("--parts", nargs="+", default=list(PARTS), choices=PARTS)
-    parser.add_argument("--data", type=Path, metavar="FOLDER")
     parser.add_argument("--quick", action="store_true")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")  # of few iterations and of mord
     machine("skordinal", "mord")
     for part in arguments.parts:
-        PARTS[part](arguments.quick, arguments.data)
+        PARTS[part](arguments.quick)
 
 
 if __name__ == "__main__":

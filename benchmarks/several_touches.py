@@ -1,7 +1,7 @@
 """What several touches are worth, what a lost sensor costs, and touches unlike others.
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/several_touches.py \
-        [SEED] [--parts pools sensors faults ten] [--quick]
+        [SEED] [--parts pools sensors faults] [--quick]
 
 Forty-eight generated objects are touched five times each by four procedures. Features
 are those of the preset "fast"; dictionaries are learned from other objects, and all
@@ -102,10 +102,7 @@ def fold_predictions(X, columns, corpus, adjective, names, lost):
             proba = pool.predict_proba(felt[used], groups=groups[used])
             out.setdefault(label, []).append((test.nonzero()[0][used], proba))
     return {
-        label: (
-            np.concatenate([w for w, _ in parts]),
-            np.concatenate([p for _, p in parts]),
-        )
+        label: [np.concatenate(each) for each in zip(*parts)]
         for label, parts in out.items()
     }
 
@@ -188,17 +185,6 @@ def pools(X, columns, corpus):
     compare(X, columns, corpus, every, rows, "hold, 1 touches")
 
 
-def ten_touches(seed):
-    """Print what ten touches by one procedure are worth."""
-    for procedure in ("hold", "slow_slide"):
-        others = make_haptic_corpus(16, 2, procedure, random_state=100)
-        coder = make_haptic_pipeline(random_state=0)["features"].fit(others.trials)
-        corpus = make_haptic_corpus(N_OBJECTS, 10, procedure, random_state=seed)
-        X, columns = table({procedure: coder.transform(corpus.trials)})
-        rows = [(f"{procedure}, {n} touches", [procedure], n) for n in (1, 2, 5, 10)]
-        compare(X, columns, corpus, [procedure], rows, f"{procedure}, 1 touches")
-
-
 def sensors(X, columns, corpus):
     """Print what a lost sensor costs."""
     alone = [f"slow_{s}" for s in SENSORS]
@@ -218,7 +204,7 @@ def main():
     global N_OBJECTS, ADJECTIVES
     parser = command(__doc__)
     parser.add_argument("seed", type=int, nargs="?", default=2)
-    every = ["pools", "sensors", "ten", "faults"]
+    every = ["pools", "sensors", "faults"]
     parser.add_argument("--parts", nargs="+", default=every, choices=every)
     parser.add_argument("--quick", action="store_true")
     arguments = parser.parse_args()
@@ -226,10 +212,6 @@ def main():
         N_OBJECTS, ADJECTIVES = 12, ["hard"]
     if {*arguments.parts} != {"faults"}:
         head("", "RPS", "difference", "", "dispersion")
-    if "ten" in arguments.parts:
-        ten_touches(arguments.seed)
-    if {*arguments.parts} == {"ten"}:
-        return
     corpus, parts, slide = features(arguments.seed)
     X, columns = table(parts)
     if "pools" in arguments.parts:
