@@ -192,8 +192,3 @@ def models(n_features):
     return {
         name: (model, name in rotated) for name, model in (rotated | forests).items()
     }
-
-
-def needs_groups(model):
-    """Whether a model's fit has to know which trials share an object."""
-    return hasattr(model, "cv")

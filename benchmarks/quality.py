@@ -6,25 +6,18 @@
 The sets are those of ratings in `data.py`; "slides", of which twenty materials one
 BioTac slides over, and how rough a material is that it never touched; and "sensors",
 fabrics and materials by sensors that are described, named, or left to be found out.
-All sets and rows take some hours on one core, the adjectives hard, smooth and springy
-alone an hour and a half, one small set (phac2, films, bolt) minutes, "sensors" a
-minute. ``--quick`` takes "fast", "accurate" and "marginal" on one adjective. Rows whose
-packages (aeon) are missing are left out.
+All take some hours on one core, one small set (phac2, films, bolt) minutes, "sensors" a
+minute. ``--quick`` takes "fast", "accurate" and "marginal" on one adjective.
 
 Rows are other features with the linear model of "fast" and its penalty, then other
 models of the features of the presets, which choose their settings inside the training
-trials. "maxima" are those of codes over learned dictionaries. MiniRocket has all
-sensors at 100 Hz, and is fitted once, to the first training trials. Whole objects are
-left out.
-Scores are means over objects, lower is better; differences are paired with "fast" and
-"accurate", ± is the standard error over objects. Probabilities below 1e-3 count as 1e-3
-in the log score. On the slides, the score is the share of materials taken for another,
-by a ridge classifier, three blocks of five runs left out in turn.
-
-Costs are processor time of this run, of all folds: learning features and model for one
+trials. Whole objects are left out. Scores are means over objects, lower is better;
+differences are paired with "fast" and "accurate", ± is the standard error over objects.
+Probabilities below 1e-3 count as 1e-3 in the log score. On the slides, the score is the
+share of materials taken for another, by a ridge classifier, three blocks of five runs
+left out in turn. Costs are processor time: learning features and model for one
 adjective, and of features and prediction per touch. MB is the size of the pickled
-features and model of the last fold. The CSV file keeps the rows of earlier runs;
-`figures.py` draws it.
+features and model. The CSV file keeps the rows of earlier runs.
 """
 
 import pickle
@@ -34,17 +27,17 @@ from pathlib import Path
 import data
 import numpy as np
 import pandas as pd
-from heads import (
-    PRESETS,
-    RIDGE,
-    OfAeon,
-    families,
-    minirocket,
-    models,
-    needs_groups,
-    with_ridge,
+from heads import PRESETS, RIDGE, OfAeon, families, minirocket, models, with_ridge
+from measure import (
+    SCORES,
+    command,
+    head,
+    of_groups,
+    plus_minus,
+    row,
+    standard_error,
+    timed,
 )
-from measure import command, head, of_groups, plus_minus, row, standard_error, timed
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.compose import make_column_transformer
@@ -52,13 +45,7 @@ from sklearn.decomposition import PCA
 from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, cross_val_score
 
 from sklearn_haptic import SignalStatistics, TaxelGrid, make_haptic_pipeline
-from sklearn_haptic.metrics import (
-    dispersion,
-    earth_movers_distance,
-    log_score,
-    macro_mae,
-    ranked_probability_score,
-)
+from sklearn_haptic.metrics import dispersion, ranked_probability_score
 
 COLUMNS = ["set", "row", "score", "difference", "error"]
 COLUMNS += ["to_accurate", "to_accurate_error"]
@@ -135,7 +122,7 @@ def fold_proba(model, found, y, groups):
     """Predictions of all trials; seconds to learn and to predict; the last model."""
     proba, fitting, predicting = np.zeros(y.shape), 0.0, 0.0
     for train, test, A, B in found:
-        takes = {"groups": groups[train]} if needs_groups(model) else {}
+        takes = {"groups": groups[train]} if hasattr(model, "cv") else {}
         seconds, fitted = timed(clone(model).fit, A, y[train], **takes)
         fitting += seconds
         seconds, proba[test] = timed(fitted.predict_proba, B)
@@ -153,8 +140,8 @@ def evaluate(tables, family, model, components, targets, groups):
         rps.append(of_groups(ranked_probability_score(y, proba, average=False), groups))
         floor = np.maximum(proba, 1e-3)
         floor /= floor.sum(axis=1, keepdims=True)
-        scores = dispersion(y, proba), macro_mae(y, proba)
-        others.append((log_score(y, floor), *scores, earth_movers_distance(y, proba)))
+        log, errors = SCORES["log score"](y, floor), (SCORES["MAE^M"], SCORES["EMD"])
+        others.append((log, dispersion(y, proba), *(e(y, proba) for e in errors)))
     log, spread, mae, emd = np.mean(others, axis=0)
     n_fits, n_touches = len(targets) * len(found), len(targets) * len(groups)
     costs = (

@@ -2,16 +2,12 @@
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/search.py [--quick]
 
-The paper's grid, five numbers of hidden units by five penalties, in five folds with
-objects kept whole: 125 fits of `make_haptic_pipeline` on a small synthetic corpus. Each
-search runs once, with an empty cache, in one process. Speed-ups are ratios of
-processor time, which other load on the machine disturbs less than it does the clock.
-
-"memory= of the steps" is that of the transformers and of the pooling. "then PCA"
-rotates the features to as many axes as there are training trials, once a fold, instead
-of in every fit of the head. The networks' start values are drawn for other axes then,
-so their scores differ. About six minutes; ``--quick`` takes six objects, two folds and
-two settings.
+The paper's grid, five numbers of hidden units by five penalties, in five folds of whole
+objects: 125 fits of `make_haptic_pipeline`. Each search runs once, with an empty cache,
+in one process. "memory= of the steps" is that of the transformers and of the pooling.
+"then PCA" rotates the features to as many axes as there are training trials, once a
+fold; the networks' start values are drawn for other axes then, so their scores differ.
+About six minutes; ``--quick`` takes six objects, two folds and two settings.
 """
 
 import tempfile

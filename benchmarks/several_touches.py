@@ -4,13 +4,11 @@
         [SEED] [--parts pools sensors faults] [--quick]
 
 Forty-eight generated objects are touched five times each by four procedures. Features
-are those of the preset "fast"; dictionaries are learned from other objects, and all
-features are standardised and rotated together, without the ratings. Objects are
-held out in six folds; weights, beliefs and p-values are learned within the training
-objects. Scores are means over three adjectives; the error is that of the paired
-difference, over objects. It takes about three minutes of one core. Seeds 1 and 3 were
-used to choose how pools are weighted and blurred, so report another. ``--quick`` takes
-twelve objects and one adjective.
+are those of the preset "fast", with dictionaries of other objects, standardised and
+rotated together. Objects are held out in six folds. Scores are means over three
+adjectives; errors are of paired differences, over objects. Three minutes; ``--quick``
+takes twelve objects and one adjective. Seeds 1 and 3 chose how pools are weighted and
+blurred, so report another.
 """
 
 import numpy as np
@@ -64,7 +62,6 @@ def features(seed):
             continue
         for sensor in SENSORS:
             parts[f"slow_{sensor}"] = rows[:, coder.output_indices_[sensor]]
-        parts["slow_others"] = np.hstack([parts[f"slow_{s}"] for s in SENSORS[1:]])
         slide = corpus.trials, coder.named_transformers_
     parts["joined"] = np.hstack([parts[each] for each in PROCEDURES])
     return corpus, parts, slide
@@ -187,15 +184,10 @@ def pools(X, columns, corpus):
 
 def sensors(X, columns, corpus):
     """Print what a lost sensor costs."""
-    alone = [f"slow_{s}" for s in SENSORS]
-    names = [*alone, "slow_slide", "slow_others"]
-    rows = [
-        ("all sensors", names[:-1], 1),
-        ("joined alone", ["slow_slide"], 1),
-        ("joined without pac, alone", ["slow_others"], 1),
-    ]
+    names = [f"slow_{s}" for s in SENSORS]
+    rows = [("all sensors", names, 1)]
     rows += [
-        (f"without {s}", [n for n in alone if n != f"slow_{s}"], 1) for s in SENSORS
+        (f"without {s}", [n for n in names if n != f"slow_{s}"], 1) for s in SENSORS
     ]
     compare(X, columns, corpus, names, rows, "all sensors")
 

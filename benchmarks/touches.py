@@ -3,20 +3,16 @@
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/touches.py \
         [--parts whole stream] [--quick]
 
-whole   Generated holds of 10 s and slow slides of 5 s by a BioTac of two fingers; 24
-        objects touched four times each. Touches are predicted one at a time: processor
-        time, median and largest of 200. "model" is the size of the pickled model,
-        "while predicting" the peak of what Python allocates for one touch. One to two
-        minutes.
-stream  A minute of five sensors in updates of 10 ms: milliseconds of processor time,
-        beside those of recomputing from all samples so far. Half a minute.
+whole   Holds of 10 s and slow slides of 5 s by a BioTac of two fingers, 24 objects four
+        times each, predicted one at a time: processor time of 200, size of the pickled
+        model, and the peak of what Python allocates. One to two minutes.
+stream  A minute of five sensors in updates of 10 ms. Half a minute.
 """
 
 import gc
 import pickle
 
 import numpy as np
-import pandas as pd
 from data import RATES, SENSORS
 from measure import command, head, in_turn, peak_mb, row, timed
 from sklearn import config_context
@@ -84,10 +80,6 @@ def stream(quick):
             for name, each in zip(("update", "prediction"), of_part.T):
                 cells = [f"{ms:.2f}" for ms in np.percentile(each, [50, 95, 99, 100])]
                 row(f"{name}, {start} to {end} s", *cells)
-    for end in (1, 8, n_seconds):
-        so_far = pd.DataFrame({s: [x[: end * RATES[s]]] for s, x in minute.items()})
-        again = 1e3 * in_turn([lambda x=so_far: model.predict_proba(x)], 5)
-        row(f"recomputed at {end} s", f"{np.median(again):.2f}", "", "", "")
 
 
 def main():
