@@ -16,6 +16,12 @@ from sklearn_haptic.models._distributional import fit_linear_models, is_linear
 LEVELS = np.arange(5)
 
 
+@pytest.fixture(autouse=True)
+def small_tables_as_large_ones(monkeypatch):
+    """Tables of the tests are not taken to double precision, as small ones are."""
+    monkeypatch.setattr(_newton_cg, "_DOUBLED", 0)
+
+
 def touches(n_trials, n_features, dtype=np.float64, seed=0):
     """Features whose spectrum falls slowly, and the counts of a dozen raters."""
     rng = np.random.default_rng(seed)
@@ -125,6 +131,17 @@ def test_single_precision_stays_so():
     assert_allclose(model.predict_proba(X), double.predict_proba(X), rtol=0, atol=1e-5)
     for each in (model, RegressedDistribution().fit(X, counts)):
         assert each.predict_proba(X).dtype == np.float64
+
+
+def test_few_strong_directions_in_single_precision(monkeypatch):
+    monkeypatch.undo()
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(1000, 3)) @ rng.normal(size=(3, 600))
+    X, counts = X.astype(np.float32), 1 + rng.poisson(3, (1000, 5))
+    model = NNPOM(0, 1e-2).fit(X, counts)
+    assert model.n_iter_ < 10
+    double = NNPOM(0, 1e-2).fit(X.astype(np.float64), counts)
+    assert_allclose(model.predict_proba(X), double.predict_proba(X), atol=1e-5)
 
 
 def test_a_fit_cut_short_says_so():

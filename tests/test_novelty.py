@@ -343,6 +343,14 @@ def test_a_touch_may_be_any_distance_away():
         assert found == pytest.approx(far)
 
 
+@pytest.mark.parametrize("far", [1e10, -1e200])
+def test_one_training_row_far_out_moves_no_other_distance(far):
+    X, _, _ = made(7)
+    new = X + 0.1
+    looped = [min(np.sqrt(np.mean((x - z) ** 2)) for z in X) for x in new]
+    assert_allclose(nearest_distances(new, np.vstack((X, X[:1] * far))), looped)
+
+
 def test_distances_take_little_memory():
     """20 000 touches would need 3.2 GB for all distances at once."""
     rows = np.random.default_rng(0).normal(size=(20_000, 3))

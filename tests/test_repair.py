@@ -318,6 +318,13 @@ def test_a_missing_sensor_has_the_most_typical_trial(nothing):
     assert repair.faults_["trial"].tolist() == [len(trials)]
 
 
+def test_two_columns_of_one_name_are_refused():
+    X = pd.DataFrame({"x": [np.ones((5, 1))] * 3, "y": [np.zeros((5, 1))] * 3})
+    X.columns = ["x", "x"]
+    with pytest.raises(ValueError, match="X has the column 'x' twice"):
+        RepairTrials().fit(X)
+
+
 def test_rest_level_is_subtracted():
     trials = recordings()
     drifted = [trial + i for i, trial in enumerate(trials)]

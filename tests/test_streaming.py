@@ -2,6 +2,7 @@
 
 import runpy
 import time
+from copy import deepcopy
 from functools import partial
 from pathlib import Path
 
@@ -157,6 +158,21 @@ def test_a_touch_is_done_where_the_rule_stops_recorded_ones(of_codes):
             touch.update({s: x[s][n * r : (n + 1) * r] for s, r in TENTHS.items()})
             n += 1
         assert touch.seconds == pytest.approx(stop)
+
+
+def test_asking_whether_a_touch_is_done_changes_nothing(of_codes):
+    """Sensors come one after the other, by halves of a second."""
+    x = TOUCHES.iloc[0]
+    asked, silent = of_codes.start(), of_codes.start()
+    for half in range(4):
+        for sensor, rate in RATES.items():
+            n = round(rate / 2)
+            new = {sensor: x[sensor][half * n : (half + 1) * n]}
+            asked.update(new)
+            silent.update(new)
+            _ = asked.done
+        assert asked.done == deepcopy(silent).done
+        np.testing.assert_array_equal(asked.predict_proba(), silent.predict_proba())
 
 
 TENTHS = {sensor: round(rate / 10) for sensor, rate in RATES.items()}

@@ -403,6 +403,16 @@ def test_names_and_ratings_are_checked_first(tmp_path, changes, message):
     assert not (tmp_path / "features").exists()
 
 
+def test_labels_of_counts_are_the_levels(tmp_path):
+    corpus, labelled = CORPUS(procedure="hold"), pd.DataFrame(HARD, columns=range(1, 6))
+    tables = []
+    for ratings in (labelled, labelled.loc[:, ::-1]):
+        corpus["ratings"] = {"hard": ratings}
+        study = study_of(tmp_path, corpus=lambda **_: corpus)
+        tables.append(compute_trials(study, "hold")[0])
+    pd.testing.assert_frame_equal(*tables)
+
+
 # Names --------------------------------------------------------------------------
 
 

@@ -77,9 +77,10 @@ def nearest_distances(rows, train, objects=None, train_objects=None):
         Root mean square difference over features.
     """
     rows, train = (np.asarray(each, dtype=np.float64) for each in (rows, train))
-    centre = train[0] + (train - train[0]).mean(axis=0)
-    unit = np.abs(train - centre).max(initial=0) or 1.0
-    points = (train - centre) / unit
+    centre = np.median(train, axis=0)  # one row that lies far out does not move it
+    departure = np.abs(train - centre)
+    unit = np.median(departure[departure > 0]) if departure.any() else 1.0
+    points = np.clip((train - centre) / unit, -_FAR, _FAR)
     half = np.einsum("ij,ij->i", points, points) / 2
     distance = np.empty(len(rows))
     for batch in gen_batches(len(rows), max(1, _BLOCK // len(train))):

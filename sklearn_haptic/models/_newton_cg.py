@@ -31,6 +31,10 @@ from ._proportional_odds import (
 # With fewer trials or features, the preconditioner is the exact Hessian.
 _FEW = 256
 
+# Tables of at most so many values are taken to double precision. In single precision,
+# features with few strong directions and a weak penalty converge slowly.
+_DOUBLED = 1 << 22
+
 # Principal directions in which the preconditioner is exact otherwise, and the trials
 # that they are estimated from.
 _N_DIRECTIONS, _N_SKETCHED = 64, 1000
@@ -393,10 +397,11 @@ class _Features:
         self.rows, self._row_unit = X, self.unit
         self._offset = self.centre / self.unit
         few = min(X.shape) <= _FEW
+        doubled = few or X.size <= _DOUBLED
         far = linalg.norm(centre) > _LARGEST_OFFSET * np.sqrt(variance.max())
         extreme = abs(np.frexp(self.unit)[1]) > _EXPONENTS[X.dtype]
-        if few or far or extreme:
-            self.rows = np.empty(X.shape, np.float64 if few else X.dtype)
+        if doubled or far or extreme:
+            self.rows = np.empty(X.shape, np.float64 if doubled else X.dtype)
             for rows, block in _blocks(X, largest, centre):
                 self.rows[rows] = block * (largest / self.unit)
             self._row_unit, self._offset = 1.0, np.zeros(X.shape[1])

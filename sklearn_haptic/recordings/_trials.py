@@ -213,6 +213,9 @@ def trial_columns(X, names=None):
         in_column = hasattr(X, "shape") and X.shape[1:] in ((), (1,))
         return {ALONE: column_of(X, 0) if in_column else X}
     columns = list(X.columns)
+    if not X.columns.is_unique:
+        twice = X.columns[X.columns.duplicated()][0]
+        raise ValueError(f"X has the column {twice!r} twice; name each column once.")
     if names is None:
         names = [columns[i] for i in _columns_of_trials(X)]
     absent = [name for name in names if name not in columns]

@@ -77,8 +77,7 @@ class TouchInProgress:
         self._felt = FeltSamples(model._branches, shapes, needed, self._limits)
         self._stamps: dict[str, Any] = {}
         self._known: dict[tuple[bool, ...], NDArray[np.float64]] = {}
-        self._path: list[NDArray[np.float64]] = []
-        self._stopped = False
+        self._stopped: dict[bytes, bool] = {}
         return self
 
     @one_blas_thread
@@ -164,13 +163,20 @@ class TouchInProgress:
     @property
     def done(self) -> bool:
         """Whether to stop touching."""
-        n_complete = self._n_complete()
-        while len(self._path) < n_complete and not self._stopped:
-            self._path.append(self._predict_at(len(self._path)))
-            path = np.stack(self._path)[np.newaxis]
-            self._stopped = bool(self._model._stops(path)[0])
         # Samples that wait for a channel without a good value will never be felt.
-        return self._stopped or self._felt.all_arrived()
+        return self._rule_stops() or self._felt.all_arrived()
+
+    def _rule_stops(self):
+        """Whether the rule stops at a complete duration, by the samples there now."""
+        n_complete = self._n_complete()
+        there = (self._felt.lengths()[0] >= self._model._needed[:n_complete]).tobytes()
+        if there not in self._stopped:
+            path = [self._predict_at(k) for k in range(n_complete)]
+            self._stopped[there] = any(
+                self._model._stops(np.stack(path[: k + 1])[np.newaxis])[0]
+                for k in range(n_complete)
+            )
+        return self._stopped[there]
 
     @one_blas_thread
     def predict_proba(self) -> NDArray[np.float64]:

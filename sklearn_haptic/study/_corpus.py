@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch
 
+from ..ratings._levels import in_order_of_levels, levels_of_columns
 from ..recordings._biotac import PROCEDURES, SENSORS
 
 
@@ -97,7 +98,9 @@ def compute_trials(study, procedure):
         )
     columns = names_of_trials(corpus)
     for adjective, counts in corpus.ratings.items():
-        for k, count in enumerate(np.asarray(counts).T, start=1):
+        _, order = levels_of_columns(counts, None, f"ratings[{adjective!r}]")
+        counts = in_order_of_levels(np.asarray(counts), order)
+        for k, count in enumerate(counts.T, start=1):
             columns[f"{adjective}_{k}"] = count
     for adjective, proba in corpus.get("true_proba", {}).items():
         for k, p in enumerate(np.asarray(proba, dtype=float).T, start=1):
