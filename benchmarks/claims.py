@@ -23,11 +23,7 @@ from sklearn_haptic import (
     make_haptic_pipeline,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.metrics import (
-    log_score,
-    noise_ceiling,
-    ranked_probability_score,
-)
+from sklearn_haptic.metrics import log_score, noise_ceiling, ranked_probability_score
 from sklearn_haptic.model_selection import (
     contribution_summary,
     model_report,

@@ -1,7 +1,7 @@
 """Speed of sparse codes, dictionaries and features, beside peers.
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/codes.py \
-        [--parts omp ksvd trial corpus] [--quick]
+        [--parts omp ksvd trial] [--quick]
 
 About five minutes; ``--quick`` (fewer signals, rounds and trials) a quarter of one.
 Peers are optional, best in an environment of their own that has this package too:
@@ -11,16 +11,14 @@ omp, ksvd  Batch OMP and K-SVD; figures are medians over rounds. scikit-learn co
            hundredth of the signals. K-SVD is also run with atoms updated in order, as
            dictlearn does, not a random one.
 trial      One generated Hold trial: codes, and codes pooled over time.
-corpus     Time and memory of a whole corpus of Hold trials of electrodes.
 """
 
 from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
-from measure import command, head, in_turn, machine, peak_mb, plus_minus, row, timed
+from measure import command, head, in_turn, machine, plus_minus, row, timed
 from sklearn.decomposition import SparseCoder
-from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import KSVDTransformer, STHMPTransformer, TemporalMaxPool
 from sklearn_haptic.datasets import make_haptic_corpus
@@ -191,27 +189,7 @@ def trial(quick):
             row(f"{type(coder).__name__}, {shape}, {np.dtype(dtype)}", *cells)
 
 
-def corpus(quick):
-    title = "Hold trials of electrodes: codes and pooling"
-    costs = "fit, s", "transform, s", "trials, MB", "features, MB", "peak, MB"
-    head("trials", "data type", *costs, title=title)
-    for dtype in (np.float32, np.float64):
-        for n_objects in (3, 6) if quick else (15, 60):
-            found = make_haptic_corpus(
-                n_objects, 10, sensors=["electrodes"], random_state=0
-            )
-            trials = [each.astype(dtype) for each in found.trials["electrodes"]]
-            steps = make_pipeline(STHMPTransformer(random_state=0), TemporalMaxPool())
-            fitting, _ = timed(steps.fit, trials)
-            taken, features = timed(steps.transform, trials)
-            peak = peak_mb(partial(steps.transform, trials))
-            sizes = sum(each.nbytes for each in trials) / 1e6, features.nbytes / 1e6
-            cells = [f"{mb:.0f}" for mb in (*sizes, peak)]
-            seconds = f"{fitting:.1f}", f"{taken:.1f}"
-            row(len(trials), np.dtype(dtype), *seconds, *cells)
-
-
-PARTS = {"omp": omp, "ksvd": learning, "trial": trial, "corpus": corpus}
+PARTS = {"omp": omp, "ksvd": learning, "trial": trial}
 
 
 def main():

@@ -110,18 +110,6 @@ def votes(folder):
     return Data(X, target, objects, split(objects), StandardScaler())
 
 
-def adjectives_of_votes(folder):
-    """Yes or no by people for the same touches: the adjectives of five objects."""
-    with np.load(folder / "phac2_static" / "phac2_static.npz") as arrays:
-        objects, names = arrays["object_id"], arrays["adjectives"].tolist()
-        has = dict(zip(names, arrays["Y_binary"].T.astype(int)))
-    return {
-        name: np.eye(2)[column]
-        for name, column in has.items()
-        if len(np.unique(objects[column == 1])) >= 5
-    }
-
-
 def wine(folder):
     """Eight bottles tasted by nine judges, known by temperature and contact."""
     table = pd.read_csv(folder / "wine_ratings" / "ordinal_wine.csv")
