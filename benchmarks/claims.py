@@ -66,10 +66,8 @@ def ceiling(n_repeats):
                 counts = rng.multinomial(n_people, truth)
                 below = np.cumsum(truth, axis=1)
                 expected = (below * (1 - below)).sum(axis=1), entropy(truth, axis=1)
-                found = [
-                    noise_ceiling(counts, score).truth
-                    for score in (ranked_probability_score, log_score)
-                ]
+                scores = ranked_probability_score, log_score
+                found = [noise_ceiling(counts, score).truth for score in scores]
                 bias.append(100 * (found / np.mean(expected, axis=1) - 1))
             row(n_people, name, *(plus_minus(each, 1) for each in np.transpose(bias)))
 
@@ -77,9 +75,8 @@ def ceiling(n_repeats):
 def raters(n_repeats):
     """Honest people differ in shift, spread and care; one or three may be careless."""
     columns = ("false alarm", "one at random", "three at random", "one reversed")
-    head(
-        "objects", "people", "habits", "care", *columns, title="Raters called outlying"
-    )
+    known = "objects", "people", "habits", "care"
+    head(*known, *columns, title="Raters called outlying")
     rng = np.random.default_rng(0)
     for n_objects, n_people in [(20, 12), (60, 12), (20, 36)]:
         for habit, care in [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (1.0, 0.3)]:
@@ -92,11 +89,9 @@ def raters(n_repeats):
                 answers = 3 + np.exp(0.4 * spread) * felt + 0.6 * shift
                 answers = np.clip(np.rint(answers), 1, 5)
                 careless = [0, 1, 3, 1][kind]
-                answers[:, :careless] = (
-                    6 - answers[:, :careless]
-                    if kind == 3
-                    else rng.integers(1, 6, size=(n_objects, careless, 3))
-                )
+                theirs = answers[:, :careless]
+                random = kind != 3  # or reversed
+                theirs[:] = rng.integers(1, 6, theirs.shape) if random else 6 - theirs
                 objects, people = map(np.ravel, np.indices((n_objects, n_people)))
                 called = outlying_raters(answers.reshape(-1, 3), objects, people)
                 called = called["outlying"].to_numpy()
@@ -107,9 +102,8 @@ def raters(n_repeats):
 
 def report(n_repeats):
     """Ratings of generated objects, permuted over the objects."""
-    head(
-        "objects", "better", "worse", "dispersion", title="Verdicts of permuted ratings"
-    )
+    title = "Verdicts of permuted ratings"
+    head("objects", "better", "worse", "dispersion", title=title)
     for n_objects in (20, 40):
         verdicts, dispersions = [], []
         for seed in range(max(n_repeats // 40, 2)):

@@ -85,15 +85,11 @@ def grips(folder, procedures=("hold",)):
     return Data(pd.concat(trials, axis=1), {"force": force}, materials, folds)
 
 
-def films(folder, n_films=1500, part=0):
-    """Films drawn at random, with their features and the shares of their stars.
-
-    The second part has other films than the first.
-    """
+def films(folder, n_films=1500):
+    """Films drawn at random, with their features and the shares of their stars."""
     with np.load(folder / "movie_ratings" / "Movie.npz") as arrays:
         X, shares = arrays["X"], arrays["D"]
-    drawn = np.random.default_rng(0).permutation(len(X))
-    drawn = drawn[part * n_films : (part + 1) * n_films]
+    drawn = np.random.default_rng(0).permutation(len(X))[:n_films]
     groups = np.arange(len(drawn))
     given = make_pipeline(TruncatedSVD(100, random_state=0), StandardScaler())
     return Data(X[drawn], {"stars": 12 * shares[drawn]}, groups, split(groups), given)
@@ -132,7 +128,6 @@ RATED = {
     },
     "phac2": votes,
     "films": films,
-    "films2": partial(films, part=1),
     "wine": wine,
 }
 

@@ -36,8 +36,6 @@ FAULTS = {
         signal + signal.std() * np.random.default_rng(0).normal(size=signal.shape)
     ),
 }
-
-
 # A sensor whose signal may come in the place of another's.
 OTHER = {"pac": "pdc", "pdc": "tac", "tac": "tdc", "tdc": "pdc"}
 
@@ -106,6 +104,7 @@ def fold_predictions(X, columns, corpus, adjective, names, lost):
 
 def compare(X, columns, corpus, names, lost, against):
     """Print score, difference from one of the rows, its error, and dispersion."""
+    head("", "RPS", "difference", "", "dispersion")
     scores = {label: np.zeros(N_OBJECTS) for label, *_ in lost}
     spread = dict.fromkeys(scores, 0.0)
     for adjective in ADJECTIVES:
@@ -202,8 +201,6 @@ def main():
     arguments = parser.parse_args()
     if arguments.quick:
         N_OBJECTS, ADJECTIVES = 12, ["hard"]
-    if {*arguments.parts} != {"faults"}:
-        head("", "RPS", "difference", "", "dispersion")
     corpus, parts, slide = features(arguments.seed)
     X, columns = table(parts)
     if "pools" in arguments.parts:
