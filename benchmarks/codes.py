@@ -17,7 +17,7 @@ from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
-from measure import command, head, in_turn, machine, plus_minus, row, timed
+from measure import command, head, in_turn, machine, plus_minus, row, timed, unit_rows
 from sklearn.decomposition import SparseCoder
 
 from sklearn_haptic import KSVDTransformer, STHMPTransformer, TemporalMaxPool
@@ -30,10 +30,6 @@ from sklearn_haptic.features._sparse_coding import batch_omp
 PROBLEMS = [(22, 40, 4), (50, 25, 4), (9, 10, 3)]  # window, atoms, coefficients
 HAS_SPAMS = find_spec("spams") is not None
 HAS_DICTLEARN = find_spec("dictlearn") is not None
-
-
-def unit_rows(rows):
-    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
 
 # Pursuit ------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from multiprocessing import get_context
 from signal import Signals
 
 import numpy as np
-from measure import command, head, machine
+from measure import command, head, machine, unit_rows
 from measure import row as print_row
 from mord import LogisticAT
 from sklearn.decomposition import DictionaryLearning, SparseCoder
@@ -113,10 +113,6 @@ CODERS = {
         D, n_nonzero_coefs=n
     ).fit_transform(X),
 }
-
-
-def unit_rows(rows):
-    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
 
 def relative_error(codes, signals, atoms):

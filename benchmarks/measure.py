@@ -93,6 +93,10 @@ def peak_mb(function):
     return peak / 1e6
 
 
+def unit_rows(rows):
+    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+
+
 # Scores and errors --------------------------------------------------------------------
 
 
