@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from importlib.metadata import version
 from typing import Any, Literal, Self
 
+import numpy as np
 from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.compose import ColumnTransformer
@@ -27,7 +29,7 @@ from .models import (
 )
 from .recordings._biotac import PROCEDURES, SENSORS, columns_of
 from .recordings._sensors import BIOTAC, Sensor, Signal, TaxelGrid
-from .recordings._trials import check_trials, is_table
+from .recordings._trials import check_trials, is_table, refuse_one_touch
 from .utils._sklearn import FloatArray, Memory, Names, RandomState, Trials
 
 # Atoms of the sensors that have not 25 in the 2020 paper; bands of those of 2200 Hz.
@@ -113,6 +115,44 @@ class SensorFeatures(TransformerMixin, BaseEstimator):
         """Return the names of the features."""
         check_is_fitted(self)
         return self.transformer_.get_feature_names_out(input_features)
+
+
+class SensorColumns(ColumnTransformer):
+    """ColumnTransformer of sensors that keeps what it was fitted on.
+
+    Attributes
+    ----------
+    fitted_on_ : ndarray of str
+        Number of touches; channels, median samples and, if it is known, rate of each
+        sensor.
+    versions_ : ndarray of str
+        Packages that fitted it.
+    """
+
+    def fit_transform(self, X: Trials, y: Any = None, **params: Any) -> Any:
+        """Fit the transformers to a table of touches and return their features."""
+        refuse_one_touch(X)
+        features = super().fit_transform(X, y, **params)
+        self.fitted_on_ = np.array([f"{len(X)} touches", *self._sensors_of(X)])
+        packages = ("sklearn_haptic", "scikit-learn", "numpy")
+        self.versions_ = np.array([f"{name} {version(name)}" for name in packages])
+        return features
+
+    def transform(self, X: Trials, **params: Any) -> Any:
+        """Compute the features of a table of touches."""
+        refuse_one_touch(X)
+        return super().transform(X, **params)
+
+    def _sensors_of(self, X):
+        for name, transformer, column in self.transformers:
+            if not (hasattr(transformer, "get_params") and isinstance(column, str)):
+                continue
+            shapes = [(*np.shape(trial), 1) for trial in X[column]]
+            channels = " × ".join(map(str, shapes[0][1:-1])) or "1"
+            rates = [r for k, r in transformer.get_params().items() if k[-4:] == "rate"]
+            rate = f" at {rates[0]:g} Hz" if any(rates) else ""
+            samples = f"{np.median([n for n, *_ in shapes]):g} samples{rate} (median)"
+            yield f"{name}: {channels} channels, {samples}"
 
 
 class _Features:
@@ -295,7 +335,7 @@ def make_haptic_pipeline(
         raise ValueError(f"preset={preset!r} must be one of {_PRESETS}.")
     build = _Features(memory, random_state)
     features = (
-        ColumnTransformer([(s, build.of(d, s), s) for s, d in described.items()])
+        SensorColumns([(s, build.of(d, s), s) for s, d in described.items()])
         if isinstance(described, dict)
         else build.of(described)
     )

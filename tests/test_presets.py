@@ -1,5 +1,7 @@
 """Whole models in one call: what they are made of, and that they work."""
 
+import pickle
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,8 +10,16 @@ from sklearn import config_context
 from sklearn.base import clone
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
+from sklearn.pipeline import make_pipeline
 
-from sklearn_haptic import DummyDistribution, KSVDTransformer, make_haptic_pipeline
+from sklearn_haptic import (
+    AnytimeRegressor,
+    DummyDistribution,
+    KSVDTransformer,
+    RepairTrials,
+    TouchPool,
+    make_haptic_pipeline,
+)
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_rps_scorer, ranked_probability_score
 
@@ -88,6 +98,44 @@ def test_features_are_roots_of_statistics_of_codes_and_bands(corpus):
         columns = [name.startswith(start) for name in names]
         assert_allclose(features[:, columns], np.sqrt(expected), rtol=1e-6, atol=1e-12)
     assert sum(name.startswith("pdc__statistics__") for name in names) == n_bands
+
+
+def test_one_touch_is_asked_for_as_a_table(corpus):
+    two = ["pdc", "tdc"]
+    trials, counts = corpus.trials[two], corpus.ratings["hard"]
+    model = make_haptic_pipeline(two, random_state=0)
+    fast = clone(model).fit(trials, counts)
+    rates = dict.fromkeys(two, 100)
+    stream = AnytimeRegressor(model, durations=[1], sampling_rates=rates, cv=2)
+    members = [(name, make_haptic_pipeline([name]), [name]) for name in two]
+    told = {"groups": corpus.objects}
+    takers = [
+        fast.predict_proba,
+        make_pipeline(RepairTrials(), clone(fast)).fit(trials, counts).predict_proba,
+        stream.fit(trials, counts, **told).predict_proba,
+        TouchPool(members, cv=2).fit(trials, counts, **told).predict_proba,
+    ]
+    for take in takers:
+        for touch in (trials.iloc[0], dict(trials.iloc[0])):
+            with pytest.raises(ValueError, match=r"^X is a (Series|dict); give a Data"):
+                take(touch)
+            proba = take(pd.DataFrame([touch]))
+            np.testing.assert_array_equal(proba, take(trials.iloc[[0]]))
+
+
+def test_a_model_says_what_it_was_fitted_on(corpus):
+    """Also when it was saved, and in a notebook."""
+    model = make_haptic_pipeline(["pac", "electrodes"], random_state=0)
+    model.fit(corpus.trials, corpus.ratings["hard"])
+    features = pickle.loads(pickle.dumps(model))["features"]
+    assert features.fitted_on_.tolist() == [
+        "36 touches",
+        "pac: 2 channels, 22000 samples at 2200 Hz (median)",
+        "electrodes: 38 channels, 1000 samples (median)",
+    ]
+    assert f"numpy {np.__version__}" in features.versions_
+    assert features.fitted_on_[1] in model._repr_html_()
+    assert model["model"].levels_.tolist() == [1, 2, 3, 4, 5]
 
 
 def test_presets_have_the_same_features():

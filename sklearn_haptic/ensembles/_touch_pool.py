@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_consistent_length, check_is_fitted
 from ..models._ordinal import OrdinalClassifierMixin
 from ..models._regressed import proper_shares
 from ..ratings._distributions import shares
+from ..recordings._trials import refuse_one_touch
 from ..utils._folds import (
     TakesGroups,
     groups_for,
@@ -403,6 +404,7 @@ class TouchPool(
 
 def _columns(X, columns):
     """Return some columns of a table."""
+    refuse_one_touch(X)
     if not hasattr(X, "shape") and not hasattr(X, "columns"):
         X = np.asarray(X)
     return _safe_indexing(X, columns, axis=1)

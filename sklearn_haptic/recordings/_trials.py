@@ -183,6 +183,15 @@ def _columns_of_trials(X):
     ]
 
 
+def refuse_one_touch(X):
+    """Refuse what may be one touch, or columns, in place of a DataFrame of touches."""
+    if isinstance(X, (Mapping, pd.Series)):
+        raise ValueError(
+            f"X is a {type(X).__name__}; give a DataFrame with a row per touch, for one "
+            "touch trials.iloc[[0]] or pandas.DataFrame([touch])."
+        )
+
+
 def cells_of(X):
     """Return the trials of a collection as a sequence; refuse more than one column."""
     if not _has_columns(X):
@@ -206,6 +215,7 @@ def trial_columns(X, names=None):
         raise ValueError("X is a frame of polars; give a DataFrame of pandas.")
     if not hasattr(X, "columns"):
         if names not in (None, [ALONE]):
+            refuse_one_touch(X)
             raise ValueError(
                 f"X is a {type(X).__name__}, but fit was given a DataFrame; give the "
                 f"columns {names} again."

@@ -13,7 +13,12 @@ import numpy as np
 import pandas as pd
 
 from ..recordings._sequences import row_index
-from ..recordings._trials import channel_names, check_trials, is_table
+from ..recordings._trials import (
+    channel_names,
+    check_trials,
+    is_table,
+    refuse_one_touch,
+)
 from ..utils._sklearn import FloatArray
 from ..utils._validation import column_of
 
@@ -101,6 +106,8 @@ def check_touches(X, rates, shapes=None, channels=None):
         If X is in another form, or a recording is; the message names sensor and trial.
     """
     sensors, columns = list(rates), list(getattr(X, "columns", []))
+    if sensors != [ONLY_SENSOR]:
+        refuse_one_touch(X)
     if not columns and is_table(X):
         raise ValueError(
             "X is no collection of recordings; give a list with one array per touch, "
