@@ -30,7 +30,14 @@ from .models import (
 from .recordings._biotac import PROCEDURES, SENSORS, columns_of
 from .recordings._sensors import BIOTAC, Sensor, Signal, TaxelGrid
 from .recordings._trials import check_trials, is_table, refuse_one_touch
-from .utils._sklearn import FloatArray, Memory, Names, RandomState, Trials
+from .utils._sklearn import (
+    FloatArray,
+    Memory,
+    Names,
+    RandomState,
+    Trials,
+    _num_samples,
+)
 
 # Atoms of the sensors that have not 25 in the 2020 paper; bands of those of 2200 Hz.
 _N_ATOMS = {"pac": 40, "tdc": 10}
@@ -133,7 +140,7 @@ class SensorColumns(ColumnTransformer):
         """Fit the transformers to a table of touches and return their features."""
         refuse_one_touch(X)
         features = super().fit_transform(X, y, **params)
-        self.fitted_on_ = np.array([f"{len(X)} touches", *self._sensors_of(X)])
+        self.fitted_on_ = np.array([f"{_num_samples(X)} touches", *self._sensors_of(X)])
         packages = ("sklearn_haptic", "scikit-learn", "numpy")
         self.versions_ = np.array([f"{name} {version(name)}" for name in packages])
         return features

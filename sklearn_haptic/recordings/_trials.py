@@ -187,7 +187,7 @@ def refuse_one_touch(X):
     """Refuse what may be one touch, or columns, in place of a DataFrame of touches."""
     if isinstance(X, (Mapping, pd.Series)):
         raise ValueError(
-            f"X is a {type(X).__name__}; give a DataFrame with a row per touch, for one "
+            f"X is a {type(X).__name__}; give a DataFrame of touches, for one "
             "touch trials.iloc[[0]] or pandas.DataFrame([touch])."
         )
 
