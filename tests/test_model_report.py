@@ -10,23 +10,27 @@ from sklearn.base import BaseEstimator, clone
 from sklearn.compose import ColumnTransformer
 from sklearn.frozen import FrozenEstimator
 from sklearn.metrics import accuracy_score, balanced_accuracy_score, confusion_matrix
-from sklearn.model_selection import GroupKFold, KFold
+from sklearn.model_selection import GridSearchCV, GroupKFold, KFold
 from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 from test_out_of_fold import COUNTS, OBJECTS, REGRESSOR, X
 
 from sklearn_haptic import (
     NNPOM,
+    ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DummyDistribution,
     make_haptic_pipeline,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import (
+    crps,
     dispersion,
     earth_movers_distance,
     log_score,
     macro_mae,
+    noise_ceiling,
     ranked_probability_score,
 )
 from sklearn_haptic.model_selection import cross_val_predict_proba, model_report
@@ -259,6 +263,60 @@ def test_classes_have_no_order():
     unordered = pd.Series(words, dtype="category")
     again = model_report(GaussianNB(), features, unordered, groups=OBJECTS, cv=3)
     pd.testing.assert_frame_equal(again.gains, report.gains)
+
+
+@pytest.mark.parametrize("place", ["around", "behind", "searched"])
+def test_sliders_beside_guesses_that_pool_answers(place):
+    """The CRPS of both guesses by its definition: mean distances of answers."""
+    rng = np.random.default_rng(0)
+    answers = 20 * (X[:, :1] + rng.normal(size=(len(X), 5)))
+    answers[3, 2:] = np.nan
+    scaler, grid = StandardScaler(), np.linspace(-120, 120, 1201)
+    model = ContinuousRatingsRegressor(make_pipeline(scaler, LINEAR), grid=grid)
+    if place != "around":
+        model = make_pipeline(scaler, ContinuousRatingsRegressor(LINEAR, grid=grid))
+    if place == "searched":
+        model = GridSearchCV(model, {}, cv=2)
+    report = model_report(model, X, answers, groups=OBJECTS, cv=3)
+    quantiles = cross_val_predict_proba(
+        model, X, answers, groups=OBJECTS, cv=3, method="predict_quantile"
+    )
+    np.testing.assert_array_equal(quantiles, report.predicted["ratings"])
+    expected, by_hand = np.empty((2, len(X)))
+    folds = GroupKFold(3).split(X, groups=pd.factorize(OBJECTS)[0])
+    for train, test in folds:
+        # Each training trial has the same weight, however many answered.
+        weight = np.repeat(1 / np.isfinite(answers[train]).sum(axis=1), 5) / len(train)
+        pool = answers[train].ravel()
+        weight, pool = weight[np.isfinite(pool)], pool[np.isfinite(pool)]
+        within = weight @ np.abs(pool[:, None] - pool) @ weight / 2
+        for trial in test:
+            own = answers[trial][np.isfinite(answers[trial])]
+            expected[trial] = np.mean(np.abs(own[:, None] - pool) @ weight) - within
+        fitted = clone(model).fit(X[train], answers[train])
+        fitted = getattr(fitted, "best_estimator_", fitted)
+        steps, Z = [fitted], X[test]
+        if place != "around":
+            steps, Z = fitted[1:], fitted[0].transform(Z)
+        cdf = steps[0].predict_cdf(Z)
+        by_hand[test] = crps(answers[test], cdf, grid, average=False)
+    scores = report.scores["crps"]["ratings"]
+    assert scores["marginal"] == pytest.approx(expected.mean(), rel=0.005)
+    assert scores["model"] == pytest.approx(by_hand.mean(), rel=0.005)
+    row = report.gains.loc["ratings"]
+    best = scores[["marginal", "barycentre"]].min()
+    assert row["gain"] == pytest.approx(best - scores["model"])
+    assert row["crps_ceiling"] == noise_ceiling(answers, crps).truth < row["crps"]
+    assert row["verdict"] == "better"
+    assert "its CRPS is lower by" in report.conclusion
+
+
+def test_sliders_of_several_adjectives_in_lists():
+    one = [[10, 20], [30], [40, 50, 60], [90]] * (len(X) // 4)
+    model = ContinuousRatingsRegressor(LINEAR)
+    report = model_report(model, X, {"hard": one, "soft": one[::-1]}, cv=2)
+    assert report.gains.index.tolist() == ["hard", "soft"]
+    assert report.gains["crps_ceiling"].isna().all()  # some trials have one answer
 
 
 def test_whole_numbers_may_be_levels_or_classes():

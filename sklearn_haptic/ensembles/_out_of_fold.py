@@ -24,10 +24,14 @@ from ..models._shared_features import refuse_adjectives
 from ..ratings._checks import check_adjectives
 from ..ratings._distributions import cdf, shares
 from ..utils._folds import ObjectKFold, number_objects, warn_of_no_groups
+from ..utils._pipeline_steps import last_step
 from ..utils._sklearn import _check_method_params, _num_samples, _safe_indexing
 from ..utils._validation import check_groups
 
 Fold = tuple[NDArray[np.intp], NDArray[np.intp]]
+
+POSITIONS = np.linspace(0, 1, 101)
+"""Of the quantiles that are predicted out of fold."""
 
 FROZEN = (
     "What is frozen had learned before: if from test objects too, the model is worse "
@@ -297,6 +301,9 @@ def predict_fold(model, X_test, method="predict_proba", name=None):
     """Return the predictions of a fitted model and, if it predicts any, the levels."""
     if method == "predict":
         return model.predict(X_test), None
+    if method == "predict_quantile":
+        last, X_test = last_step(model, X_test)
+        return last.predict_quantile(X_test, POSITIONS), None
     who, n_trials = _who(model, name), _num_samples(X_test)
     if not hasattr(model, "predict_proba"):
         raise ValueError(

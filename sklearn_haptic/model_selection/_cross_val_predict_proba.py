@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from numbers import Integral
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,6 +34,10 @@ from ..utils._sklearn import (
 )
 from ..utils._validation import check_groups
 
+_Method: TypeAlias = Literal[
+    "predict_proba", "predict_cdf", "predict_quantile", "predict"
+]
+
 
 @validate_params(
     {
@@ -41,7 +45,7 @@ from ..utils._validation import check_groups
         "y": ["array-like"],
         "groups": ["array-like", None],
         "cv": ["cv_object"],
-        "method": [StrOptions({"predict_proba", "predict_cdf", "predict"})],
+        "method": [StrOptions({*get_args(_Method)})],
         "n_jobs": [Integral, None],
         "params": [dict, None],
     },
@@ -54,7 +58,7 @@ def cross_val_predict_proba(
     *,
     groups: ArrayLike | None = None,
     cv: CrossValidator = None,
-    method: Literal["predict_proba", "predict_cdf", "predict"] = "predict_proba",
+    method: _Method = "predict_proba",
     n_jobs: int | None = None,
     params: Mapping[str, Any] | None = None,
 ) -> np.ndarray:
@@ -83,10 +87,12 @@ def cross_val_predict_proba(
         The folds, which test each trial once. An int, or None for 5, is a number of
         folds: of whole objects if ``groups`` are given, else as in
         :class:`~sklearn.model_selection.GridSearchCV`.
-    method : {"predict_proba", "predict_cdf", "predict"}, default="predict_proba"
+    method : {"predict_proba", "predict_cdf", "predict_quantile", "predict"}, \
+            default="predict_proba"
         What to predict: the probability of each level, the probability of each level
-        or below, or what the estimator's ``predict`` returns. For quantiles, pass the
-        probabilities to :func:`~sklearn_haptic.ratings.inverse_cdf`.
+        or below, the rating at the 101 quantile positions 0, 0.01, …, 1, or what the
+        estimator's ``predict`` returns. Of sliders, ask a `ContinuousRatingsRegressor`
+        for quantiles: ``crps(y, numpy.linspace(0, 1, 101), quantiles)``.
     n_jobs : int, default=None
         Number of jobs, each of which fits and predicts one fold.
     params : dict, default=None
@@ -95,7 +101,7 @@ def cross_val_predict_proba(
 
     Returns
     -------
-    predicted : ndarray of shape (n_trials, n_levels) or (n_trials,)
+    predicted : ndarray of shape (n_trials, n_levels), (n_trials, 101) or (n_trials,)
         Rows in the order of ``X``. If several adjectives were learned, they are a
         further axis behind that of the trials. Columns are the levels of all trials, in
         the order that ``y`` names, if it names one, else in that of the estimator:
@@ -149,7 +155,7 @@ def cross_val_predict_proba(
     outcomes = Parallel(n_jobs=n_jobs)(
         delayed(_run_fold)(estimator, X, y, *fold, for_fit, method) for fold in folds
     )
-    if method == "predict":
+    if method in ("predict", "predict_quantile"):
         return in_order([predicted for predicted, _ in outcomes], folds)
     result, _ = join_folds(y, outcomes, folds)
     return cdf(result) if method == "predict_cdf" else result

@@ -10,24 +10,27 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.stats import t as student
-from sklearn.base import BaseEstimator
+from sklearn.base import BaseEstimator, clone
 from sklearn.utils import Bunch
 from sklearn.utils.parallel import Parallel, delayed
 
 from ..ensembles._out_of_fold import (
     FROZEN,
+    POSITIONS,
     check_folds,
     fit_fold,
     in_order,
     is_frozen,
     predict_fold,
 )
-from ..metrics import dispersion, noise_ceiling
+from ..metrics import crps, dispersion, noise_ceiling
 from ..metrics._trial_scores import score_trials
-from ..models import DummyDistribution
+from ..models import ContinuousRatingsRegressor, DummyDistribution
 from ..ratings._checks import check_adjectives, check_rated
+from ..ratings._continuous import check_answers
 from ..ratings._levels import names_levels
 from ..utils._folds import groups_for, make_splitter
+from ..utils._pipeline_steps import last_step
 from ..utils._report import Report
 from ..utils._sklearn import (
     CrossValidator,
@@ -43,6 +46,13 @@ from ._cross_val_predict_proba import join_folds
 
 _GUESSES = ("marginal", "barycentre")
 _ERRORS = ("rps", "emd", "macro_mae", "log_score")
+_LEVELS, _CLASSES, _SLIDERS = "levels", "classes", "sliders"  # kinds of ratings
+_METHODS = {
+    _LEVELS: "predict_proba",
+    _CLASSES: "predict",
+    _SLIDERS: "predict_quantile",
+}
+_SCORE = {_LEVELS: "RPS", _CLASSES: "accuracy", _SLIDERS: "CRPS"}
 _MOST_CLASSES = 10  # that whole numbers may have without a word of what they are
 _VERDICTS = {
     "better": "is better than guessing",
@@ -89,7 +99,9 @@ def model_report(
     For each adjective and fold, a clone of the model is fitted to the training trials
     and predicts the test trials, and so do both strategies of
     :class:`~sklearn_haptic.DummyDistribution`, which ignore the touch; classes without
-    an order are guessed to be the most frequent one of the training trials. A notebook
+    an order are guessed to be the most frequent one of the training trials. Sliders are
+    those that a `ContinuousRatingsRegressor` predicts, around or behind any steps. A
+    notebook
     shows the result as tables, and `print` as text; its last sentence says how much
     better than guessing the model is, or that it is not.
 
@@ -103,7 +115,8 @@ def model_report(
             (n_trials, n_adjectives, n_levels), or dict of str to array-like
         Labels, how many people gave each level, or such counts of several adjectives,
         which are learned together. Of a dict, such as the ratings of a corpus, each
-        entry is learned by a model of its own. Labels that are words, or categories,
+        entry is learned by a model of its own. Answers on sliders are as in
+        `ContinuousRatingsRegressor`. Labels that are words, or categories,
         without an order are classes. More than ten different whole numbers are refused,
         unless an ordered categorical, or ``levels`` of the model, makes them a scale.
     groups : array-like of shape (n_trials,), default=None
@@ -129,7 +142,7 @@ def model_report(
             ``macro_mae`` in levels, ``log_score`` in nats, lower being better, and
             ``dispersion``, which is below 1 where predictions are narrower than ratings
             scatter. Of classes ``accuracy`` and ``balanced_accuracy``, the mean over
-            classes, of "model" and "most frequent".
+            classes, of "model" and "most frequent". Of sliders ``crps``.
         gains : DataFrame
             One row per adjective: its ``levels``; the ``dispersion`` of the model;
             ``rps_ceiling``, what the whole population is expected to score, by
@@ -140,7 +153,7 @@ def model_report(
             ``lower`` and ``upper`` of its 95% interval by Student's t; ``verdict``,
             "better" or "worse" if the interval has only positive or only negative
             values, else "not shown". Of classes the gain is that of ``accuracy`` over
-            ``accuracy_guess``.
+            ``accuracy_guess``, and of sliders that of ``crps``.
         confusions : dict of str to DataFrame, or None
             How many trials of each class (row) were taken for each (column).
         seconds_to_learn : float
@@ -151,7 +164,7 @@ def model_report(
             The test trials, as rows of ``X``, in ascending order.
         predicted : dict of str to ndarray of shape (n_tested, n_levels)
             For each adjective, what the model predicted for them; of classes labels, of
-            shape (n_tested,).
+            shape (n_tested,); of sliders quantiles, as :func:`cross_val_predict_proba`.
         summary, conclusion : str
             What was done, and what came out.
 
@@ -206,40 +219,46 @@ def model_report(
     params = {} if params is None else params
     groups = params.get("groups") if groups is None else groups
     X, *ratings = check_rated(X, *targets.values())
-    targets = dict(zip(targets, ratings))
     groups = check_groups(groups, X)
-    kinds = {_has_classes(model, each, name) for name, each in targets.items()}
-    if len(kinds) > 1:
-        raise ValueError(
-            "y has classes without an order beside ratings; report on them in two "
-            "calls."
-        )
-    classes = kinds.pop()
-    for name, each in targets.items():
-        if np.ndim(each) > 1:
-            check_adjectives(each, name=name)
+    targets, kind = _checked(model, dict(zip(targets, ratings)))
+    ratings = [*targets.values()]
     splitter = make_splitter(model, ratings[0], groups, cv)
     for_fit = groups_for(model, groups) | dict(params)
     folds = check_folds(splitter.split(X, ratings[0], groups), _num_samples(X), least=0)
-    method = "predict" if classes else "predict_proba"
     outcomes = Parallel(n_jobs=n_jobs)(
-        delayed(_fit_and_time)(model, X, each, *fold, for_fit, method)
+        delayed(_fit_and_time)(model, X, each, *fold, for_fit, _METHODS[kind])
         for each in ratings
         for fold in folds
     )
-    results = _compare(targets, outcomes, folds, groups, classes)
+    results = _compare(model, targets, outcomes, folds, groups, kind)
     seconds = np.mean([fold[2:] for fold in outcomes], axis=0)
     report = _Model(
         **results,
         seconds_to_learn=float(seconds[0]),
         seconds_per_touch=float(seconds[1]),
     )
-    unit = "group" if classes else "object"
+    unit = "group" if kind == _CLASSES else "object"
     report["summary"] = _summary(report, folds, groups, unit, is_frozen(model))
     return report
 
 
-def _compare(targets, outcomes, folds, groups, classes):
+def _checked(model, targets):
+    """Check the ratings of each adjective; return them, and of what kind all are."""
+    if isinstance(last_step(model)[0], ContinuousRatingsRegressor):
+        return {n: check_answers(each, n) for n, each in targets.items()}, _SLIDERS
+    kinds = {_has_classes(model, each, name) for name, each in targets.items()}
+    if len(kinds) > 1:
+        raise ValueError(
+            "y has classes without an order beside ratings; report on them in two "
+            "calls."
+        )
+    for name, each in targets.items():
+        if np.ndim(each) > 1:
+            check_adjectives(each, name=name)
+    return targets, _CLASSES if kinds.pop() else _LEVELS
+
+
+def _compare(model, targets, outcomes, folds, groups, kind):
     """Compare the model with guessing on each adjective, and on their average."""
     tested = np.sort(np.concatenate([test for _, test in folds]))
     objects = tested if groups is None else groups[tested]
@@ -248,10 +267,13 @@ def _compare(targets, outcomes, folds, groups, classes):
     for i, (name, y) in enumerate(targets.items()):
         of_target = outcomes[i * len(folds) : (i + 1) * len(folds)]
         of_target = [fold[:2] for fold in of_target]
-        if classes:
+        if kind == _CLASSES:
             confusions[name], compared = _compare_classes(
                 name, np.asarray(y), of_target, folds, tested
             )
+        elif kind == _SLIDERS:
+            slider = last_step(model)[0]
+            compared = _compare_sliders(slider, name, y, of_target, folds, tested)
         else:
             compared = _compare_ratings(name, y, of_target, folds, tested)
         for label, proba, by_predictor, gain, row in compared:
@@ -262,15 +284,15 @@ def _compare(targets, outcomes, folds, groups, classes):
     table = pd.DataFrame.from_dict(scores, orient="index")
     table.index = pd.MultiIndex.from_tuples(scores, names=["adjective", "predictor"])
     overall = gain_over_objects(np.mean(of_trials, axis=0), objects)
-    unit = "trials" if groups is None else "groups" if classes else "objects"
+    unit = "trials" if groups is None else "groups" if kind == _CLASSES else "objects"
     n = count(len(np.unique(objects)), unit)
     return {
         "scores": table,
         "gains": pd.DataFrame.from_dict(gains, orient="index").rename_axis("adjective"),
-        "confusions": confusions if classes else None,
+        "confusions": confusions or None,
         "tested": tested,
         "predicted": predicted,
-        "conclusion": _conclusion(overall, n, len(gains), classes),
+        "conclusion": _conclusion(overall, n, len(gains), kind),
     }
 
 
@@ -314,28 +336,61 @@ def _compare_ratings(name, y, outcomes, folds, tested):
         each = counts[:, i]
         true, by_predictor = each[tested], {"model": proba[:, i]}
         for guess in _GUESSES:
-            fits = [DummyDistribution(guess).fit(t[:, None], each[t]) for t, _ in folds]
-            guesses = [fit.predict_proba(test) for fit, (_, test) in zip(fits, folds)]
-            by_predictor[guess] = in_order(guesses, folds)
+            dummy = DummyDistribution(guess)
+            by_predictor[guess] = _guessed(dummy, each, folds, "predict_proba")
         of_trials = {who: score_trials(true, p) for who, p in by_predictor.items()}
         scores = {
             who: {error: float(values[error].mean()) for error in _ERRORS}
             | {"dispersion": dispersion(true, by_predictor[who])}
             for who, values in of_trials.items()
         }
-        best = min(_GUESSES, key=lambda guess: scores[guess]["rps"])
+        two = (true.sum(axis=1) >= 2).all()
+        ceiling = noise_ceiling(true).truth if two else np.nan
+        gain, means = _gain("rps", of_trials, scores, ceiling)
         row = {
             "levels": f"{levels[0]} to {levels[-1]}",
             "dispersion": scores["model"]["dispersion"],
-            "rps_ceiling": np.nan,
-            "rps": scores["model"]["rps"],
-            "rps_guess": scores[best]["rps"],
-        }
-        if (true.sum(axis=1) >= 2).all():
-            row["rps_ceiling"] = noise_ceiling(true).truth
+        } | means
         label = name if i is ... else f"{name}[:, {i}]"
-        gain = of_trials[best]["rps"] - of_trials["model"]["rps"]
         yield label, proba[:, i], scores, gain, row
+
+
+def _compare_sliders(model, name, y, outcomes, folds, tested):
+    """Score the quantiles predicted of sliders, and those of both baselines.
+
+    Yield what `_compare_ratings` does, by the CRPS.
+    """
+    true, by_predictor = y[tested], {}
+    by_predictor["model"] = in_order([each for each, _ in outcomes], folds)
+    for guess in _GUESSES:
+        dummy = clone(model).set_params(estimator=DummyDistribution(guess))
+        by_predictor[guess] = _guessed(dummy, y, folds, "predict_quantile")
+    of_trials = {
+        who: {"crps": crps(true, POSITIONS, quantiles, average=False)}
+        for who, quantiles in by_predictor.items()
+    }
+    scores = {who: {"crps": e["crps"].mean()} for who, e in of_trials.items()}
+    two = ((~np.isnan(true)).sum(axis=1) >= 2).all()
+    ceiling = noise_ceiling(true, crps).truth if two else np.nan
+    gain, row = _gain("crps", of_trials, scores, ceiling)
+    yield name, by_predictor["model"], scores, gain, row
+
+
+def _gain(score, of_trials, scores, ceiling):
+    """Return by how much the model beats the better guess in each trial, and means."""
+    best = min(_GUESSES, key=lambda guess: scores[guess][score])
+    means = [ceiling, scores["model"][score], scores[best][score]]
+    row = dict(zip([f"{score}_ceiling", score, f"{score}_guess"], means))
+    return of_trials[best][score] - of_trials["model"][score], row
+
+
+def _guessed(dummy, y, folds, method):
+    """Return what a model that ignores the trials predicts for the tested ones."""
+    parts = []
+    for train, test in folds:
+        fitted = clone(dummy).fit(train[:, None], y[train])
+        parts.append(predict_fold(fitted, test[:, None], method)[0])
+    return in_order(parts, folds)
 
 
 def _compare_classes(name, y, outcomes, folds, tested):
@@ -423,11 +478,11 @@ def _summary(report, folds, groups, unit, frozen):
     return text
 
 
-def _conclusion(overall, n, n_adjectives, classes):
+def _conclusion(overall, n, n_adjectives, kind):
     """Say in words how much better than guessing a model is, or that it is not."""
-    score, up, down = ("RPS", "lower", "higher")
-    if classes:
-        score, up, down = ("accuracy", "higher", "lower")
+    score, up, down = _SCORE[kind], "lower", "higher"
+    if kind == _CLASSES:
+        up, down = down, up
     text = f"The model {_VERDICTS[overall['verdict']]}: its {score} is "
     text += f"{up if overall['gain'] >= 0 else down} by {abs(overall['gain']):.3f}"
     text += f" on average over {n_adjectives} adjectives" * (n_adjectives > 1)
@@ -435,6 +490,6 @@ def _conclusion(overall, n, n_adjectives, classes):
         text += f" (95% interval {overall['lower']:.3f} to {overall['upper']:.3f}"
         text += f" of the gain, over {n})"
     text += "."
-    if overall["verdict"] == "worse" and not classes:
+    if overall["verdict"] == "worse" and kind != _CLASSES:
         text += " It takes chance for a pattern: raise its penalty, such as alpha."
     return text

@@ -2,6 +2,8 @@
 
 from sklearn.pipeline import Pipeline
 
+from ._sklearn import BaseSearchCV
+
 
 def flat_steps(pipeline):
     """Return the steps that do something, with those of inner pipelines in their place.
@@ -21,3 +23,26 @@ def flat_steps(pipeline):
         elif step is not None and step != "passthrough":
             steps.append((name, step))
     return steps
+
+
+def last_step(model, X=None):
+    """Return what predicts at the end of pipelines and in searches, and its input.
+
+    X is what the whole model is given; if it is not None, all steps are fitted.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> from sklearn.model_selection import GridSearchCV
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn_haptic.utils._pipeline_steps import last_step
+    >>> last_step(make_pipeline(None, GridSearchCV(Ridge(), {})))
+    (Ridge(), None)
+    """
+    while isinstance(model, (Pipeline, BaseSearchCV)):
+        if isinstance(model, BaseSearchCV):
+            model = getattr(model, "best_estimator_", model.estimator)
+        else:
+            X = model[:-1].transform(X) if X is not None and len(model) > 1 else X
+            model = model[-1]
+    return model, X
