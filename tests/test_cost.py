@@ -103,17 +103,6 @@ def test_the_first_candidate_does_not_pay_for_all(clock, tmp_path, cached, secon
     np.testing.assert_allclose(frontier["seconds"], [1.25])
 
 
-def test_time_to_fit_beside_a_cache_is_refused_as_a_cost_in_words(clock, tmp_path):
-    """What was wrong: the cheap candidate came first, and paid for all features."""
-    cache = Memory(tmp_path, verbose=0)
-    search = search_heads(cache, {"seconds": [0.25, 0.5]}, scoring=neg_rps_scorer)
-    with pytest.warns(
-        UserWarning, match="no score 'neg_seconds'.*which caches falsify"
-    ):
-        search.fit(X, COUNTS)
-    assert search.best_params_ == {"head__seconds": 0.5}
-
-
 def test_candidates_up_to_a_tenth_slower_go_by_score():
     def results(seconds):
         columns = {"rps": [-0.5, -0.4], "neg_seconds": np.negative(seconds)}

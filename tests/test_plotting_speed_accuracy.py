@@ -69,16 +69,6 @@ def test_sensors_on_the_frontier_are_named_and_short_times_in_milliseconds():
     assert SpeedAccuracyDisplay.from_search(CV_RESULTS).names_ == []
 
 
-def test_search_display_of_a_search_that_timed_no_use():
-    results = {k: v for k, v in CV_RESULTS.items() if "neg_seconds" not in k}
-    results |= {"mean_fit_time": np.arange(1, 6), "mean_score_time": np.full(5, 0.5)}
-    with pytest.warns(UserWarning, match="caches falsify") as caught:
-        display = SpeedAccuracyDisplay.from_search(results)
-    assert caught[0].filename == __file__
-    assert display.ax_.get_xlabel() == "time to fit and score, seconds per fold"
-    np.testing.assert_array_equal(display.seconds, np.arange(1.5, 6))
-
-
 @pytest.mark.slow
 def test_search_display_from_a_search():
     rng = np.random.default_rng(3)

@@ -112,16 +112,6 @@ def test_floor_pooling_equals_the_authors(shared_data, seq, variant):
     assert_array_equal(pool.fit_transform([frames])[0], final)
 
 
-def test_levels_too_fine_for_the_shortest_sequence_are_dropped_if_asked():
-    pool = TemporalMaxPool(drop_fine_levels=True).fit(sequences((40, 15)))
-    assert pool.cells_ == (8, 4, 2, 1)
-    for lengths in ((9,), (3, 1)):
-        X = sequences(lengths)
-        assert_array_equal(
-            pool.transform(X), TemporalMaxPool((8, 4, 2, 1)).fit_transform(X)
-        )
-
-
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_short_sequences_keep_every_level(dtype):
     (x,) = sequences((3,), dtype=dtype)
@@ -137,7 +127,7 @@ def test_parameters_set_after_fit_wait_for_the_next_fit():
     X = sequences((40, 23, 7))
     pool = TemporalMaxPool((8, 1)).fit(X)
     expected, names = pool.transform(X), pool.get_feature_names_out()
-    pool.set_params(cells=(2,), split="floor", drop_fine_levels=True)
+    pool.set_params(cells=(2,), split="floor")
     assert_array_equal(pool.transform(X), expected)
     assert_array_equal(pool.get_feature_names_out(), names)
     assert_array_equal(

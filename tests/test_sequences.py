@@ -49,13 +49,6 @@ def test_arrays_share_a_data_type(dtypes, expected):
     np.testing.assert_array_equal(pooled, [[1, 2], [5, 6]])
 
 
-def test_levels_are_dropped_in_the_unit_of_the_sequences():
-    sequences = Sequences(ARRAYS, NAMES, unit="windows")
-    pool = TemporalMaxPool(cells=(8,), drop_fine_levels=True)
-    with pytest.raises(ValueError, match="trial 0 of X, which has 1 window; add"):
-        pool.fit(sequences)
-
-
 def test_rows_of_a_table_may_come_as_a_list():
     table = np.random.default_rng(0).normal(size=(6, 20))
     features = SignalStatistics().fit(table)

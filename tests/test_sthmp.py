@@ -120,17 +120,13 @@ def test_fingers_are_joined_along_the_long_edge(dtype):
 
 
 @pytest.mark.parametrize("patch_size", [(3, 3), (2, 4), (1, 1), (7, 6)])
-@pytest.mark.parametrize("step", [1, 2, 3])
-def test_patches_equal_brute_force(patch_size, step):
+def test_patches_equal_brute_force(patch_size):
     images = np.random.default_rng(0).normal(size=(4, 7, 6))
-    patches = image_patches(images, patch_size, step)
+    patches = image_patches(images, patch_size)
     height, width = patch_size
     expected = [
-        [
-            images[:, y : y + height, x : x + width]
-            for x in range(0, 6 - width + 1, step)
-        ]
-        for y in range(0, 7 - height + 1, step)
+        [images[:, y : y + height, x : x + width] for x in range(6 - width + 1)]
+        for y in range(7 - height + 1)
     ]
     assert_array_equal(patches, np.moveaxis(expected, 2, 0))
 
@@ -382,7 +378,7 @@ def test_parameters_set_after_fit_wait_for_the_next_fit():
     model = make_pipeline(small(), TemporalMaxPool((2, 1))).fit(trials)
     expected, names = model.transform(trials), model.get_feature_names_out()
     model[0].set_params(
-        layout=None, patch_size=(2, 2), step=2, spatial_cells=(1,), max_train_patches=1
+        layout=None, patch_size=(2, 2), spatial_cells=(1,), max_train_patches=1
     )
     assert_array_equal(model.transform(trials), expected)
     assert_array_equal(model.get_feature_names_out(), names)
@@ -464,7 +460,6 @@ def test_cached_rows_depend_on_every_parameter(tmp_path):
     changes = [
         {},
         {"patch_size": (2, 3)},
-        {"step": 2},
         {"spatial_cells": (1,)},
         {"layout": LAYOUT[::-1]},
         {"n_nonzero_coefs": 2},

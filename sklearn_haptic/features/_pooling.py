@@ -9,7 +9,6 @@ import numpy as np
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted, check_memory
 
-from ..recordings._sequences import Sequences
 from ..utils._sklearn import (
     FloatArray,
     HasMethods,
@@ -20,7 +19,7 @@ from ..utils._sklearn import (
     fit_task,
     one_blas_thread,
 )
-from ..utils._validation import check_names, count
+from ..utils._validation import check_names
 from ._trial_rows import TrialRows
 
 _STATISTICS = ["max", "mean", "share"]
@@ -160,40 +159,6 @@ def temporal_max_pool(
     return pooled.reshape(len(sequences), -1)
 
 
-def coarse_levels(cells, sequences):
-    """Keep the levels of a pyramid that have no more cells than any sequence has rows.
-
-    Parameters
-    ----------
-    cells : sequence of int
-        Number of cells of each level.
-    sequences : Sequences or list of ndarray
-        Sequences to pool.
-
-    Returns
-    -------
-    cells : tuple of int
-        The levels kept.
-
-    Raises
-    ------
-    ValueError
-        If no level is left.
-    """
-    if isinstance(sequences, Sequences):  # whose arrays are not coded for this
-        lengths, unit = sequences.lengths, sequences.unit
-    else:
-        lengths, unit = [len(sequence) for sequence in sequences], "time samples"
-    kept = tuple(n for n in cells if n <= min(lengths))
-    if not kept:
-        raise ValueError(
-            f"No level of cells={cells} fits trial {np.argmin(lengths)} of X, which "
-            f"has {count(min(lengths), unit)}; add a level with fewer cells or set "
-            "drop_fine_levels=False."
-        )
-    return kept
-
-
 class TemporalMaxPool(TrialRows, BaseEstimator):
     """Pool sequences of any length into one row of features per trial.
 
@@ -204,7 +169,9 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
     Parameters
     ----------
     cells : sequence of int, default=(16, 8, 4, 2, 1)
-        Number of cells of each level.
+        Number of cells of each level. If all recordings are short, leave out the levels
+        with more cells than the shortest sequence has time samples, as the 2020 paper
+        does: cells that hold the same samples get too much weight in a penalised model.
     split : {"balanced", "floor"}, default="balanced"
         How a level divides `n_times` samples. "balanced" begins cell `i` of `n` at
         ``i * n_times // n``, so that cells differ by one sample at most. "floor", the
@@ -212,12 +179,6 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
         last one the remainder too, up to `n - 1` samples more. If a sequence has fewer
         samples than a level has cells, the cells of that level overlap: each takes the
         sample at its middle and the neighbours of that sample.
-    drop_fine_levels : bool, default=False
-        Whether `fit` drops the levels with more cells than the shortest sequence has
-        time samples, as the 2020 paper does. Set it if all recordings are short,
-        because cells that hold the same samples get too much weight in a penalised
-        model. By default all levels are kept, so that features do not depend on the
-        shortest recording.
     statistics : sequence of {"max", "mean", "share"}, default=("max",)
         What is computed of every column in every cell: the maximum, the mean, and the
         share of values that are not zero, which is how often an atom was used.
@@ -234,7 +195,7 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
     Attributes
     ----------
     cells_ : tuple of int
-        Number of cells of each level that was not dropped.
+        Number of cells of each level.
     split_ : {"balanced", "floor"}
         How levels divide time.
     statistics_ : tuple of str
@@ -298,7 +259,6 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
     _parameter_constraints = {  # noqa: RUF012
         "cells": ["array-like"],
         "split": [StrOptions({"balanced", "floor"})],
-        "drop_fine_levels": ["boolean"],
         "statistics": ["array-like"],
         "root": ["boolean"],
         "memory": [str, HasMethods("cache"), None],
@@ -309,14 +269,12 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
         cells: Sequence[int] = (16, 8, 4, 2, 1),
         *,
         split: Literal["balanced", "floor"] = "balanced",
-        drop_fine_levels: bool = False,
         statistics: Sequence[Literal["max", "mean", "share"]] = ("max",),
         root: bool = False,
         memory: str | Memory | None = None,
     ) -> None:
         self.cells = cells
         self.split = split
-        self.drop_fine_levels = drop_fine_levels
         self.statistics = statistics
         self.root = root
         self.memory = memory
@@ -341,17 +299,15 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
         Raises
         ------
         ValueError
-            If `cells` are not distinct positive integers, or all of them are dropped,
-            or if a statistic is unknown or named twice.
+            If `cells` are not distinct positive integers, or if a statistic is unknown
+            or named twice.
         """
         with fit_task(self, X, y):
-            sequences = self._record(X)
+            self._record(X)
             self.cells_ = check_cells(self.cells)
             self.statistics_ = tuple(
                 check_names(self.statistics, _STATISTICS, "statistic", "the pool")
             )
-            if self.drop_fine_levels:
-                self.cells_ = coarse_levels(self.cells_, sequences)
             self.root_ = self.root
             self.split_ = self.split
         return self

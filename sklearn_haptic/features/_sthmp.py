@@ -57,11 +57,11 @@ def electrode_images(trial, layout):
     return np.moveaxis(images, -1, 0)
 
 
-def image_patches(images, patch_size, step=1):
+def image_patches(images, patch_size):
     """View the patches of images of shape (n_times, height, width).
 
     They have the shape (n_times, n_rows, n_columns, patch_height, patch_width); from
-    one to the next it is `step` pixels.
+    one to the next it is a pixel.
 
     Examples
     --------
@@ -71,8 +71,7 @@ def image_patches(images, patch_size, step=1):
     array([[3, 4],
            [6, 7]])
     """
-    windows = np.lib.stride_tricks.sliding_window_view(images, patch_size, axis=(1, 2))
-    return windows[:, ::step, ::step]
+    return np.lib.stride_tricks.sliding_window_view(images, patch_size, axis=(1, 2))
 
 
 def spatial_grids(locations, cells):
@@ -150,7 +149,6 @@ def encode_frames(
     *,
     layout,
     patch_size,
-    step,
     grids,
     normalise,
     remove_mean,
@@ -165,7 +163,7 @@ def encode_frames(
     n_cells * n_codes) with time contiguous in memory.
     """
     images = trial if layout is None else electrode_images(trial, layout)
-    patches = image_patches(images, patch_size, step)
+    patches = image_patches(images, patch_size)
     n_rows, n_columns = patches.shape[1:3]
     n_pixels = atoms.shape[1]
     n_chunks = -(-len(trial) * n_rows * n_columns // _CHUNK_SIZE)
@@ -206,8 +204,6 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         images already.
     patch_size : tuple of int, default=(3, 3)
         Height and width of a patch in pixels.
-    step : int, default=1
-        Pixels from one patch to the next.
     spatial_cells : sequence of int, default=(3, 2, 1)
         Number of cells along both sides, one per level of the pyramid. The default
         gives 9 + 4 + 1 cells. A side has no more cells than locations of patches: one
@@ -309,7 +305,6 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         "max_train_patches": [Interval(Integral, 1, None, closed="left"), None],
         "layout": [StrOptions({"biotac"}), "array-like", None],
         "patch_size": [tuple, list],
-        "step": [Interval(Integral, 1, None, closed="left")],
         "spatial_cells": ["array-like"],
         "normalise": ["boolean"],
     }
@@ -324,7 +319,6 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         *,
         layout: Literal["biotac"] | ArrayLike | None = "biotac",
         patch_size: tuple[int, int] = (3, 3),
-        step: int = 1,
         spatial_cells: Sequence[int] = (3, 2, 1),
         normalise: bool = True,
         remove_mean: bool = True,
@@ -341,7 +335,6 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         self.n_nonzero_coefs = n_nonzero_coefs
         self.layout = layout
         self.patch_size = patch_size
-        self.step = step
         self.spatial_cells = spatial_cells
         self.normalise = normalise
         self.remove_mean = remove_mean
@@ -394,7 +387,6 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         return {
             "layout": self.layout_,
             "patch_size": self.patch_size_,
-            "step": self._step,
             "grids": self.spatial_cells_,
             "normalise": self._normalise,
         }
@@ -411,7 +403,7 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
                 "channels or give the layout of your sensor."
                 f"{transposed_hint(trials[0].shape)}"
             )
-        patch_size, step = self.patch_size_, self.step
+        patch_size = self.patch_size_
 
         def patches(trial):
             images = trial if layout is None else electrode_images(trial, layout)
@@ -421,12 +413,12 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
                     f"patch_size={patch_size} does not fit images of {height} × "
                     f"{width} pixels; use smaller patches."
                 )
-            return image_patches(images, patch_size, step)
+            return image_patches(images, patch_size)
 
         locations = patches(trials[0][:1]).shape[1:3]
         cells = check_cells(self.spatial_cells, "spatial_cells")
         self.spatial_cells_ = spatial_grids(locations, cells)
-        self._step, self._normalise = step, self.normalise
+        self._normalise = self.normalise
 
         def observe(trial, indices):
             frame, row, column = np.unravel_index(indices, (len(trial), *locations))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from itertools import count, takewhile
 from typing import Any, NamedTuple
@@ -57,15 +56,8 @@ def speed_accuracy_frontier(
     Raises
     ------
     ValueError
-        If the metric is unknown or not given among several, there are fewer than
-        two splits, or no score is finite.
-
-    Warns
-    -----
-    UserWarning
-        If the search has no score "neg_seconds". The seconds are then the mean time
-        to fit and score on one fold. With ``memory=`` in a pipeline this is not the
-        cost of a candidate, because the first one pays for the steps that all share.
+        If the metric is unknown or not given among several, the search has no score
+        "neg_seconds", there are fewer than two splits, or no score is finite.
 
     See Also
     --------
@@ -142,14 +134,8 @@ def cheapest_within_one_se(
     Raises
     ------
     ValueError
-        If the metric is unknown or not given among several, there are fewer than
-        two splits, or no score is finite.
-
-    Warns
-    -----
-    UserWarning
-        If the search has no score "neg_seconds"; the mean time to fit and score on one
-        fold then stands for it, which caches falsify.
+        If the metric is unknown or not given among several, the search has no score
+        "neg_seconds", there are fewer than two splits, or no score is finite.
 
     See Also
     --------
@@ -208,17 +194,14 @@ class Candidates(NamedTuple):
     score: np.ndarray  # mean test score, higher is better
     score_se: np.ndarray  # its standard error
     metric: str
-    cost: str  # what the seconds are
 
 
 def read_candidates(search, metric=None):
     """Read cost, score and standard error of each candidate of a search.
 
     The search, its ``cv_results_`` and the metric are those of
-    `speed_accuracy_frontier`, and so are the errors and the warning where the search
-    did not time how its candidates predict: their cost is then the mean time to fit and
-    score them on one fold. In a search by successive halving only the last iteration
-    counts. The arrays are in the order of the search.
+    `speed_accuracy_frontier`, and so are the errors. In a search by successive halving
+    only the last iteration counts. The arrays are in the order of the search.
     """
     if isinstance(search, (Mapping, pd.DataFrame)):
         results = {name: np.asarray(column) for name, column in search.items()}
@@ -229,13 +212,12 @@ def read_candidates(search, metric=None):
             metric = search.refit
     metric = _check_metric(results, metric)
     score, score_se = _mean_and_se(results, metric)
-    is_timed = f"mean_test_{COST}" in results
-    if is_timed:
-        seconds = np.negative(results[f"mean_test_{COST}"])
-        cost = "time to predict, seconds per trial"
-    else:
-        seconds = np.add(results["mean_fit_time"], results["mean_score_time"])
-        cost = "time to fit and score, seconds per fold"
+    if f"mean_test_{COST}" not in results:
+        raise ValueError(
+            f"The search has no score {COST!r}, the time that a candidate takes to "
+            f"predict; add {COST!r}: neg_seconds_scorer to its scoring."
+        )
+    seconds = np.negative(results[f"mean_test_{COST}"])
     usable = np.isfinite(score) & np.isfinite(score_se) & np.isfinite(seconds)
     if "iter" in results:
         usable &= results["iter"] == np.max(results["iter"])
@@ -244,18 +226,8 @@ def read_candidates(search, metric=None):
             f"No candidate has a finite test score for metric={metric!r}; set "
             "error_score='raise' in the search to see why they failed."
         )
-    if not is_timed:
-        warnings.warn(
-            f"The search has no score {COST!r}, the time that a candidate takes to "
-            "predict; its time to fit and score stands for it, which caches falsify. "
-            f"Add {COST!r}: neg_seconds_scorer to the scoring of the search.",
-            UserWarning,
-            stacklevel=3,
-        )
     index = np.flatnonzero(usable)
-    return Candidates(
-        index, seconds[index], score[index], score_se[index], metric, cost
-    )
+    return Candidates(index, seconds[index], score[index], score_se[index], metric)
 
 
 def _mean_and_se(results, metric):

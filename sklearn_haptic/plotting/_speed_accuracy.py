@@ -39,7 +39,8 @@ class SpeedAccuracyDisplay(Display):
     Parameters
     ----------
     seconds : ndarray of shape (n_candidates,)
-        Cost of each candidate.
+        Time of each candidate to predict a trial. If all are below 0.1, the axis has
+        milliseconds.
     score : ndarray of shape (n_candidates,)
         Mean test score, higher is better.
     score_se : ndarray of shape (n_candidates,)
@@ -52,8 +53,6 @@ class SpeedAccuracyDisplay(Display):
         Which candidate is the cheapest within one standard error of the best.
     metric : str, default="score"
         Name of the score.
-    cost : str, default="time to predict, seconds per trial"
-        Label of the seconds. If all are below 0.1, the axis has milliseconds.
     names : sequence of str, default=None
         Name of each candidate, which is written at those on the frontier.
 
@@ -101,7 +100,6 @@ class SpeedAccuracyDisplay(Display):
     best: int
     cheapest: int
     metric: str = "score"
-    cost: str = "time to predict, seconds per trial"
     names: Sequence[str] | None = None
 
     @classmethod
@@ -136,14 +134,8 @@ class SpeedAccuracyDisplay(Display):
         Raises
         ------
         ValueError
-            If the metric is unknown or not given among several, there are fewer
-            than two splits, or no score is finite.
-
-        Warns
-        -----
-        UserWarning
-            If the search has no score "neg_seconds". The mean time to fit and score one
-            fold is then plotted instead, which caches falsify.
+            If the metric is unknown or not given among several, the search has no score
+            "neg_seconds", there are fewer than two splits, or no score is finite.
         """
         candidates = read_candidates(search, metric)
         best, cheapest = best_and_cheapest(candidates)
@@ -161,7 +153,6 @@ class SpeedAccuracyDisplay(Display):
             best=best,
             cheapest=cheapest,
             metric=candidates.metric,
-            cost=candidates.cost,
             names=names,
         ).plot(ax)
 
@@ -192,7 +183,7 @@ class SpeedAccuracyDisplay(Display):
         metric = "score" if self.metric == "score" else f"score ({self.metric})"
         ax.set(
             xscale="log",
-            xlabel=self.cost.replace("seconds", "milliseconds") if short else self.cost,
+            xlabel=f"time to predict, {'milli' if short else ''}seconds per trial",
             ylabel=f"mean test {metric}, higher is better",
         )
         ticks = (1, 2, 5) if seconds.max() < 1000 * seconds.min() else (1,)
