@@ -122,10 +122,10 @@ def wrong(**params):
     return [each for name, value in params.items() for each in settings(name, value)]
 
 
-CASES, LARGE_CASES = [], []
+CASES = []
 
 
-def ask(callers, *checks, arg="", in_folder=False, table=CASES):
+def ask(callers, *checks, arg="", in_folder=False):
     """Put every check to every caller, as the argument `arg` if it has several."""
     for called, caller in callers.items():
         for given, says, args, kwargs, error in checks:
@@ -134,7 +134,7 @@ def ask(callers, *checks, arg="", in_folder=False, table=CASES):
                 return caller(*([folder] if in_folder else []), *args, **kwargs)
 
             label = f"{arg}: {given}" if arg else given
-            table.append(Case(called, label, error, says.replace("ARG", arg), make))
+            CASES.append(Case(called, label, error, says.replace("ARG", arg), make))
 
 
 def name_of(function):
@@ -393,6 +393,7 @@ NOT_WEIGHTS = [
 NO_OBJECT = "^ARG has no object in (trial|row) 1; name the object of every (trial|row)"
 NOT_OBJECTS = [
     check("None", ["a", None, *"bcdefghijk"], NO_OBJECT),
+    check("masked objects", masked(OBJECTS), "^ARG has masked values"),
     check("a trial less", OBJECTS[1:], r"inconsistent numbers of samples: \[12, 11\]"),
 ]
 OTHER_LEVELS = check("levels of another number", levels=[1, 2],
@@ -585,6 +586,8 @@ ask(direct(STOPPING.fit, X=X, y=COUNTS),
         says="^y_val has 2 columns of counts, but there are 3 levels"),
     check("y_val of other trials", X_val=X, y_val=COUNTS[1:],
         says=r"inconsistent numbers of samples: \[12, 11\]"))
+ask(direct(DistributionalOrdinalRegressor(NNPOM(n_hidden=-1)).fit, X=X, y=COUNTS),
+    check("an estimator that cannot be", says="^The 'n_hidden' parameter of NNPOM"))
 ask(direct(DistributionalOrdinalRegressor(LogisticRegression()).fit),
     check("several adjectives, and an estimator that cannot", X, TWO,
         "^y has the ratings of several adjectives, which .* cannot share; use an"))
@@ -1475,38 +1478,3 @@ ask(BY_TIME,
     check("no distribution", COUNTS, PATH * 2, "^y_proba is no distribution"),
     check("stops in seconds", stopped={"rule": [0.5] * N}, says="index of a duration"),
     check("a stop behind the last", stopped={"rule": [2] * N}, says="from 0 to 1, as"))
-
-# Input large enough to see how much memory its refusal takes
-
-LARGE = np.random.default_rng(0).normal(size=(200_000, 8))
-LARGE_COUNTS = np.ones((200_000, 8))
-
-
-def large(function):
-    """Caller of a function with arguments that are made when it is called."""
-    return {name_of(function): lambda make: call(function, *make())}
-
-
-ask(large(NNPOM().fit),
-    check("NaN in the last row", lambda: (replaced(LARGE, np.nan, -1), LARGE_COUNTS),
-        "X contains NaN"),
-    check("a negative count in the last row",
-        lambda: (LARGE, replaced(LARGE_COUNTS, -1, -1)), "^y has a negative count"),
-    check("masked values", lambda: (masked(LARGE), LARGE_COUNTS),
-        "^X has masked values"),
-    check("numbers as text",
-        lambda: (LARGE[:20_000].astype(str), LARGE_COUNTS[:20_000]),
-        "^X is not an array of numbers"),
-    table=LARGE_CASES)
-ask(large(KSVDTransformer(window=9).fit),
-    check("infinity in the last sample", lambda: ([replaced(LARGE, np.inf, -1)],),
-        "Trial 0 of X contains NaN or infinity"), table=LARGE_CASES)
-ask(large(TemporalMaxPool().fit),
-    check("a trial of other channels", lambda: ([LARGE, LARGE[:, :7]],),
-        "Trial 1 of X has 7 channels"), table=LARGE_CASES)
-ask(large(metrics.ranked_probability_score),
-    check("a row that does not sum to 1", lambda: (LARGE_COUNTS, LARGE_COUNTS),
-        "^y_proba is no distribution"), table=LARGE_CASES)
-ask(large(ratings.inverse_cdf),
-    check("a trial that nobody rated", lambda: (replaced(LARGE_COUNTS, 0, -1), 0.5),
-        "^counts has no ratings in trial 199999"), table=LARGE_CASES)

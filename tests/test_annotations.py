@@ -73,24 +73,6 @@ assert not hasattr(sklearn_haptic, "rating")
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_the_public_interface_is_found():
-    names = {param.id for param in public_callables()}
-    assert {
-        "sklearn_haptic.NNPOM.__init__",
-        "sklearn_haptic.NNPOM.predict_proba",
-        "sklearn_haptic.KSVDTransformer.fit_transform",
-        "sklearn_haptic.SensorFusionNNPOM.validation_share",
-        "sklearn_haptic.datasets.load_phac2",
-        "sklearn_haptic.metrics.neg_rps_scorer",
-        "sklearn_haptic.model_selection.sensor_contributions",
-        "sklearn_haptic.plotting.InverseCDFDisplay.from_predictions",
-        "sklearn_haptic.ratings.inverse_cdf",
-        "sklearn_haptic.study.run_study",
-    } <= names
-    assert "sklearn_haptic.NNPOM.get_params" not in names  # of scikit-learn
-    assert "sklearn_haptic.metrics.check_ratings" not in names  # private
-
-
 @pytest.mark.parametrize(("function", "n_bound"), [*public_callables()])
 def test_every_parameter_and_return_is_annotated(function, n_bound):
     signature = inspect.signature(function)

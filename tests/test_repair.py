@@ -275,6 +275,15 @@ def test_a_channel_that_often_rests_is_not_dead():
     assert repair.faults_.empty
 
 
+def test_the_most_typical_trial_is_nearest_in_every_channel():
+    ramp = np.arange(-4.0, 5)[:, None]
+    levels = [[3, 102], [8, 101], [0, 101], [2, 101], [9, 102]]
+    trials = [ramp + level for level in levels]
+    far = np.abs(levels - np.median(levels, axis=0)) / np.std(levels, axis=0)
+    assert far.sum(axis=1).argmin() == 3
+    assert_array_equal(RepairTrials().fit(trials).transform([None])[0], trials[3])
+
+
 @pytest.mark.parametrize("channels", [[0], [0, 1, 2, 3]])
 def test_a_dead_sensor_has_the_most_typical_trial(channels):
     trials = [trial[:, channels] for trial in recordings()]

@@ -54,7 +54,7 @@ def test_layouts():
     assert (TaxelGrid(np.eye(6)[wiring]).weights.argmax(axis=2) == wiring).all()
     assert TaxelGrid(np.eye(6)[wiring]) == TaxelGrid(np.eye(6)[wiring].tolist())
     assert len({TaxelGrid((4, 4)), TaxelGrid([4, 4]), TaxelGrid(None)}) == 2
-    sizes = {(8, 8): (3, 3), (4, 8): (2, 2), (1, 6): (1, 2)}
+    sizes = {(8, 8): (3, 3), (4, 8): (2, 2), (1, 6): (1, 2), "biotac": (3, 3)}
     for shape, patch_size in sizes.items():
         assert TaxelGrid(shape).patch_size == patch_size
 

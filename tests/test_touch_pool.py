@@ -394,20 +394,26 @@ def test_forms_of_input_agree():
     assert_array_equal(one, two.predict_proba(X.to_numpy().tolist()))
 
 
-def test_labels_without_an_order():
+@pytest.mark.parametrize("ordered", [False, True])
+def test_labels_with_an_order_and_without(ordered):
     X, counts, objects = made()
-    names = np.array(["felt", "cork", "wood", "steel"])
+    names = np.array([1, 2, 3, 4] if ordered else ["felt", "cork", "wood", "steel"])
     labels = names[counts.argmax(axis=1)]
-    members = [(n, LogisticRegression(), columns) for n, _, columns in MEMBERS]
+    member = NNPOM(0) if ordered else LogisticRegression()
+    members = [(n, member, columns) for n, _, columns in MEMBERS]
     pool = TouchPool(members).fit(X, labels, groups=objects)
     assert pool.classes_.tolist() == sorted(names)
-    assert pool.score(X, labels) == np.mean(pool.predict(X) == labels) > 0.4
+    share_right = np.mean(pool.predict(X) == labels)
+    assert share_right > 0.4 and (pool.score(X, labels) == share_right) != ordered
     truth = labels[:, None] == pool.classes_
     marginal = np.full(truth.shape, np.nan)
     for train, test in GroupKFold(5).split(X, groups=objects):
         marginal[test] = truth[train].mean(axis=0)
-    brier = ((marginal - truth) ** 2).sum(axis=1).mean()
-    assert pool.expected_excess([]) == pytest.approx(brier)
+    departure = marginal - truth
+    if ordered:
+        departure = departure.cumsum(axis=1)
+    score = (departure**2).sum(axis=1).mean()
+    assert pool.expected_excess([]) == pytest.approx(score)
 
 
 def test_a_fold_may_lack_a_class():

@@ -497,8 +497,6 @@ class AnytimeRegressor(
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
-        tags.input_tags.two_d_array = False
-        tags.input_tags.one_d_array = True
         tags.no_validation = True
         return tags
 
