@@ -11,7 +11,6 @@ import os
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
 
 # A dataset may declare so many bytes of any file, and so many per byte of a larger one.
 # Recordings stored as int64 and compressed by gzip reach 13, temperature alone 70.
@@ -102,7 +101,7 @@ def check_stored(node, kinds):
             n_bytes = max(n_chunks, 1) * math.prod(chunk) * dtype.itemsize
             is_whole = node.id.get_num_chunks() >= n_chunks
     if dtype.kind not in kinds:
-        wanted = {"S": "byte strings", "O": "references"}.get(kinds, "numbers")
+        wanted = "byte strings" if kinds == "S" else "numbers"
         raise ValueError(f"{place_of(node)} has dtype {dtype}; it must hold {wanted}.")
     if settings.get_layout() == h5d.VIRTUAL or settings.get_external_count():
         raise ValueError(
@@ -122,22 +121,6 @@ def read_rows(dataset, rows=()):
     """Return some rows, by default all, of a dataset that was checked as an array."""
     with _reading(place_of(dataset)):
         return dataset[rows]
-
-
-def read_references(dataset):
-    """Return the nodes of the same file that an array of references points at."""
-    import h5py
-
-    with _reading(place_of(dataset)):
-        if h5py.check_ref_dtype(dataset.dtype) is not h5py.Reference:
-            raise TypeError("it holds no references")
-        return [dataset.file[each] for each in dataset[()].flat]
-
-
-def is_of_class(dataset, name):
-    """Whether MATLAB wrote a dataset as an array of a class, such as ``b"char"``."""
-    with _reading(place_of(dataset)):
-        return np.array_equal(dataset.attrs.get("MATLAB_class"), name)
 
 
 def place_of(node):

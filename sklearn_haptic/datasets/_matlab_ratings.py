@@ -14,9 +14,7 @@ from ._hdf5 import (
     check_file,
     check_stored,
     get_node,
-    is_of_class,
     open_hdf5,
-    read_references,
     read_rows,
 )
 
@@ -45,9 +43,8 @@ class MatlabRatings:
     objects : sequence of int, or str
         Ids of the objects in the order of the array, or the name of the variable that
         lists them.
-    adjectives : sequence of str, or str
-        Adjectives in the order of the array, or the name of the variable (a cell array
-        or a character matrix) that lists them.
+    adjectives : sequence of str
+        Adjectives in the order of the array.
 
     Examples
     --------
@@ -67,7 +64,7 @@ class MatlabRatings:
     variable: str
     axes: Sequence[str]
     objects: Sequence[int] | str
-    adjectives: Sequence[str] | str
+    adjectives: Sequence[str]
 
 
 def read_matlab(told):
@@ -89,13 +86,10 @@ def read_matlab(told):
     with open(told.path, "rb") as file:
         is_hdf5 = file.read(10) == b"MATLAB 7.3"
     read = _read_version_7_3 if is_hdf5 else _read_version_5
-    lists = [told.objects, told.adjectives]
-    found = read(told.path, [told.variable, *(x for x in lists if isinstance(x, str))])
-    objects, adjectives = (
-        np.ravel(found[each] if isinstance(each, str) else each).tolist()
-        for each in lists
-    )
-    adjectives = [str(each).strip() for each in adjectives]
+    listed = [told.objects] if isinstance(told.objects, str) else []
+    found = read(told.path, [told.variable, *listed])
+    objects = np.ravel(found[listed[0]] if listed else told.objects).tolist()
+    adjectives = [*told.adjectives]
     if len({*objects}) < len(objects) or len({*adjectives}) < len(adjectives):
         raise ValueError(
             f"MatlabRatings of {told.path} has objects={objects} and "
@@ -161,18 +155,7 @@ def _read_version_5(path, names):
 def _read_version_7_3(path, names):
     """Return variables of version 7.3, whose axes HDF5 holds in reverse."""
     with open_hdf5(path) as file:
-        return {
-            name: _value_of(get_node(file, name.replace(".", "/"))) for name in names
-        }
-
-
-def _value_of(dataset):
-    """Return an array of numbers, or a list of what cells or rows of text hold."""
-    check_stored(dataset, "iufO")
-    if dataset.dtype.kind == "O":
-        cells = [_value_of(cell) for cell in read_references(dataset)]
-        return [each for cell in cells for each in np.ravel(cell).tolist()]
-    array = read_rows(dataset).T
-    if is_of_class(dataset, b"char"):
-        return ["".join(map(chr, row)) for row in array]
-    return array
+        nodes = {name: get_node(file, name.replace(".", "/")) for name in names}
+        for node in nodes.values():
+            check_stored(node, "iuf")
+        return {name: read_rows(node).T for name, node in nodes.items()}
