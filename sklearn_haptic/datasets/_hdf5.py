@@ -11,7 +11,6 @@ import os
 from contextlib import contextmanager
 from pathlib import Path
 
-
 # A dataset may declare so many bytes of any file, and so many per byte of a larger one.
 # Recordings stored as int64 and compressed by gzip reach 13, temperature alone 70.
 _SMALL = 2**28
