@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import Any
 
 from ._pipeline import make_haptic_pipeline
-from .ensembles import DistributionBlend, NoveltyGuard, TouchPool
+from .ensembles import ConformalRatings, DistributionBlend, NoveltyGuard, TouchPool
 from .features import (
     KSVDTransformer,
     SignalStatistics,
@@ -35,6 +35,7 @@ __all__ = [
     "NNPOM",
     "PAPER_2020",
     "AnytimeRegressor",
+    "ConformalRatings",
     "ContinuousRatingsRegressor",
     "DistributionBlend",
     "DistributionalOrdinalRegressor",

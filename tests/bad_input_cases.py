@@ -29,6 +29,7 @@ from sklearn.utils import Bunch
 
 from sklearn_haptic import (
     NNPOM,
+    ConformalRatings,
     ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DistributionBlend,
@@ -218,6 +219,7 @@ TOUCH_POOL = {"TouchPool": partial(TouchPool, [("linear", NNPOM(0), [0, 1])])}
 GUARD = {
     "NoveltyGuard": partial(NoveltyGuard, make_pipeline(StandardScaler(), NNPOM(0)))
 }
+CONFORMAL = {"ConformalRatings": partial(ConformalRatings, NNPOM(0))}
 GOOD = {"X": X, "y": COUNTS}
 
 
@@ -668,11 +670,23 @@ ask(fitting(TOUCH_POOL, groups=OBJECTS),
 ask(fitting(GUARD, groups=OBJECTS),
     check("no pipeline", estimator=NNPOM(0), says="^estimator is a NNPOM; give a"),
     *wrong(estimator="model", cv="five"))
-ask(fitting(TOUCH_POOL | GUARD, "y", groups=OBJECTS), *NOT_RATINGS,
+ask(fitting(TOUCH_POOL | GUARD | CONFORMAL, "y", groups=OBJECTS), *NOT_RATINGS,
     check("several adjectives", TWO, "^y has the ratings of several adjectives"),
     arg="y")
-ask(fitting(TOUCH_POOL | GUARD, "groups"),
+ask(fitting(TOUCH_POOL | GUARD | CONFORMAL, "groups"),
     check("one object", np.zeros(N), "there is 1 sample or"))
+ask(fitting(CONFORMAL, groups=OBJECTS),
+    check("a regressor without a distribution", estimator=Ridge(), error=TypeError,
+        says="^The 'estimator' parameter of ConformalRatings must be"),
+    *wrong(estimator="model", method="jackknife", cv="five", n_jobs=1.5))
+ask(fitting(CONFORMAL),
+    check("no model that was fitted before", method="prefit", error=NotFittedError,
+        says="^This NNPOM instance is not fitted yet"))
+ask({f"ConformalRatings.{name}": lambda *bad, name=name: call(
+        getattr(CONFORMAL["ConformalRatings"]().fit(X, COUNTS, groups=OBJECTS), name),
+        X, *bad) for name in ("predict_set", "predict_interval", "predict_band")},
+    *(check(f"alpha={alpha!r}", alpha, "^alpha=.* must be a number between 0 and 1, s")
+      for alpha in (0, 1.0, float("nan"), "0.1", True)))
 ask({"TouchPool.weights": lambda touches: call(
         TOUCH_POOL["TouchPool"]().fit(X, COUNTS, groups=OBJECTS).weights, touches)},
     check("a member twice", [["linear", "linear"]], "^The member 'linear' is asked"))

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pandas as pd
 from mord import LogisticAT
-from sklearn.base import clone
+from sklearn.base import clone, is_regressor
 from sklearn.ensemble import ExtraTreesRegressor, HistGradientBoostingRegressor
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV
@@ -15,6 +15,7 @@ from sklearn.preprocessing import StandardScaler
 from sklearn_haptic import (
     NNPOM,
     AnytimeRegressor,
+    ConformalRatings,
     ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DistributionBlend,
@@ -127,6 +128,12 @@ MODELS = {
         COUNTS,
     ),
     "guard": (NoveltyGuard(make_pipeline(StandardScaler(), _NETWORK)), TABLE, COUNTS),
+    "sets": (ConformalRatings(_NETWORK, cv=2), NAMED, COUNTS),
+    "intervals": (
+        ConformalRatings(ContinuousRatingsRegressor(NNPOM(0, tol=1e-2), n_cells=4)),
+        TABLE,
+        TABLE[:, 0],
+    ),
     "sliders": (
         ContinuousRatingsRegressor(NNPOM(0, tol=1e-2), n_cells=4),
         TABLE,
@@ -173,7 +180,11 @@ def groups_of(name):
     model, _, y = MODELS[name]
     early = getattr(model, "early_stopping", False)
     needs = isinstance(
-        model, (DistributionBlend, TouchPool, NoveltyGuard, AnytimeRegressor)
+        model,
+        (
+            *(DistributionBlend, TouchPool, NoveltyGuard, ConformalRatings),
+            AnytimeRegressor,
+        ),
     )
     return {"groups": np.arange(len(y))} if early or needs else {}
 
@@ -186,6 +197,7 @@ def methods_of(model, X, y):
             *("transform", "fit_transform", "predict", "predict_proba"),
             *("predict_cdf", "predict_latent", "hidden_activations"),
             *("predict_when_done", "distances", "p_values"),
+            *("predict_set", "predict_interval", "predict_band"),
         )
     }
     calls |= {
@@ -208,6 +220,8 @@ def methods_of(model, X, y):
         calls["faults"] = lambda: model.faults(X)
     if hasattr(model, "transform"):
         calls["get_feature_names_out"] = lambda: model.get_feature_names_out()
+    if is_regressor(model):  # sliders have no levels
+        calls.pop("predict_set", None)
     if isinstance(getattr(model, "weights", None), str):  # a choice of a blend
         del calls["weights"]
     return {name: call for name, call in calls.items() if hasattr(model, name)}

@@ -13,6 +13,7 @@ import sklearn_haptic
 from sklearn_haptic import (
     NNPOM,
     AnytimeRegressor,
+    ConformalRatings,
     ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DistributionBlend,
@@ -64,6 +65,7 @@ PREDICTORS = [
         [("ordinal", NNPOM(0, tol=1e-10)), ("ridge", RegressedDistribution(Ridge()))]
     ),
     ContinuousRatingsRegressor(NNPOM(0, tol=1e-10), n_cells=5),
+    ConformalRatings(NNPOM(0, tol=1e-10)),
 ]
 # Their X is no table, so that scikit-learn's suite leaves them out.
 OF_TRIALS = [

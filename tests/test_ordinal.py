@@ -9,6 +9,7 @@ from sklearn.preprocessing import StandardScaler
 from sklearn_haptic import (
     NNPOM,
     AnytimeRegressor,
+    ConformalRatings,
     ContinuousRatingsRegressor,
     DistributionBlend,
     NoveltyGuard,
@@ -26,6 +27,7 @@ MODELS = {
     "blend": (DistributionBlend([("linear", NNPOM(0))]), X),
     "pool": (TouchPool([("linear", NNPOM(0), [0, 1])]), X),
     "guard": (NoveltyGuard(make_pipeline(StandardScaler(), NNPOM(0))), X),
+    "sets": (ConformalRatings(NNPOM(0)), X),
     "anytime": (AnytimeRegressor(HEAD, durations=[0.5], sampling_rates=10), TRIALS),
 }
 POSITIONS = np.array([0.05, 0.3, 0.5, 0.77, 1.0])

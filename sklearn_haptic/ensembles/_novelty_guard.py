@@ -39,6 +39,7 @@ from ..utils._sklearn import (
     _safe_indexing,
 )
 from ..utils._validation import column_of
+from ._conformal_scores import weight_at_least
 from ._out_of_fold import (
     Task,
     check_folds_know,
@@ -118,12 +119,8 @@ def conformal_p_values(distance, known, objects):
     p : ndarray of shape (n_rows,)
         From 1 / (number of objects + 1) to 1.
     """
-    weight = 1 / np.bincount(objects)[objects]
-    order = np.argsort(known)
-    beyond = np.append(np.cumsum(weight[order][::-1])[::-1], 0.0)
-    n_objects = objects.max() + 1
-    place = np.searchsorted(known[order], distance, side="left")
-    return (1 + beyond[place]) / (n_objects + 1)
+    reached = weight_at_least(distance, known, 1 / np.bincount(objects)[objects])
+    return (1 + reached) / (objects.max() + 2)
 
 
 def fit_belief(departure, from_marginal, distance, weight):

@@ -206,8 +206,8 @@ class Task(NamedTuple):
 
     Attributes
     ----------
-    name : str
-        Its name in messages.
+    name : str or None
+        Its name in messages, if it is one of several.
     estimator : estimator object
         It is cloned.
     X, y : array-like of length n_trials
@@ -217,7 +217,7 @@ class Task(NamedTuple):
         Arguments of ``fit``; of those of length n_trials it gets its part.
     """
 
-    name: str
+    name: str | None
     estimator: Any
     X: Any
     y: Any
@@ -235,7 +235,6 @@ def run_tasks(
     classes: np.ndarray | None,
     *,
     n_jobs: int | None = None,
-    keep: bool = False,
     fit: Callable[..., Any] = fit_clone,
 ) -> list[tuple[Any, np.ndarray]]:
     """Fit the models of some tasks, and predict their test trials.
@@ -244,23 +243,20 @@ def run_tasks(
     ----------
     tasks : list of Task
     classes : ndarray of shape (n_classes,), or None
-        What the columns of predictions are; None if no task has test trials.
+        What the columns of predictions are; None to keep all models and predict later.
     n_jobs : int, default=None
-    keep : bool, default=False
-        Whether to return the models of tasks that have test trials, too.
     fit : callable, default=fit_clone
         Called with an estimator, X, y and the arguments of ``fit``.
 
     Returns
     -------
     done : list of (model or None, ndarray of shape (n_test, ..., n_classes) or None)
+        Models of tasks whose test trials are predicted are not kept.
     """
-    return Parallel(n_jobs=n_jobs)(
-        delayed(_run)(task, classes, keep, fit) for task in tasks
-    )
+    return Parallel(n_jobs=n_jobs)(delayed(_run)(task, classes, fit) for task in tasks)
 
 
-def _run(task, classes, keep, fit):
+def _run(task, classes, fit):
     train, test = task.fold
     model = fit_fold(task.estimator, task.X, task.y, train, task.params, fit, task.name)
     of_counts = np.ndim(task.y) == 2
@@ -271,7 +267,7 @@ def _run(task, classes, keep, fit):
         return model, at_classes(nothing, model.classes_, classes, task.name, of_counts)
     predicted = predict_fold(model, _safe_indexing(task.X, test), name=task.name)
     proba = at_classes(*predicted, classes, task.name, of_counts)
-    return model if keep else None, proba
+    return None, proba
 
 
 def fit_fold(estimator, X, y, train, params, fit=fit_clone, name=None):
