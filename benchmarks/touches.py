@@ -24,6 +24,7 @@ from sklearn_haptic.datasets import make_haptic_corpus
 PARTS = {
     "pressure": ["pdc"],
     "vibration": ["pac"],
+    "vibration, pressure": ["pac", "pdc"],
     "electrodes": ["electrodes"],
     "all five": SENSORS,
 }

@@ -21,6 +21,7 @@ import numpy as np
 
 from sklearn_haptic import AnytimeRegressor, make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
+from sklearn_haptic.metrics import ranked_probability_score
 from sklearn_haptic.plotting import TouchTimeDisplay
 from sklearn_haptic.streaming import ExpectedGain
 
@@ -75,17 +76,35 @@ axes[-1].set(title="people", xlabel="hard")
 axes[0].set_ylabel("share of people")
 
 # %%
-# 3. When to stop
-# ---------------
+# 3. What a second costs
+# ----------------------
 # The rule stops a touch if it expects the loss (the ranked probability score) to fall
-# by less than the price of the further seconds. A higher price gives shorter touches.
-# Several prices give a curve of the rule, which can be compared with that of fixed
-# durations. The bars show where touches stop at the price of the model.
-seconds = model.durations_
+# by less than the price of the further seconds. Choose the price on the training
+# touches, whose predictions out of fold the model keeps, by the seconds that you can
+# afford: a higher price gives shorter touches and a higher loss.
+seconds, counts = model.durations_, hard[~held_out]
+prices = [0.001, 0.003, 0.01, 0.03, 0.1, 0.3]
+oof, spent, loss = model.oof_proba_, [], []
+for price in prices:
+    rule = ExpectedGain(price).fit(oof, counts, durations=seconds)
+    stop = rule.stop_at(oof)
+    spent.append(seconds[stop].mean())
+    chosen = oof[np.arange(len(stop)), stop]
+    loss.append(ranked_probability_score(counts, chosen))
+figure, axes = plt.subplots(1, 2, figsize=(8, 2.8), layout="constrained")
+for ax, values, name in zip(axes, (spent, loss), ("mean seconds", "RPS")):
+    ax.plot(prices, values, "o-", color="black")
+    ax.axvline(model.stopping.price, color="#E69F00", linestyle="--")
+    ax.set(xscale="log", xlabel="price of a second, RPS", ylabel=name)
+
+# %%
+# 4. Is a rule worth it?
+# ----------------------
+# On touches of other objects, several prices give a curve of the rule, to compare with
+# that of fixed durations. The bars show where touches stop at the price of the model.
 proba = model.predict_proba_over_time(touches[held_out], seconds)
-counts = hard[~held_out]
 stops = [
-    ExpectedGain(price).fit(model.oof_proba_, counts, durations=seconds).stop_at(proba)
+    ExpectedGain(price).fit(oof, counts, durations=seconds).stop_at(proba)
     for price in (0.1, 0.03, 0.003, 0.01)
 ]
 TouchTimeDisplay.from_predictions(
@@ -101,5 +120,5 @@ TouchTimeDisplay.from_predictions(
 # hardly differ in how soon they are known, and longer touches do not reduce the
 # disagreement of people. If one of several classes is right, the rule can gain more.
 _, stopped_at = model.predict_when_done(touches[held_out])
-for seconds, n in zip(*np.unique(stopped_at, return_counts=True)):
-    print(f"{n} touches are done after {seconds:g} s")
+for duration, n in zip(*np.unique(stopped_at, return_counts=True)):
+    print(f"{n} touches are done after {duration:g} s")

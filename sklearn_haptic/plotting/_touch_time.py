@@ -13,7 +13,7 @@ from ..metrics import ranked_probability_score
 from ..ratings._checks import check_distributions, check_ratings
 from ..utils._validation import check_groups, check_numbers
 from ._display import Display
-from ._style import colours_of
+from ._style import colours_of, legend_beside
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -201,7 +201,8 @@ class TouchTimeDisplay(Display):
                 )
             low, high = ax.get_ylim()  # points stay above the bars
             ax.set_ylim(low - 0.35 * (high - low), high)
-            ax.set_yticks([y for y in ax.get_yticks() if low <= y <= high])
+            ticks = ax.yaxis.get_major_locator().tick_values(low, high)
+            ax.set_yticks([y for y in ticks if low <= y <= high])
         ax.set(
             xscale="log",
             xlabel="seconds of touch",
@@ -209,7 +210,7 @@ class TouchTimeDisplay(Display):
         )
         ax.set_xticks(self.seconds, labels=[f"{s:g}" for s in self.seconds])
         ax.minorticks_off()
-        ax.legend(frameon=False)
+        legend_beside(ax)
 
 
 def _scores(counts, proba, levels, metric):
