@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from sklearn.linear_model import LogisticRegression
 
+from sklearn_haptic import NNPOM, ConformalRatings
 from sklearn_haptic.metrics import macro_mae
 from sklearn_haptic.plotting import DistributionDisplay, InverseCDFDisplay
 from sklearn_haptic.ratings import inverse_cdf
@@ -142,6 +143,21 @@ def test_a_single_trial_has_bars_alone(proba):
     assert len(display.ax_.lines) == 0
     texts = [text.get_text() for text in display.ax_.get_legend().get_texts()]
     assert texts == ["true ratings", "predicted"]
+
+
+def test_sets_are_shaded_by_how_many_hold_a_level():
+    rng = np.random.default_rng(2)
+    X = np.linspace(-1, 1, 40)[:, np.newaxis] + rng.normal(0, 0.3, (40, 3))
+    y = np.repeat([1, 2, 3, 4], 10)
+    model = ConformalRatings(NNPOM(0)).fit(X, y, groups=range(40))
+    display = DistributionDisplay.from_estimator(model, X[::7], [3, 6, 3, 0], alpha=0.4)
+    share = model.predict_set(X[::7], 0.4).mean(axis=0)
+    shaded = display.ax_.patches[8:12]
+    assert 0 < share.min() < share.max() < 1
+    np.testing.assert_allclose([patch.get_alpha() for patch in shaded], share / 4)
+    assert [patch.get_center()[0] for patch in shaded] == [0, 1, 2, 3]
+    texts = [text.get_text() for text in display.ax_.get_legend().get_texts()]
+    assert "in the sets" in texts
 
 
 def test_a_row_a_trial_equals_one_row(proba):

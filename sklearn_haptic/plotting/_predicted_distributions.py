@@ -303,6 +303,9 @@ class DistributionDisplay(_OneObjectDisplay):
         Probability of each rating, predicted from each trial.
     levels : ndarray of shape (n_levels,)
         The ordered levels.
+    chosen : ndarray of shape (n_trials, n_levels), default=None
+        Whether a level is in the set of each trial; levels are shaded by the share of
+        the sets that hold them.
 
     Attributes
     ----------
@@ -334,6 +337,50 @@ class DistributionDisplay(_OneObjectDisplay):
     y_proba: NDArray[np.float64]
     _: KW_ONLY
     levels: np.ndarray
+    chosen: NDArray[Any] | None = None
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: BaseEstimator,
+        X: Trials,
+        y: ArrayLike,
+        *,
+        alpha: float | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
+        """Predict the distribution of each trial of one object and plot it.
+
+        Parameters
+        ----------
+        estimator : object
+            Fitted, with ``predict_proba`` and ``classes_`` (the ordered levels).
+        X : array-like of length n_trials
+            The object's trials.
+        y : array-like of shape (n_levels,) or (n_trials, n_levels)
+            How many people gave the object each rating; if there is one row per
+            trial, all rows must be equal.
+        alpha : float, default=None
+            Shade the sets of this alpha, of a
+            :class:`~sklearn_haptic.ConformalRatings`.
+        ax : matplotlib Axes, default=None
+            Axes to plot on; by default those of a new figure.
+
+        Returns
+        -------
+        display : DistributionDisplay
+
+        Raises
+        ------
+        ValueError
+            If the rows of ``y`` differ, or do not fit the estimator's levels.
+        """
+        proba, levels = in_named_order(
+            estimator.predict_proba(X), estimator.classes_, y
+        )
+        counts, proba, levels = _check_trials_of_one(y, proba, levels)
+        chosen = None if alpha is None else estimator.predict_set(X, alpha)
+        return cls(counts[0], proba, levels=levels, chosen=chosen).plot(ax)
 
     def _draw(self, ax):
         n_trials, n_levels = self.y_proba.shape
@@ -357,6 +404,11 @@ class DistributionDisplay(_OneObjectDisplay):
             label="predicted",
         )
         handles = [self.true_bars_, self.predicted_bars_]
+        if self.chosen is not None:
+            shade = {"transform": ax.get_xaxis_transform(), "zorder": 0, "color": BLUE}
+            for place, share in zip(x, np.mean(self.chosen, axis=0)):
+                ax.bar(place, 1, 1, alpha=0.25 * share, **shade)
+            handles.append(ax.bar(0, 0, alpha=0.25, label="in the sets", **shade))
         self.trial_points_ = None
         if n_trials > 1:
             self.predicted_bars_.set_label(f"predicted, mean of {n_trials} trials")
