@@ -6,6 +6,7 @@ Touches and people are generated. The three objects took no part in training. Te
 seconds on one core.
 """
 
+import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -14,6 +15,8 @@ import numpy as np
 from sklearn_haptic import make_haptic_pipeline
 from sklearn_haptic.datasets import make_haptic_corpus
 
+if sys.argv[1:]:
+    sys.exit(__doc__)
 BLUE, ORANGE = "#0072B2", "#D55E00"
 SENSORS = ["pac", "pdc", "tdc", "electrodes"]
 MATERIALS = ["foam", "fabric", "metal"]  # the first object of each is shown
@@ -45,8 +48,8 @@ for (left, right), trial, proba in zip(axes, shown, predicted):
         yticks=[], xticks=corpus.levels, xticklabels=["not at\nall", *"234", "very"]
     )
     right.spines[["top", "left", "right"]].set_visible(False)
-axes[0, 1].text(1.9, 0.62, "■ predicted", color=BLUE, size=12, weight="bold")
-axes[0, 1].text(1.9, 0.82, "● said by 12 people", color=ORANGE, size=12, weight="bold")
+axes[0, 1].text(1.9, 0.35, "■ predicted", color=BLUE, size=12, weight="bold")
+axes[0, 1].text(1.9, 0.55, "● said by 12 people", color=ORANGE, size=12, weight="bold")
 axes[0, 0].set_title("A robot touches an object\nthat it never met …", size=13)
 axes[0, 1].set_title("… and predicts how hard\npeople will find it", size=13)
 figure.tight_layout()
