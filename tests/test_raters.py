@@ -25,27 +25,19 @@ foam,Ann,2
 tile,Cy,4
 tile,Bo,
 """
-WIDE = """object,Ann,Bo,Cy
-tile,5,,4
-foam,2,1,
-"""
 
 
 @pytest.mark.parametrize("read", [pd.read_csv, pl.read_csv], ids=["pandas", "polars"])
-def test_long_and_wide_tables_are_the_same(read):
+def test_tables_of_pandas_and_polars(read):
     levels = [1, 2, 3, 4, 5]
-    tables = [
-        RatingTable.from_long(read(io.StringIO(LONG)), levels=levels),
-        RatingTable.from_wide(read(io.StringIO(WIDE)), levels=levels),
-    ]
-    for table in tables:
-        assert table.counts.tolist() == [[1, 1, 0, 0, 0], [0, 0, 0, 1, 1]]
-        assert table.objects.tolist() == ["foam", "tile"]
-        assert table.raters.tolist() == ["Ann", "Bo", "Cy"]
-        assert table.answers.tolist() == [[0, 0, 1], [0, 1, 0], [1, 0, 4], [1, 2, 3]]
-        assert table.counts_for(["tile"]).to_dict("list") == dict(
-            zip(levels, [[0], [0], [0], [1], [1]])
-        )
+    table = RatingTable.from_long(read(io.StringIO(LONG)), levels=levels)
+    assert table.counts.tolist() == [[1, 1, 0, 0, 0], [0, 0, 0, 1, 1]]
+    assert table.objects.tolist() == ["foam", "tile"]
+    assert table.raters.tolist() == ["Ann", "Bo", "Cy"]
+    assert table.answers.tolist() == [[0, 0, 1], [0, 1, 0], [1, 0, 4], [1, 2, 3]]
+    assert table.counts_for(["tile"]).to_dict("list") == dict(
+        zip(levels, [[0], [0], [0], [1], [1]])
+    )
 
 
 def test_table_of_trials_with_columns_of_other_names():
@@ -58,15 +50,6 @@ def test_table_of_trials_with_columns_of_other_names():
     expected = {"no": [0, 1], "very": [1, 0]}
     assert table.counts_for(["t2", "t1"]).to_dict("list") == expected
     assert table.raters.tolist() == [7]
-
-
-def test_wide_table_takes_ordered_categories():
-    levels = ["no", "a bit", "very"]
-    frame = pd.DataFrame({"object": ["tile", "foam"], "Ann": ["no", "very"]})
-    frame["Ann"] = pd.Categorical(frame["Ann"], levels, ordered=True)
-    table = RatingTable.from_wide(frame)
-    assert table.levels.tolist() == levels
-    assert table.counts.tolist() == [[0, 0, 1], [1, 0, 0]]
 
 
 @pytest.mark.parametrize(

@@ -16,12 +16,10 @@ from ..utils._validation import (
     check_objects,
     count,
     drop_missing,
-    missing_to_none,
     rows_of_objects,
 )
 from ._checks import check_counts, match_levels
 from ._distributions import cdf, shares
-from ._levels import levels_of_ratings, names_levels
 
 # Candidates for the strength, in people.
 _STRENGTHS = np.r_[0, 2.0 ** np.arange(-3, 11, 0.5), np.inf]
@@ -120,63 +118,6 @@ class RatingTable:
             column_named(frame, name) for name in (object, rater, rating)
         )
         return rating_counts(ratings, objects, raters, levels=levels)
-
-    @staticmethod
-    def from_wide(
-        frame: Any,
-        *,
-        object: str = "object",
-        levels: ArrayLike | None = None,
-    ) -> RatingTable:
-        """Count the ratings of a table with one row per object, one column per rater.
-
-        Parameters
-        ----------
-        frame : DataFrame of pandas or polars
-            All columns but one hold the ratings of the person that they are named by,
-            missing where this person did not rate the object.
-        object : str, default="object"
-            Name of the column that says what was rated: objects, or single trials.
-        levels : array-like of shape (n_levels,), default=None
-            The ordered levels; by default the categories of the first rater's column
-            if they are ordered, else the sorted ratings that occur.
-
-        Returns
-        -------
-        table : RatingTable
-
-        Raises
-        ------
-        ValueError
-            If the column of objects is missing, an object has two rows or no rating, or
-            a rating is not among the levels.
-
-        Examples
-        --------
-        >>> import pandas as pd
-        >>> from sklearn_haptic.ratings import RatingTable
-        >>> frame = pd.DataFrame(
-        ...     {"object": ["foam", "tile"], "Ann": [1, 2], "Bo": [3, None]}
-        ... )
-        >>> RatingTable.from_wide(frame).counts
-        array([[1, 0, 1],
-               [0, 1, 0]])
-        """
-        objects = check_objects(column_named(frame, object))
-        raters = [name for name in frame.columns if name != object]
-        if not raters:
-            raise ValueError(
-                f"The table has no column but {object!r}; give one per rater."
-            )
-        columns = [column_named(frame, name) for name in raters]
-        if levels is None and names_levels(columns[0]):
-            levels = levels_of_ratings(np.array([]), columns[0], None, "ratings")
-        return rating_counts(
-            np.concatenate([missing_to_none(column, "ratings") for column in columns]),
-            np.tile(objects, len(raters)),
-            np.repeat(raters, len(objects)),
-            levels=levels,
-        )
 
     def counts_for(self, objects: ArrayLike) -> pd.DataFrame:
         """Return the counts of the object of each trial.

@@ -152,7 +152,7 @@ def _answers_of(table, objects, raters):
     if table.answers is None or table.raters is None:
         raise ValueError(
             "table does not know its raters; make it by rating_counts(ratings, "
-            "objects, raters), RatingTable.from_long or RatingTable.from_wide."
+            "objects, raters) or RatingTable.from_long."
         )
     row, rater, level = table.answers.T
     numeric = np.issubdtype(table.levels.dtype, np.number)
