@@ -1,7 +1,7 @@
 """Extreme input to this package and to its peers, and what each makes of it.
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/extremes.py \
-        [--parts codes dictionaries models]
+        [--parts codes models]
 
 prints a Markdown table, in under a minute. Peers are optional, best in an environment
 of their own that has this package too: ``pip install spams-bin dictlearn numba
@@ -20,7 +20,7 @@ import numpy as np
 from measure import command, head, machine, unit_rows
 from measure import row as print_row
 from mord import LogisticAT
-from sklearn.decomposition import DictionaryLearning, SparseCoder
+from sklearn.decomposition import SparseCoder
 from sklearn.linear_model import orthogonal_mp_gram
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -177,84 +177,6 @@ def coding():
     coding_row("NaN in a signal", missing, atoms, 4)
 
 
-# Dictionaries ---------------------------------------------------------------
-
-
-def learn_by_ksvd_transformer(signals, start):
-    model = KSVDTransformer(len(start), 2, dict_init=start, remove_mean=False)
-    return model.set_params(random_state=0).fit(signals).components_
-
-
-def learn_by_scikit_learn(signals, start):
-    model = DictionaryLearning(
-        len(start),
-        alpha=0.1 * (np.abs(signals).max() or 1),  # in the units of the signals
-        max_iter=50,
-        dict_init=start,
-        random_state=0,
-    )
-    return model.fit(signals).components_
-
-
-def learn_by_spams(signals, start):
-    atoms = spams.trainDL(
-        np.asfortranarray(signals.T),
-        D=np.asfortranarray(start.T),
-        mode=3,
-        lambda1=2,
-        iter=100,
-        numThreads=1,
-        verbose=False,
-    )
-    return np.asarray(atoms).T
-
-
-def learn_by_dictlearn(signals, start):
-    model = dictlearn.DictionaryLearning(
-        len(start),
-        fit_algorithm="aksvd",
-        n_nonzero_coefs=2,
-        max_iter=50,
-        dict_init=start,
-        random_state=0,
-    )
-    return model.fit(signals).components_
-
-
-LEARNERS = {
-    OURS: learn_by_ksvd_transformer,
-    "DictionaryLearning": learn_by_scikit_learn,
-    "spams": learn_by_spams,
-    "dictlearn": learn_by_dictlearn,
-}
-
-
-def learned(learner, signals, start):
-    atoms = learner(signals, start)
-    if not np.isfinite(atoms).all():
-        return "NaN atoms"
-    n_unit = np.isclose(np.linalg.norm(atoms, axis=1), 1, rtol=1e-6).sum()
-    text = f"{n_unit} of {len(start)} atoms of norm 1"
-    if signals.any():
-        codes = code_by_least_squares(signals, atoms, 2)
-        text += f", error {relative_error(codes, signals, atoms):.3f}"
-    return text
-
-
-def learning():
-    rng = np.random.default_rng(0)
-    planted, start = (unit_rows(rng.normal(size=(8, 12))) for _ in range(2))
-    codes = rng.normal(size=(300, 8))
-    codes[rng.random(codes.shape).argsort(axis=1).argsort(axis=1) >= 2] = 0
-    signals = codes @ planted
-    codes = code_by_least_squares(signals, planted, 2)
-    judge = f"error over planted atoms: {relative_error(codes, signals, planted):.3f}"
-    for size in ("1", "1e-12", "1e-150", "1e150"):
-        case, scaled = f"Dictionaries: signals × {size}", float(size) * signals
-        row(case, judge, LEARNERS, learned, scaled, start)
-    row("all signals zero", "atoms of norm 1", LEARNERS, learned, 0 * signals, start)
-
-
 # Ordinal models -------------------------------------------------------------
 
 
@@ -345,7 +267,7 @@ def ordinal():
         row(case, "as without, or refused in words", MODELS, described, scaled, y, y)
 
 
-PARTS = {"codes": coding, "dictionaries": learning, "models": ordinal}
+PARTS = {"codes": coding, "models": ordinal}
 
 
 def main():

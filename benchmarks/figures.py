@@ -1,15 +1,14 @@
-"""The figures of quality and settings that the pages show.
+"""The figures of quality that the pages show.
 
     python benchmarks/figures.py rivals benchmarks/rivals.csv FILE.png
-    python benchmarks/figures.py settings benchmarks/speed_accuracy.csv FILE.png
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \
         python benchmarks/figures.py real FOLDER [--sets films …] [--to FOLDER]
 
-The first two draw what `quality.py` and `settings.py` wrote. The third predicts the
-recordings and ratings of FOLDER (`data.py`) out of fold, in a minute on one core, and
-shows below predictions how much worse (to the right) or better each rival is than the
-default, with intervals of 95 % over films, objects, materials, forces and speeds, or
-runs. ``--sets hardness`` takes seconds.
+The first draws what `quality.py` wrote. The second predicts the recordings and ratings
+of FOLDER (`data.py`) out of fold, in a minute on one core, and shows below predictions
+how much worse (to the right) or better each rival is than the default, with intervals
+of 95 % over films, objects, materials, forces and speeds, or runs. ``--sets hardness``
+takes seconds.
 """
 
 import warnings
@@ -109,51 +108,6 @@ def draw_rivals(results, path):
             handles.append(Line2D([], [], ls="", label=name, **style))
     axes.flat[-1].legend(handles=handles, loc="center", fontsize=8, frameon=False)
     figure.savefig(path, dpi=85)
-
-
-# Settings -----------------------------------------------------------------------------
-
-COLOURS = {"base": "0.2", "quick": "#E69F00", "medium": "#009E73", "slow": BLUE}
-DRAWN = {"rps": "RPS", "mae_m": "MAE^M"}
-
-
-def draw_settings(summary, path):
-    """Draw a column of panels per set, a row per score; dictionaries are in colour."""
-    sets = ["synthetic", "bolt"]  # other sets have no features to make
-    seconds = [f"{stage}_s" for stage in ("features", "transform", "fit", "predict")]
-    summary = summary[summary[seconds[:2]].notna().all(axis=1)]
-    summary = summary.assign(seconds=summary[seconds].sum(axis=1))
-    shape = {"figsize": (9.5, 6), "layout": "constrained"}
-    figure, axes = plt.subplots(len(DRAWN), len(sets), sharex="col", **shape)
-    for column, name in zip(axes.T, sets):
-        for ax, score in zip(column, DRAWN):
-            draw_panel(ax, summary[summary["set"] == name], score)
-        column[0].set_title(name)
-        column[-1].set_xlabel("processor time per fold, s")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=5, frameon=False)
-    figure.savefig(path, dpi=150)
-
-
-def draw_panel(ax, lines, score):
-    """Draw time against the difference in a score to the base."""
-    coloured = lines["knob"] == "dictionaries"
-    # The first value of each other knob is the base as well.
-    lines = lines[coloured | lines[f"{score}_difference"].notna()]
-    grey = {"color": "0.75", "marker": ".", "markersize": 5, "linewidth": 0.7}
-    for _, line in lines.iterrows():
-        label = "others" * (line["value"] == "half")
-        style = {"linestyle": "", "zorder": 2, "label": label} | grey
-        if line["knob"] == "dictionaries":
-            style |= {"color": COLOURS[line["value"]], "marker": "D", "markersize": 8}
-            style |= {"linewidth": 2, "zorder": 3, "label": line["value"]}
-        point = line[["seconds", f"{score}_difference", f"{score}_error"]].fillna(0)
-        if np.isnan(line[f"{score}_difference"]):
-            point[f"{score}_error"] = 0
-        ax.errorbar(*point, **style)
-    ax.axhline(0, color="0.4", linewidth=0.7, zorder=1)
-    ax.set_ylabel(f"{DRAWN[score]} minus that of the base")
-    log_axis(ax, (1, 2, 5))
 
 
 # Real recordings and ratings ----------------------------------------------------------
@@ -352,15 +306,14 @@ FIGURES = {f.__name__: f for f in (films, hardness, grips, fabrics, slides)}
 
 def main():
     parser = command(__doc__)
-    parser.add_argument("figure", choices=["rivals", "settings", "real"])
+    parser.add_argument("figure", choices=["rivals", "real"])
     parser.add_argument("source", type=Path, help="CSV file, or folder of data sets")
     parser.add_argument("file", type=Path, nargs="?", help="the figure of a CSV file")
     parser.add_argument("--sets", nargs="+", default=list(FIGURES), choices=FIGURES)
     parser.add_argument("--to", type=Path, default=Path("docs/images"))
     arguments = parser.parse_args()
     if arguments.figure != "real":
-        draw = {"rivals": draw_rivals, "settings": draw_settings}[arguments.figure]
-        draw(pd.read_csv(arguments.source), arguments.file)
+        draw_rivals(pd.read_csv(arguments.source), arguments.file)
         return
     warnings.simplefilter("ignore")  # of mord and few iterations
     with config_context(enable_metadata_routing=True):

@@ -1,7 +1,7 @@
 """Speed of the ordinal network and of distributions from any estimator.
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/networks.py \
-        [--parts fit predict decoding many] [--quick]
+        [--parts fit predict decoding] [--quick]
 
 fit       `DistributionalOrdinalRegressor` against skordinal's network on a row for each
           of 480 trials × 15 positions, the same number of iterations. It needs
@@ -12,7 +12,6 @@ predict   `predict_proba` against the same network on materialised rows, 1000 tr
 decoding  The average over the population of raters that any estimator predicts, and
           that of 20 quadrature nodes: the largest error of the distribution function,
           against 20,000 evenly spaced positions, and the rows predicted per trial.
-many      `predict_proba` of many trials.
 
 Five minutes, a part one or two; ``--quick`` one.
 """
@@ -209,19 +208,7 @@ def decoding(quick):
         row(name, *cells)
 
 
-def many(quick):
-    sizes = (1, 100, 1000) if quick else (1, 5000, 100_000)
-    head("estimator", *(f"{n} trials, ms" for n in sizes))
-    X, counts = touches(60, 10, 10)
-    for estimator in (NNPOM(0), mord.LogisticAT(), mord.LAD(), DecisionTreeRegressor()):
-        model = DistributionalOrdinalRegressor(estimator, sampling="random")
-        model.fit(X[:400], counts[:400])
-        rows = X[np.arange(sizes[-1]) % len(X)]
-        taken = [timed(model.predict_proba, rows[:n])[0] for n in sizes]
-        row(type(estimator).__name__, *(f"{1e3 * each:.3g}" for each in taken))
-
-
-PARTS = {"fit": fit, "predict": predict, "decoding": decoding, "many": many}
+PARTS = {"fit": fit, "predict": predict, "decoding": decoding}
 
 
 def main():

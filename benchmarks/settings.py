@@ -4,7 +4,7 @@
         [--sets bolt films …] [--knobs atoms "hidden units" …] [--csv FILE]
 
 It takes about an hour on one core, with ``--quick`` (small sets, three folds) a few
-minutes, with one knob besides seconds to a minute. `figures.py` draws the file.
+minutes, with one knob besides seconds to a minute.
 
 There are five folds of whole objects, repeated with other folds and seeds. The first
 value of every knob is its reference, with scores ± standard errors; the others have in
