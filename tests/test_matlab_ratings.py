@@ -157,13 +157,3 @@ def test_what_does_not_fit(corpus, save, ratings, told, message):
     )
     with pytest.raises(ValueError, match=message):
         load(corpus, path, **{"axes": AXES} | told)
-
-
-def test_links_of_version_7_3_are_not_followed(corpus, tmp_path, ratings):
-    path = tmp_path / "ratings.mat"
-    save_v73(tmp_path / "other.mat", {"a": ratings})
-    save_v73(path, {})
-    with h5py.File(path, "r+") as file:
-        file["a"] = h5py.ExternalLink(str(tmp_path / "other.mat"), "/a")
-    with pytest.raises(ValueError, match=r"'a' in .*r\w+\.mat is a soft or external"):
-        load(corpus, path, axes=AXES)

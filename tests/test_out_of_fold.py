@@ -9,7 +9,7 @@ from sklearn import config_context
 from sklearn.base import BaseEstimator, ClassifierMixin, clone
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.exceptions import NotFittedError
-from sklearn.linear_model import LogisticRegression, Ridge
+from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import (
     GridSearchCV,
     GroupKFold,
@@ -204,13 +204,6 @@ class TestFolds:
         with pytest.raises(ValueError, match=f"^cv {message}"):
             cross_val_predict_proba(REGRESSOR, X, COUNTS, cv=cv)
 
-    @pytest.mark.parametrize("missing", [None, np.nan, pd.NA, pd.NaT])
-    def test_a_trial_without_an_object_is_refused(self, missing):
-        groups = OBJECTS.astype(object)
-        groups[4] = missing
-        with pytest.raises(ValueError, match="groups has no object in trial 4"):
-            cross_val_predict_proba(REGRESSOR, X, COUNTS, groups=groups)
-
 
 class TestLevels:
     """Level 5 was given to one object alone, which no model of its fold has seen."""
@@ -278,16 +271,6 @@ class TestLevels:
         assert (proba[first, 0] == 0).all() and (proba[~first, 3] == 0).all()
         known = np.isin(kind, [1, 2])
         assert (proba[known].argmax(axis=1) == kind[known]).all()
-
-    def test_levels_that_do_not_fit_are_refused(self):
-        class Odd(DummyDistribution):
-            def predict_proba(self, X):
-                self.classes_ = np.arange(len(X), len(X) + 5)
-                return super().predict_proba(X)
-
-        folds = [(np.arange(20), np.arange(20, 36)), (np.arange(20, 36), np.arange(20))]
-        with pytest.raises(ValueError, match="A fold has the levels"):
-            cross_val_predict_proba(Odd(), X, COUNTS, cv=folds)
 
 
 class Noted(ClassifierMixin, BaseEstimator):
@@ -372,17 +355,3 @@ def test_progress_is_that_of_the_callbacks_of_the_estimator():
     assert recorder.tasks.count("teardown") == 3  # a fit each fold
     with pytest.raises(NotFittedError):
         model.predict(X)
-
-
-@pytest.mark.parametrize(
-    "arguments, message",
-    [
-        ((Ridge(), X, COUNTS), "Ridge has no predict_proba, from which method="),
-        ((REGRESSOR, X[1:], COUNTS), "inconsistent numbers of samples"),
-        ((object(), X, COUNTS), "The 'estimator' parameter of cross_val_predict_proba"),
-        ((REGRESSOR, X, None), "The 'y' parameter of cross_val_predict_proba"),
-    ],
-)
-def test_errors(arguments, message):
-    with pytest.raises((ValueError, AttributeError), match=message):
-        cross_val_predict_proba(*arguments)

@@ -209,20 +209,6 @@ def test_pickles_in_datasets_are_refused(tmp_path, payload, name, message, kind)
         load_phac2(path)
 
 
-def test_pickles_are_no_corpus(tmp_path, payload):
-    path, ratings = tmp_path / "corpus.h5", tmp_path / "ratings"
-    write_corpus(path)
-    ratings.write_bytes(pickle.dumps(payload))
-    told = {"variable": "a", "axes": ["objects", "adjectives", "levels"]}
-    told = datasets.MatlabRatings(ratings, **told, objects=[114], adjectives=["hard"])
-    with pytest.raises(OSError, match="cannot be read as a MATLAB file"):
-        load_phac2(path, ratings=told)
-    with pytest.raises(ValueError, match="is not a CSV file"):
-        load_phac2(path, ratings=ratings)
-    with pytest.raises(OSError, match="if it is no HDF5"):
-        load_phac2(ratings)
-
-
 SCORES = pd.DataFrame({"trial": ["cup_602_01"], "rps": [0.1]})
 NOTHING = {"choices": [], "baselines": [], "truth": []}
 UNIT = "models", "hold", "hard", 0
