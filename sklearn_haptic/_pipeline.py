@@ -3,17 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
-from typing import Any, Literal, Self
+from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-from sklearn.base import BaseEstimator, TransformerMixin, clone
-from sklearn.compose import ColumnTransformer
 from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
-from sklearn.preprocessing import StandardScaler
-from sklearn.utils.validation import check_is_fitted
 
 from .ensembles import DistributionBlend
 from .features import (
@@ -22,6 +15,7 @@ from .features import (
     STHMPTransformer,
     TemporalMaxPool,
 )
+from .features._sensor_features import SensorColumns, SensorFeatures, SensorUnion
 from .models import (
     NNPOM,
     DistributionalOrdinalRegressor,
@@ -29,19 +23,10 @@ from .models import (
 )
 from .recordings._biotac import PROCEDURES, SENSORS, columns_of
 from .recordings._sensors import BIOTAC, Sensor, Signal, TaxelGrid
-from .recordings._trials import check_trials, is_table, refuse_one_touch
-from .utils._sklearn import (
-    FloatArray,
-    Memory,
-    Names,
-    RandomState,
-    Trials,
-    _num_samples,
-)
+from .utils._sklearn import Memory, RandomState
 
-# Atoms of the sensors that have not 25 in the 2020 paper; bands of those of 2200 Hz.
+# Atoms of the sensors that have not 25 in the 2020 paper.
 _N_ATOMS = {"pac": 40, "tdc": 10}
-_N_BANDS = {"pac": 32}
 
 # Sensors of a BioTac by their columns in corpora of one procedure and of several.
 _COLUMNS = {name: name for name in SENSORS} | {
@@ -73,95 +58,6 @@ def _described(sensors):
     return dict(sensors)
 
 
-class SensorFeatures(TransformerMixin, BaseEstimator):
-    """Features of a sensor whose trials tell whether they are signals or images.
-
-    The window and where channels lie cannot be told from numbers alone, so signals get
-    features that need neither.
-
-    Parameters
-    ----------
-    signals, images : transformer
-        What turns trials of shape (n_times, n_rows, n_columns), which are images, and
-        all others into rows of features.
-
-    Attributes
-    ----------
-    kind_ : {"signals", "images"}
-    transformer_ : transformer
-        The fitted one.
-    """
-
-    def __init__(self, signals: Any, images: Any) -> None:
-        self.signals = signals
-        self.images = images
-
-    def fit(self, X: Trials, y: Any = None) -> Self:
-        """Fit the transformer of the kind of the trials."""
-        self.fit_transform(X, y)
-        return self
-
-    def fit_transform(self, X: Trials, y: Any = None) -> FloatArray:
-        """Fit the transformer of the kind of the trials and return their features."""
-        images = not is_table(X) and check_trials(X, ndims=(2, 3))[0].ndim == 3
-        transformer = clone(self.images if images else self.signals)
-        features: FloatArray = transformer.fit_transform(X, y)
-        self.kind_ = "images" if images else "signals"
-        self.transformer_ = transformer
-        return features
-
-    def transform(self, X: Trials) -> FloatArray:
-        """Compute the features of trials."""
-        check_is_fitted(self)
-        features: FloatArray = self.transformer_.transform(X)
-        return features
-
-    def get_feature_names_out(
-        self, input_features: Names | None = None
-    ) -> NDArray[Any]:
-        """Return the names of the features."""
-        check_is_fitted(self)
-        return self.transformer_.get_feature_names_out(input_features)
-
-
-class SensorColumns(ColumnTransformer):
-    """ColumnTransformer of sensors that keeps what it was fitted on.
-
-    Attributes
-    ----------
-    fitted_on_ : ndarray of str
-        Number of touches; channels, median samples and, if it is known, rate of each
-        sensor.
-    versions_ : ndarray of str
-        Packages that fitted it.
-    """
-
-    def fit_transform(self, X: Trials, y: Any = None, **params: Any) -> Any:
-        """Fit the transformers to a table of touches and return their features."""
-        refuse_one_touch(X)
-        features = super().fit_transform(X, y, **params)
-        self.fitted_on_ = np.array([f"{_num_samples(X)} touches", *self._sensors_of(X)])
-        packages = ("sklearn_haptic", "scikit-learn", "numpy")
-        self.versions_ = np.array([f"{name} {version(name)}" for name in packages])
-        return features
-
-    def transform(self, X: Trials, **params: Any) -> Any:
-        """Compute the features of a table of touches."""
-        refuse_one_touch(X)
-        return super().transform(X, **params)
-
-    def _sensors_of(self, X):
-        for name, transformer, column in self.transformers:
-            if not (hasattr(transformer, "get_params") and isinstance(column, str)):
-                continue
-            shapes = [(*np.shape(trial), 1) for trial in X[column]]
-            channels = " × ".join(map(str, shapes[0][1:-1])) or "1"
-            rates = [r for k, r in transformer.get_params().items() if k[-4:] == "rate"]
-            rate = f" at {rates[0]:g} Hz" if any(rates) else ""
-            samples = f"{np.median([n for n, *_ in shapes]):g} samples{rate} (median)"
-            yield f"{name}: {channels} channels, {samples}"
-
-
 class _Features:
     """Transformers of sensors: roots of pooled codes, and statistics of channels."""
 
@@ -175,23 +71,18 @@ class _Features:
         }
 
     def of(self, sensor, name=None):
-        """Return the transformer of a sensor."""
-        statistics, n_atoms = SignalStatistics(cells=(2, 1)), 25
+        """Return what makes the blocks of features of a sensor, with their names."""
+        rate = sensor.rate if isinstance(sensor, Signal) else None
+        statistics = SignalStatistics(cells=(2, 1), rate=rate)
         if sensor is None:
-            return SensorFeatures(statistics, self.codes(TaxelGrid()))
-        if isinstance(sensor, Signal):
-            statistics.set_params(rate=sensor.rate)
+            images = FeatureUnion(self.of(TaxelGrid()))
+            return [("features", SensorFeatures(statistics, images))]
         if sensor == Signal():
-            return statistics
-        if sensor == TaxelGrid():
-            return self.codes(sensor)
+            return [("statistics", statistics)]
         name = _COLUMNS.get(name)
-        if name is not None and BIOTAC[name] == sensor:
-            n_atoms = _N_ATOMS.get(name, 25)
-            n_bands = _N_BANDS.get(name, 16)
-            statistics.set_params(statistics=["bands"], n_bands=n_bands)
-        codes = self.codes(sensor, n_atoms)
-        return FeatureUnion([("codes", codes), ("statistics", statistics)])
+        of_biotac = name is not None and BIOTAC[name] == sensor
+        codes = self.codes(sensor, _N_ATOMS.get(name, 25) if of_biotac else 25)
+        return [("codes", codes), ("statistics", statistics)]
 
     def codes(self, sensor, n_atoms=25):
         """Return roots of statistics of codes over training windows or patches."""
@@ -341,12 +232,12 @@ def make_haptic_pipeline(
     if preset not in _PRESETS:
         raise ValueError(f"preset={preset!r} must be one of {_PRESETS}.")
     build = _Features(memory, random_state)
-    features = (
-        SensorColumns([(s, build.of(d, s), s) for s, d in described.items()])
-        if isinstance(described, dict)
-        else build.of(described)
-    )
+    if isinstance(described, dict):
+        sensors = {s: build.of(d, s) for s, d in described.items()}
+        features = SensorColumns(
+            [(s, FeatureUnion(p) if p[1:] else p[0][1], s) for s, p in sensors.items()]
+        )
+    else:
+        features = SensorUnion(build.of(described))
     head = _head(preset, random_state)
-    return Pipeline(
-        [("features", features), ("scale", StandardScaler()), ("model", head)]
-    )
+    return Pipeline([("features", features), ("model", head)])

@@ -14,7 +14,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
 from ..recordings._sequences import Sequences
-from ..recordings._trials import name_of, rate_of
+from ..recordings._trials import cells_of, check_trials, name_of, rate_of
 from ..utils._sklearn import (
     FloatArray,
     Interval,
@@ -327,7 +327,8 @@ class SignalStatistics(TrialRows, BaseEstimator):
     Notes
     -----
     `X` may be any collection of trials of shape (n_times_i, n_channels) with one time
-    sample or more, or :class:`Sequences`. Each row of a table is a trial with one
+    sample or more, or of images, whose pixels are channels row by row, or
+    :class:`Sequences`. Each row of a table is a trial with one
     channel, `ch0`, and one time sample per feature.
 
     Features have names like `t1of1_ch0_std` and `t2of4_ch0_band3of16`, which is the
@@ -460,6 +461,12 @@ class SignalStatistics(TrialRows, BaseEstimator):
             self.cells_,
         )
         return self._with_index(features, X)
+
+    def _check_trials(self, X, n_columns=None):
+        if not isinstance(X, Sequences) and np.ndim(next(iter(cells_of(X)))) == 3:
+            images = check_trials(X, ndims=(3,))
+            X = [trial.reshape(len(trial), -1) for trial in images]
+        return super()._check_trials(X, n_columns)
 
     def _names(self, columns):
         n_bands = len(self.band_edges_) - 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
+from itertools import groupby
 from numbers import Real
 from typing import Self
 
@@ -23,6 +24,7 @@ from ..ensembles._out_of_fold import (
     predict_at,
     run_tasks,
 )
+from ..features._sensor_features import BlockScaler
 from ..models._ordinal import OrdinalClassifierMixin
 from ..ratings._checks import check_adjectives
 from ..ratings._distributions import raised, shares
@@ -226,9 +228,11 @@ class AnytimeRegressor(
         n_reached = self._durations_reached(touches.lengths())
         reached = n_reached[:, np.newaxis] > np.arange(len(durations))
         self._check_reached(reached)
-        self._branches, n_steps = fit_features(steps, touches, y)
+        self._branches, later = fit_features(steps, touches, y)
         rows = self._fit_rows(touches, reached)
-        head = Pipeline(steps[n_steps:])
+        if isinstance(later[0][1], BlockScaler):
+            later[0][1].blocks = self._block_widths()
+        head = Pipeline(later)
         data = head, rows, reached, y, objects, self.sharing
         every = np.arange(len(touches)), np.arange(0)
         fitted = run_tasks(head_tasks(*data, [every]), None, fit=fit_head)
@@ -340,6 +344,14 @@ class AnytimeRegressor(
         for k in each:
             rows[k, which[k]] = self._rows(blocks[k], k)
         return rows
+
+    def _block_widths(self):
+        """Return the number of features of each branch of each sensor."""
+        branches = zip(self._branches, self._columns)
+        return [
+            [place.stop - place.start for _, place in of_sensor]
+            for _, of_sensor in groupby(branches, key=lambda pair: pair[0].sensors)
+        ]
 
     def _rows(self, blocks, k):
         """Join the features of all branches; means stand for what is missing."""

@@ -18,6 +18,7 @@ from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import FeatureUnion, Pipeline
 
 from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
+from ..features._sensor_features import BlockScaler, blocks_of
 from ..recordings._trials import is_table
 from ..utils._pipeline_steps import flat_steps
 from ._recorded_touches import ONLY_SENSOR
@@ -82,8 +83,9 @@ def fit_features(steps, touches, y):
     -------
     branches : list of Branch
         The fitted steps.
-    n_steps : int
-        How many of the steps they are.
+    later : list of (str, estimator)
+        The steps behind them. If the first step scales the blocks of sensors, so does
+        the first of these, for each duration anew.
 
     Raises
     ------
@@ -101,7 +103,10 @@ def fit_features(steps, touches, y):
         fitted.append((name, step))
         if is_table(X):
             parts = _parts(step, columns) if len(fitted) == 1 else None
-            return parts or [Branch(Pipeline(fitted), columns)], i + 1
+            later = steps[i + 1 :]
+            if parts and hasattr(step, "scaler_"):
+                later = [("scale", BlockScaler()), *later]
+            return parts or [Branch(Pipeline(fitted), columns)], later
     raise ValueError(
         "estimator has no step before its last that turns each touch into a row of "
         "features; add one, such as TemporalMaxPool behind KSVDTransformer."
@@ -163,10 +168,7 @@ def _parts(step, columns):
 
 def _united(transformer, columns):
     """Return the transformers of a union as branches, any other as one."""
-    if not isinstance(transformer, FeatureUnion) or transformer.transformer_weights:
-        return [Branch(transformer, columns)]
-    parts = [part for _, part in transformer.transformer_list if part != "drop"]
-    return [branch for part in parts for branch in _united(part, columns)]
+    return [Branch(each, columns) for each in blocks_of(transformer)]
 
 
 def _flat(transformer):

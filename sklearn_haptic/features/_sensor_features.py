@@ -1,0 +1,261 @@
+"""Features of sensors side by side, in blocks that are standardised and weigh the same.
+
+A penalty, a distance and a kernel weigh features by their variance. Of a sensor with
+thousands of codes and a few dozen statistics, all standardised, the statistics would
+hardly count.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from itertools import pairwise
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.base import BaseEstimator, TransformerMixin, clone
+from sklearn.compose import ColumnTransformer
+from sklearn.pipeline import FeatureUnion
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils.validation import check_is_fitted
+
+from ..recordings._trials import check_trials, is_table, refuse_one_touch
+from ..utils._sklearn import (
+    FloatArray,
+    Names,
+    Trials,
+    _get_adapter_from_container,
+    _num_samples,
+)
+
+
+def block_weights(varies, blocks):
+    """Return the weight of each feature, for blocks of equal total variance.
+
+    The blocks of a sensor share the total variance that its features have when they are
+    standardised, so that the mean square weight of a sensor's features is 1.
+
+    Parameters
+    ----------
+    varies : ndarray of bool of shape (n_features,)
+        Features that are not constant. The weight of the others is 1.
+    blocks : list of list of int
+        Number of features of each block of each sensor, in the order of the features.
+
+    Returns
+    -------
+    weights : ndarray of shape (n_features,)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.features._sensor_features import block_weights
+    >>> block_weights(np.array([True] * 6 + [False]), [[4, 1], [2]]).round(2)
+    array([0.79, 0.79, 0.79, 0.79, 1.58, 1.  , 1.  ])
+    """
+    weights = np.ones(len(varies))
+    end = 0
+    for widths in blocks:
+        edges = end + np.cumsum([0, *widths])
+        end = edges[-1]
+        parts = [np.arange(a, b)[varies[a:b]] for a, b in pairwise(edges)]
+        parts = [part for part in parts if len(part)]
+        for part in parts:
+            share = sum(map(len, parts)) / len(parts)
+            weights[part] = np.sqrt(share / len(part))
+    return weights
+
+
+class BlockScaler(StandardScaler):
+    """Standardise features, and give the blocks of each sensor equal total variance.
+
+    Parameters
+    ----------
+    blocks : list of list of int, default=None
+        See :func:`block_weights`. By default all features are one block.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.features._sensor_features import BlockScaler
+    >>> X = np.random.default_rng(0).normal(size=(50, 5))
+    >>> BlockScaler([[4, 1]]).fit_transform(X).var(axis=0).round(3)
+    array([0.625, 0.625, 0.625, 0.625, 2.5  ])
+    """
+
+    scale_: FloatArray
+
+    def __init__(self, blocks: list[list[int]] | None = None) -> None:
+        super().__init__()
+        self.blocks = blocks
+
+    def partial_fit(self, X: Any, y: Any = None, sample_weight: Any = None) -> Self:
+        """Learn means and variances, as `fit` does by this method."""
+        super().partial_fit(X, y, sample_weight)
+        if self.blocks is not None:
+            # Of a constant feature the scale is 1, not the root of its variance.
+            varies = self.scale_ == np.sqrt(self.var_)
+            self.scale_ = self.scale_ / block_weights(varies, self.blocks)
+        return self
+
+
+class SensorFeatures(TransformerMixin, BaseEstimator):
+    """Features of a sensor whose trials tell whether they are signals or images.
+
+    The window and where channels lie cannot be told from numbers alone, so signals get
+    features that need neither.
+
+    Parameters
+    ----------
+    signals, images : transformer
+        What turns trials of shape (n_times, n_rows, n_columns), which are images, and
+        all others into rows of features.
+
+    Attributes
+    ----------
+    kind_ : {"signals", "images"}
+    transformer_ : transformer
+        The fitted one.
+    """
+
+    def __init__(self, signals: Any, images: Any) -> None:
+        self.signals = signals
+        self.images = images
+
+    def fit(self, X: Trials, y: Any = None) -> Self:
+        """Fit the transformer of the kind of the trials."""
+        self.fit_transform(X, y)
+        return self
+
+    def fit_transform(self, X: Trials, y: Any = None) -> FloatArray:
+        """Fit the transformer of the kind of the trials and return their features."""
+        images = not is_table(X) and check_trials(X, ndims=(2, 3))[0].ndim == 3
+        transformer = clone(self.images if images else self.signals)
+        features: FloatArray = transformer.fit_transform(X, y)
+        self.kind_ = "images" if images else "signals"
+        self.transformer_ = transformer
+        return features
+
+    def transform(self, X: Trials) -> FloatArray:
+        """Compute the features of trials."""
+        check_is_fitted(self)
+        features: FloatArray = self.transformer_.transform(X)
+        return features
+
+    def get_feature_names_out(
+        self, input_features: Names | None = None
+    ) -> NDArray[Any]:
+        """Return the names of the features."""
+        check_is_fitted(self)
+        return self.transformer_.get_feature_names_out(input_features)
+
+
+class _Blocks:
+    """Mixin of sensors side by side whose blocks are standardised and weighed.
+
+    A block is what one transformer of a `FeatureUnion` makes of a sensor, or all
+    features of a sensor that has none.
+    """
+
+    def fit(self, X, y=None, **params):
+        """Fit the transformers and the scale of their features."""
+        self.fit_transform(X, y, **params)
+        return self
+
+    def fit_transform(self, X, y=None, **params):
+        """Fit the transformers and return their features, standardised."""
+        table = super().fit_transform(X, y, **params)
+        self.scaler_ = BlockScaler(self._block_widths(table.shape[1]))
+        self.scaler_.set_output(transform="default").fit(np.asarray(table))
+        return self._scaled(table)
+
+    def transform(self, X, **params):
+        """Compute the features of trials, standardised as those of `fit`."""
+        return self._scaled(super().transform(X, **params))
+
+    def _scaled(self, table):
+        if isinstance(table, np.ndarray):
+            return self.scaler_.transform(table)
+        rows = self.scaler_.transform(np.asarray(table))
+        adapter = _get_adapter_from_container(table)
+        return adapter.create_container(rows, table, columns=table.columns)
+
+
+class SensorColumns(_Blocks, ColumnTransformer):
+    """Features of sensors in columns, whose blocks are standardised and weighed.
+
+    It keeps what it was fitted on.
+
+    Attributes
+    ----------
+    scaler_ : BlockScaler
+        Fitted to the features.
+    fitted_on_ : ndarray of str
+        Number of touches; channels, median samples and, if it is known, rate of each
+        sensor.
+    versions_ : ndarray of str
+        Packages that fitted it.
+    """
+
+    def fit_transform(self, X: Trials, y: Any = None, **params: Any) -> Any:
+        """Fit the transformers to a table of touches and return their features."""
+        refuse_one_touch(X)
+        features = super().fit_transform(X, y, **params)
+        self.fitted_on_ = np.array([f"{_num_samples(X)} touches", *self._sensors_of(X)])
+        packages = ("sklearn_haptic", "scikit-learn", "numpy")
+        self.versions_ = np.array([f"{name} {version(name)}" for name in packages])
+        return features
+
+    def transform(self, X: Trials, **params: Any) -> Any:
+        """Compute the features of a table of touches."""
+        refuse_one_touch(X)
+        return super().transform(X, **params)
+
+    def _block_widths(self, n_features):
+        places = [self.output_indices_[name] for name, *_ in self.transformers_]
+        return [
+            _widths(transformer, place.stop - place.start)
+            for (_, transformer, _), place in zip(self.transformers_, places)
+        ]
+
+    def _sensors_of(self, X):
+        for name, transformer, column in self.transformers:
+            if not (hasattr(transformer, "get_params") and isinstance(column, str)):
+                continue
+            shapes = [(*np.shape(trial), 1) for trial in X[column]]
+            channels = " × ".join(map(str, shapes[0][1:-1])) or "1"
+            rates = [r for k, r in transformer.get_params().items() if k[-4:] == "rate"]
+            rate = f" at {rates[0]:g} Hz" if any(rates) else ""
+            samples = f"{np.median([n for n, *_ in shapes]):g} samples{rate} (median)"
+            yield f"{name}: {channels} channels, {samples}"
+
+
+class SensorUnion(_Blocks, FeatureUnion):
+    """The blocks of one sensor, whose trials are in no column.
+
+    Attributes
+    ----------
+    scaler_ : BlockScaler
+        Fitted to the features.
+    """
+
+    def _block_widths(self, n_features):
+        return [_widths(self, n_features)]
+
+
+def blocks_of(transformer):
+    """Return the fitted transformers of a union, and of unions in it, one by one."""
+    if isinstance(transformer, SensorFeatures):
+        transformer = transformer.transformer_
+    if not isinstance(transformer, FeatureUnion) or transformer.transformer_weights:
+        return [transformer]
+    parts = [part for _, part in transformer.transformer_list if part != "drop"]
+    return [block for part in parts for block in blocks_of(part)]
+
+
+def _widths(transformer, n_features):
+    """Return the number of features of each block."""
+    try:
+        return [len(each.get_feature_names_out()) for each in blocks_of(transformer)]
+    except AttributeError:  # of features without names
+        return [n_features]
