@@ -58,7 +58,7 @@ print(describe_corpus(corpus))
 # ------------------------------------------------------------
 # The first steps of `make_haptic_pipeline` draw windows of each signal and patches of
 # the electrodes from the training trials, as atoms. They code all windows and patches
-# sparsely over these atoms, pool the codes in temporal cells, and put spectral bands of
+# sparsely over these atoms, pool the codes in temporal cells, and put statistics of
 # each channel beside them. Rotating the features to as many axes as there are trials
 # loses nothing, and makes every later fit faster.
 split = GroupShuffleSplit(test_size=0.2, random_state=0)
@@ -66,7 +66,7 @@ train, test = next(split.split(corpus.trials, groups=corpus.objects))
 
 print("Computing features, with atoms from the training objects …", flush=True)
 pipeline = make_haptic_pipeline(random_state=0)
-features = make_pipeline(pipeline["features"], pipeline["scale"], PCA())
+features = make_pipeline(pipeline["features"], PCA())
 X_train = features.fit_transform(corpus.trials.iloc[train])
 X_test = features.transform(corpus.trials.iloc[test])
 X = np.empty((len(corpus.trials), X_train.shape[1]))

@@ -41,7 +41,7 @@ sensors = ["pac", "pdc", "tac", "tdc"]
 corpus = make_haptic_corpus(30, 6, sensors=sensors, random_state=1)
 objects = corpus.objects
 pipeline = make_haptic_pipeline(sensors, random_state=0)
-features = make_pipeline(pipeline["features"], pipeline["scale"], PCA())
+features = make_pipeline(pipeline["features"], PCA())
 model = pipeline["model"].set_params(levels=corpus.levels, estimator__random_state=0)
 X = features.fit_transform(corpus.trials)
 

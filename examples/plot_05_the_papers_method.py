@@ -117,7 +117,7 @@ for name, change in steps.items():
 # rotated, which the paper does not mention. :doc:`/paper` has the paper's features,
 # whose dictionaries are learned by K-SVD.
 pipeline = make_haptic_pipeline(sensors, random_state=0)
-features = make_pipeline(pipeline["features"], pipeline["scale"], PCA())
+features = make_pipeline(pipeline["features"], PCA())
 X = features.fit_transform(corpus.trials)
 folds = GroupKFold(4, shuffle=True, random_state=0)
 scores = {

@@ -68,7 +68,7 @@ run("no cache", search)
 # ----------
 # `memory` is a folder where the steps store their dictionaries and pooled codes. In
 # each fold, the first setting computes these and the other settings read them. The
-# spectral bands beside the codes are computed anew for every setting.
+# statistics beside the codes are computed anew for every setting.
 with tempfile.TemporaryDirectory() as folder:
     run("cache", new_search(memory=folder))
 
@@ -92,8 +92,8 @@ print(all(np.array_equal(scores["no cache"], each) for each in scores.values()))
 # %%
 # 5. What it saves
 # ----------------
-# The cache saves about a third of the time; most of the rest is spent on spectral bands
-# and on reading. Two threads take longer than one: they take turns in one Python
+# The cache saves about a third of the time; most of the rest is spent on statistics and
+# on reading. Two threads take longer than one: they take turns in one Python
 # interpreter, and switching costs time. Workers save time if they are processes, each
 # with its own processor.
 _, ax = plt.subplots(figsize=(6.4, 2.4), layout="constrained")

@@ -140,11 +140,11 @@ def make_haptic_pipeline(
 
     Signals and electrodes are coded over a dictionary of their own, whose atoms are
     training windows or patches, and the codes are pooled over time. Beside them stand
-    statistics of each channel, of a BioTac its spectral bands. The features of all
-    sensors are standardised and given to a model of distributions of ratings, which the
-    preset chooses. The result is an ordinary Pipeline, whose parameters can be set and
-    searched, with the steps ``"features"`` (a ColumnTransformer with one transformer
-    per sensor), ``"scale"`` and ``"model"``.
+    statistics of each channel. All features are standardised, and codes and statistics
+    of a sensor are scaled to equal total variance. They are given to a model of
+    distributions of ratings, which the preset chooses. The result is an ordinary
+    Pipeline, whose parameters can be set and searched, with the steps ``"features"`` (a
+    ColumnTransformer with one transformer per sensor) and ``"model"``.
 
     Parameters
     ----------
@@ -167,8 +167,8 @@ def make_haptic_pipeline(
         touches are of one object: ``fit(X, y, model__groups=objects)``.
     memory : str or object with the joblib.Memory interface, default=None
         Where the transformers cache dictionaries and pooled codes, so that a search
-        over the model computes these once per fold. Statistics and bands are computed
-        for every candidate.
+        over the model computes these once per fold. Statistics are computed for every
+        candidate.
     random_state : int, RandomState instance or None, default=None
         Seeds the dictionaries, the trees and, if the model is given any, the hidden
         units.
@@ -189,7 +189,9 @@ def make_haptic_pipeline(
     Training windows and patches are the atoms, because those that K-SVD learns from
     them predict no better. Their means are kept, because the level of pressure and
     temperature carries information and the level of other signals did no harm. The
-    features are square roots of mean, share and maximum of each code.
+    features are square roots of mean, share and maximum of each code. Statistics make
+    up for what is lost where frames are normalised; as a block that weighs as much as
+    the codes, they gain on most of the recordings, and lose nothing measurable.
 
     Examples
     --------

@@ -31,8 +31,10 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     KSVDTransformer,
     RepairTrials,
+    Signal,
     SignalStatistics,
     TemporalMaxPool,
+    make_haptic_pipeline,
 )
 from sklearn_haptic.metrics import log_score, ranked_probability_score
 from sklearn_haptic.streaming._heads import best_power
@@ -258,6 +260,31 @@ def test_inner_pipelines_are_steps_in_their_place():
         for each in (flat, nested)
     )
     np.testing.assert_array_equal(got, expected)
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_blocks_weigh_the_same_at_every_duration(alone):
+    """Cut to a duration, the model is the pipeline fitted to touches of that length."""
+    sensors = {name: Signal(rate) for name, rate in RATES.items()}
+    X, rates = (TOUCHES["fast"], RATES["fast"]) if alone else (TOUCHES, RATES)
+    pipeline = make_haptic_pipeline(
+        sensors["fast"] if alone else sensors, random_state=0
+    )
+    durations = {"durations": [1, 2], "sampling_rates": rates, "sharing": 0, "cv": 2}
+    model = AnytimeRegressor(pipeline, **durations).fit(X, COUNTS, groups=OBJECTS)
+    whole = clone(pipeline).fit(X, COUNTS)
+    for k, seconds in enumerate([1, 2]):
+        each = cut(TOUCHES, seconds)
+        each = each["fast"] if alone else each
+        rows = whole[0].scaler_.inverse_transform(whole[0].transform(each))
+        scale = clone(whole[0].scaler_).fit(rows)
+        head = clone(whole[1]).fit(scale.transform(rows), COUNTS)
+        expected = head.predict_proba(scale.transform(rows))
+        got = model.predict_proba(each)
+        np.testing.assert_allclose(got, flattened(expected, model.powers_[k]), 1e-4)
+        touch = model.start()
+        touch.update(each.iloc[0] if alone else each.iloc[0].to_dict())
+        np.testing.assert_allclose(touch.predict_proba(), got[0], rtol=1e-6)
 
 
 def test_channels_are_found_by_name():

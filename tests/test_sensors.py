@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import clone
 from sklearn.linear_model import RidgeClassifier
 from sklearn.model_selection import GroupKFold, cross_val_score
+from sklearn.preprocessing import FunctionTransformer
 
 from sklearn_haptic import (
     KSVDTransformer,
@@ -19,7 +20,7 @@ from sklearn_haptic import (
     TemporalMaxPool,
     make_haptic_pipeline,
 )
-from sklearn_haptic.features._sensor_features import SensorFeatures
+from sklearn_haptic.features._sensor_features import BlockScaler, SensorFeatures
 
 
 def touches(n_trials=12, seed=0):
@@ -105,6 +106,50 @@ def test_described_features_are_those_of_the_transformers():
     assert names[-1] == "acc__statistics__t1of1_ch2_band16of16"
     loaded = pickle.loads(pickle.dumps(model))
     assert_array_equal(loaded.predict_proba(trials), model.predict_proba(trials))
+
+
+def test_what_users_put_in_the_place_of_blocks_is_standardised():
+    trials, y = touches()
+    sensors = {"skin": TaxelGrid((4, 4)), "acc": Signal(rate=1000)}
+    model = make_haptic_pipeline(sensors, random_state=0)
+    model.set_params(
+        features__skin=FunctionTransformer(means), features__acc__codes="drop"
+    )
+    rows = model[0].set_output(transform="pandas").fit_transform(trials, y)
+    statistics = SignalStatistics(cells=(2, 1)).fit_transform(trials["acc"])
+    parts = by_hand([means(trials["skin"]).to_numpy()]), by_hand([statistics])
+    assert_allclose(rows.to_numpy(), np.hstack(parts), rtol=1e-8, atol=1e-10)
+    assert rows.index.equals(trials.index)
+
+
+def means(trials):
+    """Means of channels, and a feature that is always the same."""
+    rows = [[*np.mean(trial, axis=0), 3.0] for trial in trials]
+    return pd.DataFrame(rows, index=trials.index).add_prefix("mean")
+
+
+@pytest.mark.parametrize("shift", [0, 1e6])
+def test_blocks_of_any_unit_have_equal_variance(shift):
+    rng = np.random.default_rng(0)
+    widths = [[40, 3], [5], [2, 1, 6], [0, 4], [3, 2]]
+    X = 10.0 ** rng.integers(-6, 6, 66) * rng.normal(size=(30, 66))
+    X += shift * X.std(axis=0)
+    X[:, [0, 47, 48]] = 0.1, 7, 0  # constant, of which one is a whole block
+    X[:, 61:64] = -3
+    scaled = BlockScaler(widths).fit_transform(X)
+    end = 0
+    for of_sensor in widths:
+        variances = []
+        for width in of_sensor:
+            variances.append(scaled[:, end : end + width].var(axis=0).sum())
+            end += width
+        varies = [v for v in variances if v > 1e-9]
+        n_varying = (np.ptp(X[:, end - sum(of_sensor) : end], axis=0) > 0).sum()
+        assert_allclose(varies, n_varying / len(varies))
+    assert_allclose(scaled.mean(axis=0), 0, atol=1e-8)
+    single = BlockScaler(widths).fit_transform(X.astype(np.float32))
+    assert single.dtype == np.float32
+    assert_allclose(single, scaled, atol=1e-5 + 1e-6 * shift)
 
 
 def test_names_of_a_biotac_are_not_described_twice():

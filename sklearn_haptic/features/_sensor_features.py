@@ -254,8 +254,11 @@ def blocks_of(transformer):
 
 
 def _widths(transformer, n_features):
-    """Return the number of features of each block."""
+    """Return the number of features of each block; one if they have no names."""
+    blocks = blocks_of(transformer)
+    if len(blocks) == 1:
+        return [n_features]
     try:
-        return [len(each.get_feature_names_out()) for each in blocks_of(transformer)]
-    except AttributeError:  # of features without names
+        return [len(each.get_feature_names_out()) for each in blocks]
+    except (AttributeError, ValueError):
         return [n_features]
