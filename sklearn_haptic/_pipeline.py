@@ -84,6 +84,11 @@ class _Features:
         codes = self.codes(sensor, _N_ATOMS.get(name, 25) if of_biotac else 25)
         return [("codes", codes), ("statistics", statistics)]
 
+    def step(self, sensor, name):
+        """Return the transformer of a sensor in a column."""
+        blocks = self.of(sensor, name)
+        return FeatureUnion(blocks) if len(blocks) > 1 else blocks[0][1]
+
     def codes(self, sensor, n_atoms=25):
         """Return roots of statistics of codes over training windows or patches."""
         if isinstance(sensor, Signal):
@@ -235,9 +240,8 @@ def make_haptic_pipeline(
         raise ValueError(f"preset={preset!r} must be one of {_PRESETS}.")
     build = _Features(memory, random_state)
     if isinstance(described, dict):
-        sensors = {s: build.of(d, s) for s, d in described.items()}
         features = SensorColumns(
-            [(s, FeatureUnion(p) if p[1:] else p[0][1], s) for s, p in sensors.items()]
+            [(s, build.step(d, s), s) for s, d in described.items()]
         )
     else:
         features = SensorUnion(build.of(described))
