@@ -46,24 +46,30 @@ PANELS = {
     "films": "Stars of films,\nfeatures given, RPS",
     "slides": "Recorded slides: which of\n20 materials, share of errors",
 }
-FEATURES = "maxima", "statistics", "bands", "MiniRocket", "MiniRocket, own rates"
-FEATURES += ("Catch22",)
-MODELS = "trees", "quantile forest", "kernel ridge", "linear, alpha chosen"
-MODELS += "multinomial on counts", "location and scale", "mord LogisticAT"
-MODELS += ("statsmodels OrderedModel",)
-STYLES = dict(zip(BASES, [(ORANGE, "D"), (BLUE, "D")]))
-STYLES |= {name: (GREY, marker) for name, marker in zip(FEATURES, "Dos^>v")}
-STYLES |= {name: ("#009E73", marker) for name, marker in zip(MODELS, "os^vPX<>")}
-TITLES = {
-    "presets:": BASES,
-    "other features, linear model:": FEATURES,
-    "other models, features of the presets:": MODELS,
+OTHERS = "other features or models"
+STYLES = {
+    "fast": (ORANGE, "D"),
+    "accurate": (BLUE, "D"),
+    "statistics": (GREY, "o"),
+    "MiniRocket": (GREY, "^"),
+    "trees": ("#009E73", "o"),
+    "kernel ridge": ("#009E73", "^"),
+    OTHERS: ("0.75", "."),
+}
+LABELS = {
+    "fast": 'preset "fast"',
+    "accurate": 'preset "accurate"',
+    "statistics": "statistics, linear model",
+    "MiniRocket": "MiniRocket, linear model",
+    "trees": "our features, trees",
+    "kernel ridge": "our features, kernel ridge",
+    OTHERS: OTHERS,
 }
 
 
 def of_panels(results):
     """One row per panel and name; two seeds are averaged."""
-    results = results[results["row"].isin(STYLES)]
+    results = results[~results["row"].isin(["marginal", "barycentre"])]
     panel = results["set"].str.rstrip("01")
     squares = results.assign(error=results["error"] ** 2)
     grouped = squares.groupby([panel, "row"], sort=False)
@@ -89,8 +95,10 @@ def draw_rivals(results, path):
         ax.axis("off")
     for ax, name in zip(axes.flat, panels):
         for row, point in points.loc[name].iterrows():
-            colour, marker = STYLES[row]
-            size, width, order = (10, 2, 2) if row in BASES else (5, 0.6, 3)
+            colour, marker = STYLES.get(row, STYLES[OTHERS])
+            size, width, order = (6, 1, 3) if row in STYLES else (4, 0.5, 1)
+            if row in BASES:
+                size, width, order = 10, 2, 2
             style = {"markersize": size, "elinewidth": width, "zorder": order}
             each = point[["ms", "difference", "error"]]
             ax.errorbar(*each, color=colour, marker=marker, **style)
@@ -99,14 +107,11 @@ def draw_rivals(results, path):
         log_axis(ax, (1, 3))
         ax.set_xlabel("processor ms per touch")
     figure.supylabel('score minus that of "fast": low is better', fontsize=11)
-    handles = []
-    for title, names in TITLES.items():
-        handles.append(Line2D([], [], ls="", label=title))
-        drawn = [n for n in names if n in points.index.get_level_values("row")]
-        for name in drawn:
-            style = dict(zip(("color", "marker"), STYLES[name]))
-            handles.append(Line2D([], [], ls="", label=name, **style))
-    axes.flat[-1].legend(handles=handles, loc="center", fontsize=8, frameon=False)
+    handles = [
+        Line2D([], [], ls="", label=LABELS[name], color=colour, marker=marker, ms=7)
+        for name, (colour, marker) in STYLES.items()
+    ]
+    axes.flat[-1].legend(handles=handles, loc="center", fontsize=11, frameon=False)
     figure.savefig(path, dpi=85)
 
 

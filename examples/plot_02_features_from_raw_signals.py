@@ -143,10 +143,11 @@ few = make_pipeline(
 ).fit([each[:, :1] for each in trials])
 codes = few[0].transform([trial[:, :1]])[0].T
 quarters = few.transform([trial[:, :1]])[0, : 4 * len(codes)].reshape(4, -1).T
-_, axes = plt.subplots(2, figsize=(6.4, 4.4), layout="constrained", sharex=True)
+figure, axes = plt.subplots(2, figsize=(6.4, 4.4), layout="constrained", sharex=True)
 seconds = 0, len(trial) / rate, len(codes) - 0.5, -0.5
 for ax, values, title in zip(axes, (codes, quarters), ("codes", "maxima of quarters")):
-    ax.imshow(np.sqrt(values), cmap="Blues", aspect="auto", extent=seconds)
+    image = ax.imshow(np.sqrt(values), cmap="Blues", aspect="auto", extent=seconds)
+    figure.colorbar(image, ax=ax, label="square root of code")
     ax.set(title=title, ylabel="atom, + then −")
 axes[1].set_xlabel("time, s")
 if matplotlib.get_backend().lower() != "agg":

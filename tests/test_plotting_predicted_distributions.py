@@ -83,12 +83,13 @@ def test_equal_predictions_are_set_apart():
 
 def test_labels_levels_and_errors_are_shown(proba):
     levels = ["not at all", "slightly", "somewhat", "rough", "very"]
+    proba = proba[:5]
     display = InverseCDFDisplay.from_predictions(COUNTS, proba, levels=levels)
     ax = display.ax_
     assert ax.get_xlabel() == "position p in the population"
     assert ax.get_ylabel() == "rating"
     assert [tick.get_text() for tick in ax.get_yticklabels()] == levels
-    scores = macro_mae(np.tile(COUNTS, (10, 1)), proba, average=False)
+    scores = macro_mae(np.tile(COUNTS, (5, 1)), proba, average=False)
     np.testing.assert_array_equal(display.scores, scores)
     legend = ax.get_legend()
     texts = [text.get_text() for text in legend.get_texts()]
@@ -99,9 +100,17 @@ def test_labels_levels_and_errors_are_shown(proba):
 
 
 def test_trials_in_greyscale_print_grow_lighter(proba):
-    display = InverseCDFDisplay.from_predictions(COUNTS, proba)
+    display = InverseCDFDisplay.from_predictions(COUNTS, proba[:5])
     colours = np.array([line.get_edgecolor()[:3] for line in display.trial_lines_])
     assert (np.diff(colours @ [0.2126, 0.7152, 0.0722]) > 0).all()
+
+
+def test_many_trials_have_one_colour_and_one_entry(proba):
+    display = InverseCDFDisplay.from_predictions(COUNTS, proba)
+    assert len({line.get_edgecolor() for line in display.trial_lines_}) == 1
+    low, high = min(display.scores), max(display.scores)
+    texts = [text.get_text() for text in display.ax_.get_legend().get_texts()]
+    assert texts == ["true ratings", f"10 trials: {low:.2f} to {high:.2f}"]
 
 
 # Bars

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 # Trials are drawn apart, so that equal predictions show: by this many levels between
 # neighbours, and at most so many in all.
 _OFFSET, _MAX_OFFSET = 0.035, 0.4
+_MOST_COLOURS = 5  # of trials that can be told apart; more have one colour
 _BAR_WIDTH = 0.38  # levels are 1 apart
 
 
@@ -249,7 +250,13 @@ class InverseCDFDisplay(_OneObjectDisplay):
         n_trials = len(self.steps)
         offset = min(_OFFSET, _MAX_OFFSET / max(n_trials, 1))
         offsets = offset * (np.arange(n_trials) - (n_trials - 1) / 2)
+        scores = np.asarray(self.scores)
         colours = colours_of(n_trials)
+        labels = [f"trial {i + 1}: {score:.2f}" for i, score in enumerate(scores)]
+        if n_trials > _MOST_COLOURS:
+            colours = [BLUE] * n_trials
+            labels = [""] * n_trials
+            labels[0] = f"{n_trials} trials: {scores.min():.2f} to {scores.max():.2f}"
         self.true_line_ = ax.stairs(
             *_steps(self.counts),
             baseline=None,
@@ -263,11 +270,11 @@ class InverseCDFDisplay(_OneObjectDisplay):
                 edges,
                 baseline=None,
                 color=colour,
-                linewidth=1.4,
-                label=f"trial {trial + 1}: {score:.2f}",
+                linewidth=1.4 if n_trials <= _MOST_COLOURS else 0.8,
+                label=label or None,
             )
-            for trial, ((values, edges), offset, colour, score) in enumerate(
-                zip(self.steps, offsets, colours, np.asarray(self.scores), strict=True)
+            for (values, edges), offset, colour, label in zip(
+                self.steps, offsets, colours, labels, strict=True
             )
         ]
         ax.set(
@@ -282,7 +289,6 @@ class InverseCDFDisplay(_OneObjectDisplay):
                 ax,
                 title=f"mean MAE$^M$ {np.mean(self.scores):.2f}",
                 alignment="left",
-                ncols=1 + n_trials // 16,
                 loc="center left",
                 bbox_to_anchor=(1.01, 0.5),
             )

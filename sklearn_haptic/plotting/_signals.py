@@ -180,7 +180,9 @@ class SignalsDisplay(Display):
     def _plot_images(self, row, sensor):
         """Show channels as rows of images of one colour scale."""
         signals = self.signals[sensor]
-        limits = min(map(np.min, signals)), max(map(np.max, signals))
+        low, high = min(map(np.min, signals)), max(map(np.max, signals))
+        if low < 0 < high:  # the middle colour is that of 0
+            low, high = min(low, -high), max(high, -low)
         images = [
             panel.imshow(
                 values.T,
@@ -192,8 +194,8 @@ class SignalsDisplay(Display):
                     -0.5,
                 ),
                 cmap="viridis",
-                vmin=limits[0],
-                vmax=limits[1],
+                vmin=low,
+                vmax=high,
             )
             for panel, values in zip(row, signals)
         ]
