@@ -351,7 +351,8 @@ NOT_COUNTS = [
 NOT_RATINGS = [
     *NOT_COUNTS,
     check("labels of which one is NaN", replaced(LABELS, np.nan), "contains NaN"),
-    check("continuous labels", X[:, 0], "^Unknown label type: .* has continuous"),
+    check("continuous labels", [1.0, 2.5, *range(10)],
+        "^Unknown label type: .* has continuous ratings, such as 2.5 in"),
     check("ratings as words and numbers", ["soft", *LABELS.tolist()[:-2], 1],
         "^ARG has 1 in trial 1; give one number or one word per trial"),
     check("ratings of which one is None", replaced(LABELS, None, dtype=object),

@@ -54,6 +54,13 @@ def test_signals(procedure):
         np.testing.assert_allclose(found, expected, atol=0.002, err_msg=sensor)
 
 
+def test_materials_of_few_objects():
+    names = make_haptic_corpus(9, 1, sensors=["tdc"], random_state=0).object_names
+    assert " ".join(names) == (
+        "foam foam plastic plastic paper paper fabric organic glass"
+    )
+
+
 def test_objects_and_ratings():
     corpus = make_haptic_corpus(60, 1, sensors=["tdc"], random_state=0)
     properties = corpus.properties.drop(columns="material").sum()
