@@ -251,6 +251,11 @@ class TestLevels:
         expected = by_hand(model, X, self.labels, whole_objects(OBJECTS, 5))
         np.testing.assert_array_equal(proba, expected)
 
+    def test_what_an_estimator_says_of_counts_is_passed_on(self):
+        model = NNPOM(1, early_stopping=True)
+        with pytest.raises(ValueError, match="^Early stopping holds out 0.1 of the"):
+            cross_val_predict_proba(model, X, COUNTS, groups=OBJECTS > 3, cv=2)
+
     def test_estimators_that_take_counts_for_labels_are_refused(self):
         forest = RandomForestClassifier(2, random_state=0)
         with pytest.raises(ValueError, match=r"^RandomForestClassifier took each col"):

@@ -12,7 +12,6 @@ from ._summaries import (
     interrater_agreement,
     inverse_cdf,
     rating_cdf,
-    rating_distribution,
     rating_mean,
 )
 
@@ -24,7 +23,6 @@ __all__ = [
     "outlying_raters",
     "rating_cdf",
     "rating_counts",
-    "rating_distribution",
     "rating_mean",
     "shrink_counts",
 ]
