@@ -260,6 +260,8 @@ def test_classes_have_no_order():
     assert report.gains["gain"].item() == pytest.approx(gains.mean())
     assert "its accuracy is higher by" in report.conclusion
     assert report.summary.endswith("No test group was touched in training.")
+    with pytest.raises(ValueError, match=r"^No fold trains on a class .* such as runs"):
+        model_report(GaussianNB(), features, words, groups=words, cv=3)
     unordered = pd.Series(words, dtype="category")
     again = model_report(GaussianNB(), features, unordered, groups=OBJECTS, cv=3)
     pd.testing.assert_frame_equal(again.gains, report.gains)

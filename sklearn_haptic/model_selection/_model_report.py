@@ -18,6 +18,7 @@ from ..ensembles._out_of_fold import (
     FROZEN,
     POSITIONS,
     check_folds,
+    check_folds_know,
     fit_fold,
     in_order,
     is_frozen,
@@ -172,7 +173,8 @@ def model_report(
     ------
     ValueError
         As :func:`cross_val_predict_proba`; a trial may be tested once or not at all. If
-        nothing tells whether whole numbers are classes or levels.
+        nothing tells whether whole numbers are classes or levels, or no fold trains on
+        a class that it tests.
 
     See Also
     --------
@@ -225,6 +227,9 @@ def model_report(
     splitter = make_splitter(model, ratings[0], groups, cv)
     for_fit = groups_for(model, groups) | dict(params)
     folds = check_folds(splitter.split(X, ratings[0], groups), _num_samples(X), least=0)
+    if kind == _CLASSES:
+        for each in ratings:
+            check_folds_know(each, folds)
     outcomes = Parallel(n_jobs=n_jobs)(
         delayed(_fit_and_time)(model, X, each, *fold, for_fit, _METHODS[kind])
         for each in ratings
