@@ -121,7 +121,7 @@ def families(columns=SENSORS):
 
 def with_ridge(features):
     """A classifier of features, the same for all."""
-    return make_pipeline(features, StandardScaler(), RIDGE)
+    return make_pipeline(features, RIDGE)
 
 
 # Rivals among models ------------------------------------------------------------------

@@ -60,15 +60,17 @@ def describe_all(trials):
 
 
 def families(described):
-    """Name -> features."""
+    """Name -> features, standardised."""
     whole = SignalStatistics(n_bands=32)
     if isinstance(described, list):
         whole = make_column_transformer(*((clone(whole), s) for s in described))
     return {
         "make_haptic_pipeline": make_haptic_pipeline(described, random_state=0)[0],
-        "SignalStatistics": whole,
-        "twenty lines": FunctionTransformer(describe_all),
-        "MiniRocket": OfAeon(minirocket),
+        "SignalStatistics": make_pipeline(whole, StandardScaler()),
+        "twenty lines": make_pipeline(
+            FunctionTransformer(describe_all), StandardScaler()
+        ),
+        "MiniRocket": make_pipeline(OfAeon(minirocket), StandardScaler()),
     }
 
 
@@ -77,7 +79,7 @@ def accuracies(features, trials, y, folds):
     right = [[], []]
     for train, test in folds:
         A, B = (take(trials, rows) for rows in (train, test))
-        steps = make_pipeline(clone(features), StandardScaler())
+        steps = clone(features)
         A, B = steps.fit_transform(A), steps.transform(B)
         for hits, each in zip(right, HEADS):
             hits.append(clone(each).fit(A, y[train]).predict(B) == y[test])
@@ -134,7 +136,7 @@ def main():
         show("materials, by seconds of touch", data.SENSORS, columns, material)
     if "runs" in arguments.parts:
         columns = [(f"{n} runs", slides, [*blocks(run, n)]) for n in (1, 2, 5, 10)]
-        compare("materials, by runs learned from", data.SENSORS, columns, material)
+        show("materials, by runs learned from", data.SENSORS, columns, material)
     if "time" in arguments.parts:
         mended = RepairTrials(rest={name: 10 for name in data.SENSORS if name != "pac"})
         mended = mended.fit_transform(slides)
@@ -143,7 +145,7 @@ def main():
             for X, text in ((slides, ""), (mended, ", less the start"))
             for label in ("nearest", "furthest")
         ]
-        compare("materials, by time between runs", data.SENSORS, columns, material)
+        show("materials, by time between runs", data.SENSORS, columns, material)
     if "fabrics" in arguments.parts:
         frames, fabric, force, _ = data.fabric_slides(arguments.folder)
         folds = list(LeaveOneGroupOut().split(force, groups=force))

@@ -43,6 +43,8 @@ from sklearn.base import clone
 from sklearn.compose import make_column_transformer
 from sklearn.decomposition import PCA
 from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, cross_val_score
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import SignalStatistics, TaxelGrid, make_haptic_pipeline
 from sklearn_haptic.metrics import dispersion, ranked_probability_score
@@ -268,8 +270,8 @@ def of_channels(described, **settings):
     """Statistics and spectral bands of each sensor, over whole touches."""
     each = SignalStatistics(**settings)
     if isinstance(described, dict):
-        return make_column_transformer(*((clone(each), name) for name in described))
-    return each
+        each = make_column_transformer(*((clone(each), name) for name in described))
+    return make_pipeline(each, StandardScaler())
 
 
 def classes(described, undescribed, trials, frames):
@@ -289,7 +291,7 @@ def classes(described, undescribed, trials, frames):
     made = {name: (features, trials) for name, features in made.items()}
     for how in ("cut", "stretched"):
         X = OfAeon(minirocket, stretch=how != "cut").fit_transform(frames)
-        made[f"MiniRocket, {how}"] = "passthrough", X
+        made[f"MiniRocket, {how}"] = StandardScaler(), X
     return made
 
 
