@@ -32,7 +32,12 @@ from sklearn.model_selection import (
 )
 from sklearn.pipeline import make_pipeline
 
-from sklearn_haptic import DummyDistribution, make_haptic_pipeline
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    DummyDistribution,
+    make_haptic_pipeline,
+)
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_rps_scorer
 from sklearn_haptic.model_selection import cheapest_within_one_se, neg_seconds_scorer
@@ -42,7 +47,9 @@ corpus = make_haptic_corpus(30, 6, sensors=sensors, random_state=1)
 objects = corpus.objects
 pipeline = make_haptic_pipeline(sensors, random_state=0)
 features = make_pipeline(pipeline["features"], PCA())
-model = pipeline["model"].set_params(levels=corpus.levels, estimator__random_state=0)
+model = DistributionalOrdinalRegressor(
+    NNPOM(n_hidden=0), levels=corpus.levels, random_state=0
+)
 X = features.fit_transform(corpus.trials)
 
 # %%

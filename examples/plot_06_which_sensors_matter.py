@@ -22,7 +22,12 @@ import time
 import matplotlib
 import matplotlib.pyplot as plt
 
-from sklearn_haptic import NNPOM, SensorFusionNNPOM, make_haptic_pipeline
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    SensorFusionNNPOM,
+    make_haptic_pipeline,
+)
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.model_selection import contribution_summary, sensor_contributions
 from sklearn_haptic.plotting import SensorContributionsDisplay
@@ -30,8 +35,9 @@ from sklearn_haptic.plotting import SensorContributionsDisplay
 adjective = "hard"
 corpus = make_haptic_corpus(n_objects=40, n_trials=3, random_state=0)
 network = NNPOM(n_hidden=5, alpha=3.0)
-model = make_haptic_pipeline(preset="fast", random_state=0)
-model.set_params(model__estimator=SensorFusionNNPOM(None, network, network))
+fusion = SensorFusionNNPOM(None, network, network)
+model = make_haptic_pipeline(random_state=0)
+model.set_params(model=DistributionalOrdinalRegressor(fusion))
 model.set_output(transform="pandas")
 
 # %%

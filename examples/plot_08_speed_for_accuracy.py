@@ -35,7 +35,7 @@ from sklearn_haptic.plotting import SpeedAccuracyDisplay
 
 adjective = "hard"
 corpus = make_haptic_corpus(n_objects=30, n_trials=4, random_state=0)
-model = make_haptic_pipeline(preset="fast", random_state=0)
+model = make_haptic_pipeline(random_state=0)
 
 # %%
 # 2. Every subset, on objects never touched

@@ -1,11 +1,9 @@
-"""A whole model in one call, with presets from fast to accurate."""
+"""A whole model in one call."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
 
-from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 
 from .ensembles import DistributionBlend
@@ -33,7 +31,6 @@ _COLUMNS = {name: name for name in SENSORS} | {
     column: column.rsplit("_", 1)[-1] for column in columns_of(PROCEDURES, SENSORS)
 }
 
-_PRESETS = ["fast", "accurate"]
 _MAX_TRAIN = 5000  # windows or patches, of which the atoms are drawn
 
 
@@ -114,22 +111,14 @@ class _Features:
         return make_pipeline(coder, pool)
 
 
-def _linear(alpha, random_state):
-    return DistributionalOrdinalRegressor(
-        NNPOM(n_hidden=0, alpha=alpha), random_state=random_state
-    )
-
-
-def _head(preset, random_state):
-    """Return a linear model, or a blend of two and of trees, which err differently."""
-    if preset == "fast":
-        return _linear(3.0, random_state)
-    trees = RegressedDistribution(
-        ExtraTreesRegressor(50, min_samples_leaf=3, max_features="sqrt"),
-        random_state=random_state,
-    )
-    weak, strong = (_linear(alpha, random_state) for alpha in (1.0, 20.0))
-    return DistributionBlend([("weak", weak), ("strong", strong), ("trees", trees)])
+def _model_of_ratings(random_state):
+    """Return a blend of two linear models and of trees, which err differently."""
+    members = [
+        (name, DistributionalOrdinalRegressor(NNPOM(n_hidden=0, alpha=alpha)))
+        for name, alpha in (("weak", 1.0), ("strong", 10.0))
+    ]
+    trees = RegressedDistribution(random_state=random_state)
+    return DistributionBlend([*members, ("trees", trees)])
 
 
 def make_haptic_pipeline(
@@ -137,7 +126,6 @@ def make_haptic_pipeline(
         SENSORS
     ),
     *,
-    preset: Literal["fast", "accurate"] = "fast",
     memory: str | Memory | None = None,
     random_state: RandomState = None,
 ) -> Pipeline:
@@ -147,9 +135,11 @@ def make_haptic_pipeline(
     training windows or patches, and the codes are pooled over time. Beside them stand
     statistics of each channel. All features are standardised, and codes and statistics
     of a sensor are scaled to equal total variance. They are given to a model of
-    distributions of ratings, which the preset chooses. The result is an ordinary
-    Pipeline, whose parameters can be set and searched, with the steps ``"features"`` (a
-    ColumnTransformer with one transformer per sensor) and ``"model"``.
+    distributions of ratings: a `DistributionBlend` of linear models with a weak and a
+    strong penalty, of trees and of the marginal, whose weights are learned on held-out
+    objects. The result is an ordinary Pipeline, whose parameters can be set and
+    searched, with the steps ``"features"`` (a ColumnTransformer with one transformer
+    per sensor) and ``"model"``, which any other model can take the place of.
 
     Parameters
     ----------
@@ -164,19 +154,12 @@ def make_haptic_pipeline(
         list. What has no description (None, or a name alone) is found out from the
         trials when they are fitted: those of shape (n_times, n_rows, n_columns) are
         images, and all others signals, of which statistics are taken.
-    preset : {"fast", "accurate"}, default="fast"
-        The model of the ratings. "fast" is a linear `DistributionalOrdinalRegressor`.
-        "accurate" is a `DistributionBlend` of two linear models with a weak and a
-        strong penalty, of trees and of the marginal, whose weights and sharpness are
-        learned. It takes two to four times as long to fit, and has to know which
-        touches are of one object: ``fit(X, y, model__groups=objects)``.
     memory : str or object with the joblib.Memory interface, default=None
         Where the transformers cache dictionaries and pooled codes, so that a search
         over the model computes these once per fold. Statistics are computed for every
         candidate.
     random_state : int, RandomState instance or None, default=None
-        Seeds the dictionaries, the trees and, if the model is given any, the hidden
-        units.
+        Seeds the dictionaries and the trees.
 
     Returns
     -------
@@ -186,7 +169,7 @@ def make_haptic_pipeline(
     Raises
     ------
     ValueError
-        If the preset is unknown, no sensor is named, or a description is none.
+        If no sensor is named, or a description is none.
 
     Notes
     -----
@@ -203,7 +186,7 @@ def make_haptic_pipeline(
     >>> from sklearn_haptic import make_haptic_pipeline
     >>> from sklearn_haptic.datasets import make_haptic_corpus
     >>> corpus = make_haptic_corpus(n_objects=6, n_trials=2, random_state=0)
-    >>> model = make_haptic_pipeline(["pdc", "tdc"], preset="fast", random_state=0)
+    >>> model = make_haptic_pipeline(["pdc", "tdc"], random_state=0)
     >>> model.fit(corpus.trials, corpus.ratings["hard"])
     Pipeline(...)
     >>> model.predict_proba(corpus.trials).shape
@@ -214,7 +197,7 @@ def make_haptic_pipeline(
     >>> from sklearn import config_context
     >>> from sklearn.model_selection import GroupKFold, cross_val_score
     >>> from sklearn_haptic.metrics import neg_rps_scorer
-    >>> model = make_haptic_pipeline(["tdc"], preset="accurate", random_state=0)
+    >>> model = make_haptic_pipeline(["tdc"], random_state=0)
     >>> with config_context(enable_metadata_routing=True):
     ...     scores = cross_val_score(
     ...         model, corpus.trials, corpus.ratings["hard"], cv=GroupKFold(3),
@@ -236,8 +219,6 @@ def make_haptic_pipeline(
     (12, 5)
     """
     described = _described(sensors)
-    if preset not in _PRESETS:
-        raise ValueError(f"preset={preset!r} must be one of {_PRESETS}.")
     build = _Features(memory, random_state)
     if isinstance(described, dict):
         features = SensorColumns(
@@ -245,5 +226,5 @@ def make_haptic_pipeline(
         )
     else:
         features = SensorUnion(build.of(described))
-    head = _head(preset, random_state)
-    return Pipeline([("features", features), ("model", head)])
+    model = _model_of_ratings(random_state)
+    return Pipeline([("features", features), ("model", model)])

@@ -168,7 +168,7 @@ sensor_contributions(DistributionalOrdinalRegressor(fusion), [[0.0]], [1], cv=3)
 DistributionalOrdinalRegressor(**PAPER_2020)
 bases: list[HasLatentResponse] = [NNPOM(), SensorFusionNNPOM()]
 corpus = load_phac2("trials.h5", procedure="squeeze", sensors=["pac"])
-make_haptic_pipeline(("pac", "tdc"), preset="fast").fit(corpus.trials, [1, 2])
+make_haptic_pipeline(("pac", "tdc")).fit(corpus.trials, [1, 2])
 run_study(partial(make_haptic_corpus, 9), "folder", alpha=[1], scoring=neg_rps_scorer)
 """
 
@@ -201,7 +201,7 @@ KSVDTransformer(windows=22)
 KSVDTransformer(memory=5)
 SensorFusionNNPOM(["pac", "tdc"])
 TemporalMaxPool(cells=8)
-make_haptic_pipeline(preset="slow")
+make_haptic_pipeline(memory=5)
 load_phac2(None)
 load_phac2("trials.h5", procedure="holds")
 make_haptic_corpus("60")

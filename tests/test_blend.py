@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import minimize
 from sklearn import config_context
 from sklearn.base import clone
-from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.neighbors import KNeighborsRegressor
@@ -23,11 +22,7 @@ from sklearn_haptic import (
     DummyDistribution,
     RegressedDistribution,
 )
-from sklearn_haptic.ensembles._blend_weights import (
-    best_weights,
-    cautious_exponent,
-    cautious_weights,
-)
+from sklearn_haptic.ensembles._blend_weights import blend_exponent, blend_weights
 from sklearn_haptic.metrics import neg_rps_scorer, ranked_probability_score
 from sklearn_haptic.model_selection import cross_val_predict_proba
 
@@ -62,111 +57,80 @@ def fitted(X, counts, objects, **params):
 
 @pytest.mark.parametrize("n_members", [1, 2, 5, 20])
 @pytest.mark.parametrize("unit", [1e-9, 1.0])
-def test_best_weights_meet_the_conditions_of_a_minimum(n_members, unit):
+def test_weights_without_a_prior_meet_the_conditions_of_a_minimum(n_members, unit):
     rng = np.random.default_rng(n_members)
     departure = rng.uniform(-unit, unit, size=(30, n_members, 4))
     weight = rng.uniform(size=30)
-    share = best_weights(departure, weight)
+    share = blend_weights(departure, weight, n_prior=0)
     gram = np.einsum("t,tik,tjk->ij", weight, departure, departure) / weight.sum()
     slope, least = gram @ share, share @ gram @ share
     assert_allclose(slope[share > 0], least, rtol=1e-8)
     assert np.all(slope >= least * (1 - 1e-8))
 
 
-def test_best_weights_of_a_perfect_member_and_of_none():
+def test_weights_of_a_perfect_member_and_of_none():
     departure = np.random.default_rng(0).normal(size=(9, 3, 2))
     departure[:, 1] = 0
-    assert_array_equal(best_weights(departure, np.ones(9)), [0, 1, 0])
-    assert best_weights(0 * departure, np.ones(9)).sum() == pytest.approx(1)
+    assert_array_equal(blend_weights(departure, np.ones(9), n_prior=0), [0, 1, 0])
+    assert_allclose(blend_weights(0 * departure, np.ones(9)).sum(), 1)
 
 
-def cautious_by_loops(departure, objects, start):
-    """Equal objects; each step from `start` to the best weights in turn."""
-
-    def score(share):
-        squares = [((share @ trial) ** 2).sum() for trial in departure]
-        return np.array(
-            [np.mean([s for s, o in zip(squares, objects) if o == each])
-             for each in np.unique(objects)]
-        )  # fmt: skip
-
-    best = minimize(
-        lambda share: score(share).mean(),
-        start,
+def weights_by_descent(departure, weight, n_prior=0.5):
+    """Objects, and half an object of which all members are equally wrong."""
+    n_members = departure.shape[1]
+    moments = sum(w * trial @ trial.T for w, trial in zip(weight, departure))
+    moments += n_prior * np.trace(moments) / n_members / sum(weight) * np.eye(n_members)
+    return minimize(
+        lambda share: share @ moments @ share,
+        np.full(n_members, 1 / n_members),
         method="SLSQP",
-        bounds=[(0, 1)] * len(start),
+        bounds=[(0, 1)] * n_members,
         constraints={"type": "eq", "fun": lambda share: share.sum() - 1},
         options={"ftol": 1e-14, "maxiter": 500},
     ).x
-    for step in range(101):
-        share = start + step / 100 * (best - start)
-        excess = score(share) - score(best)
-        if excess.mean() <= excess.std() / np.sqrt(len(excess)):
-            return share
-    return best
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_cautious_weights_are_those_of_plain_loops(seed):
-    rng = np.random.default_rng(seed)
-    objects = np.repeat(np.arange(8), rng.integers(1, 4, size=8))
-    departure = rng.normal(
-        rng.normal(scale=0.5, size=(1, 3, 1)), size=(len(objects), 3, 2)
-    )
-    weight = 1 / np.bincount(objects)[objects]
-    start = np.array([0.5, 0.5, 0])
-    assert_allclose(
-        cautious_weights(departure, weight, objects, start),
-        cautious_by_loops(departure, objects, start),
-        atol=0.011,  # a step more or less
-    )
+def exponent_by_search(proba, below, weight, n_prior=0.5):
+    """The best of a fine grid, by plain loops."""
 
-
-def test_cautious_weights_approach_the_best_with_more_objects():
-    start, bias = np.array([0.5, 0.5, 0]), [[[1], [0.3], [0.5]]]
-
-    def moved(n, seed):
-        departure = np.random.default_rng(seed).normal(bias, size=(n, 3, 2))
-        share = cautious_weights(departure, np.ones(n), np.arange(n), start)
-        best = best_weights(departure, np.ones(n))
-        return np.linalg.norm(share - start) / np.linalg.norm(best - start)
-
-    few, some, many = (np.mean([moved(n, i) for i in range(9)]) for n in (4, 40, 4000))
-    assert few < some < many
-    assert many > 0.9
-
-
-def exponent_by_loops(proba, below, objects):
-    """Equal objects; from 1 towards the best of a grid, until within an error of it."""
-
-    def score(exponent):
-        squares = []
-        for p, true in zip(proba, below):
+    def squares(exponent):
+        total = 0.0
+        for p, true, w in zip(proba, below, weight):
             powers = [x**exponent for x in p]
             ends = [sum(powers[: k + 1]) / sum(powers) for k in range(len(true))]
-            squares.append(sum((a - b) ** 2 for a, b in zip(ends, true)))
-        squares = np.array(squares)
-        return np.array([squares[objects == o].mean() for o in np.unique(objects)])
+            total += w * sum((a - b) ** 2 for a, b in zip(ends, true))
+        return total
 
-    scores = {k: score(2 ** (k / 3)) for k in range(-6, 7)}
-    best = min(scores, key=lambda k: scores[k].mean())
-    for k in sorted(range(min(0, best), max(0, best) + 1), key=abs):
-        excess = scores[k] - scores[best]
-        if excess.mean() <= excess.std() / np.sqrt(len(excess)):
-            return 2 ** (k / 3)
-    return None
+    each = n_prior * squares(1) / sum(weight)
+    grid = np.exp(np.linspace(-np.log(4), np.log(4), 401))
+    return min(grid, key=lambda e: squares(e) + each * np.log(e) ** 2)
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_exponent_is_that_of_plain_loops(seed):
+def test_weights_are_those_of_a_search_of_the_simplex(seed):
     rng = np.random.default_rng(seed)
-    objects = np.repeat(np.arange(8), rng.integers(1, 4, size=8))
-    proba = rng.dirichlet(np.full(4, 2.0), size=len(objects))
+    bias = rng.normal(scale=0.5, size=(1, 3, 1))
+    departure, weight = rng.normal(bias, size=(9, 3, 2)), rng.uniform(size=9)
+    share = blend_weights(departure, weight)
+    assert_allclose(share, weights_by_descent(departure, weight), atol=1e-5)
+
+
+def test_weights_move_from_equal_ones_to_the_best_as_objects_grow_in_number():
+    departure = np.array([[[1.0, 0.2], [0.3, -0.1], [0.5, 0.7]]])
+    shares = [blend_weights(departure, np.array([n])) for n in (1e-6, 1, 4, 40, 4000)]
+    assert_allclose(shares[0], 1 / 3, atol=1e-5)
+    assert_allclose(shares[-1], [0, 1, 0], atol=0.05)
+    assert np.all(np.diff(shares, axis=0)[:, 1] > 0)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_exponent_is_that_of_a_fine_grid(seed):
+    rng = np.random.default_rng(seed)
+    proba, weight = rng.dirichlet(np.full(4, 2.0), size=15), rng.uniform(size=15)
     true = proba ** [0.1, 0.4, 1, 1.5, 2.5, 8][seed] * rng.uniform(0.5, 2, proba.shape)
     below = np.cumsum(true / true.sum(axis=1, keepdims=True), axis=1)[:, :-1]
-    weight = 1 / np.bincount(objects)[objects]
-    found = cautious_exponent(proba, below, weight, objects)
-    assert found == pytest.approx(exponent_by_loops(proba, below, objects))
+    found = blend_exponent(proba, below, weight)
+    assert found == pytest.approx(exponent_by_search(proba, below, weight), rel=0.01)
     if seed not in (2, 3):
         assert (found < 1, found > 1) == (seed < 2, seed > 3)
 
@@ -179,28 +143,80 @@ def test_a_blend_is_that_of_plain_loops():
     blend = fitted(X, counts, objects, cv=3)
     named = [*members(), ("marginal", DummyDistribution())]
     below = np.cumsum(counts / counts.sum(axis=1, keepdims=True), axis=1)[:, :-1]
-    departure = np.empty((len(X), 3, 3))
+    departure, third = np.empty((len(X), 3, 3)), np.full(len(X), 1 / 3)
+
+    def fit(member, rows):
+        return clone(member).fit(X[rows], counts[rows], sample_weight=third[rows])
+
     for train, test in GroupKFold(3).split(X, groups=objects):
         for m, (_, member) in enumerate(named):
-            proba = clone(member).fit(X[train], counts[train]).predict_proba(X[test])
+            proba = fit(member, train).predict_proba(X[test])
             departure[test, m] = np.cumsum(proba, axis=1)[:, :-1] - below[test]
-    share = cautious_by_loops(departure, objects, np.array([0.5, 0.5, 0]))
-    assert_allclose([*blend.weights_.values()], share, atol=0.011)
+    share = weights_by_descent(departure, third)
+    assert_allclose([*blend.weights_.values()], share, atol=1e-4)
     for m, (name, _) in enumerate(named):
         rps = (departure[:, m] ** 2 + below * (1 - below)).sum(axis=1).mean()
-        assert blend.rps_[name] == pytest.approx(rps)
-    new = np.random.default_rng(1).normal(size=(5, 4))
-    expected = sum(
-        blend.weights_[name] * member.fit(X, counts).predict_proba(new)
-        for name, member in named
-    )
+        assert blend.rps_[name] == pytest.approx(rps, rel=1e-4)
     mean = np.einsum("tmk,m->tk", departure, [*blend.weights_.values()]) + below
     held_out = np.diff(mean, axis=1, prepend=0, append=1)
-    exponent = exponent_by_loops(held_out, below, objects)
-    assert blend.exponent_ == pytest.approx(exponent)
-    expected = expected**exponent / (expected**exponent).sum(axis=1, keepdims=True)
+    exponent = exponent_by_search(held_out, below, third)
+    assert blend.exponent_ == pytest.approx(exponent, rel=0.01)
+    new = np.random.default_rng(1).normal(size=(5, 4))
+    expected = sum(
+        blend.weights_[name] * fit(member, slice(None)).predict_proba(new)
+        for name, member in named
+    )
+    expected = expected**blend.exponent_
+    expected /= expected.sum(axis=1, keepdims=True)
     assert_allclose(blend.predict_proba(new), expected, atol=1e-12)
     assert_array_equal(blend.predict(new), expected.argmax(axis=1) + 1)
+
+
+def test_linear_models_fitted_at_once_are_those_fitted_alone():
+    X, counts, objects = made()
+    pair = [(f"alpha{a}", DistributionalOrdinalRegressor(NNPOM(0, a))) for a in (1, 9)]
+
+    class Alone(DistributionalOrdinalRegressor):
+        pass
+
+    alone = [(name, Alone(model.estimator)) for name, model in pair]
+    one, each = (
+        DistributionBlend(of).fit(X, counts, groups=objects) for of in (pair, alone)
+    )
+    assert_allclose([*one.weights_.values()], [*each.weights_.values()], atol=1e-5)
+    assert_allclose(one.predict_proba(X), each.predict_proba(X), atol=1e-5)
+
+
+def test_copies_of_touches_change_nothing():
+    X, counts, objects = made()
+    rows = np.repeat(np.arange(len(X)), 4)
+    strict = [("linear", NNPOM(0, tol=1e-10)), members()[1]]
+    one, many = (
+        DistributionBlend(strict, cv=3).fit(X[i], counts[i], groups=objects[i])
+        for i in (slice(None), rows)
+    )
+    assert_allclose(many.predict_proba(X), one.predict_proba(X), atol=1e-6)
+
+
+def test_counts_tell_the_objects_where_these_are_not_told():
+    X, counts, objects = made()
+    counts[:, 0] += objects / 100  # so that no two share their counts
+    told, untold = (
+        DistributionBlend(members()).fit(X, counts, groups=groups)
+        for groups in (objects, None)
+    )
+    assert_array_equal(untold.predict_proba(X), told.predict_proba(X))
+    with pytest.warns(UserWarning, match="fit was given no groups"):
+        untold.fit(X, counts.argmax(axis=1))
+
+
+def test_ratings_of_each_touch_are_observations_of_their_own():
+    X, _, objects = made()
+    of_touches = np.eye(4)[np.random.default_rng(0).integers(4, size=len(X))]
+    blend = DistributionBlend([("linear", NNPOM(0))], weights="equal")
+    blend.fit(X, of_touches, groups=objects)
+    alone = NNPOM(0).fit(X, of_touches)
+    assert_array_equal(blend.estimators_["linear"].coefs_[0], alone.coefs_[0])
 
 
 def test_equal_weights_hold_nothing_out():
@@ -300,7 +316,8 @@ def test_jobs_change_no_bit():
 
 def test_parameters_of_members_are_set_by_name():
     X, counts, objects = made()
-    blend = DistributionBlend(members()).set_params(ridge__estimator__alpha=1e9)
+    blend = DistributionBlend(members(), weights="equal")
+    blend.set_params(ridge__estimator__alpha=1e9)
     assert blend.get_params()["ridge__estimator__alpha"] == 1e9
     blend.fit(X, counts, groups=objects)
     flat = blend.estimators_["ridge"].predict_proba(X)
@@ -365,32 +382,9 @@ def test_sample_weight_goes_to_members_that_request_it():
         ]
         blend = DistributionBlend(pair, weights="equal")
         blend.fit(X, counts, sample_weight=weight, groups=objects)
-    alone = NNPOM(0).fit(X, counts, weight)
+    of_objects = np.bincount(objects, weight)
+    alone = NNPOM(0).fit(X, counts, weight / of_objects[objects])
     assert_array_equal(blend.estimators_["linear"].coefs_[0], alone.coefs_[0])
     in_pipeline = [("scaled", make_pipeline(StandardScaler(), NNPOM(0)))]
     with pytest.raises(ValueError, match="The member 'scaled' takes no sample_weight"):
         DistributionBlend(in_pipeline).fit(X, counts, weight, groups=objects)
-
-
-@pytest.mark.parametrize("n_objects", [2, 3, 4])
-def test_weights_of_fewer_than_four_objects_are_equal(n_objects):
-    """Their standard error may be zero by chance, and let one member take all."""
-    X, counts, objects = made(0, n_objects)
-    knowing = FrozenEstimator(RegressedDistribution(Ridge(1e-9)).fit(X, counts))
-    pair = [("mean", DummyDistribution()), ("knows", knowing)]
-    with pytest.warns(UserWarning, match="What is frozen had learned before"):
-        blend = DistributionBlend(pair).fit(X, counts, groups=objects)
-    are_equal = blend.weights_ == {"mean": 0.5, "knows": 0.5, "marginal": 0}
-    assert are_equal == (n_objects < 4)
-    assert n_objects == 4 or blend.exponent_ == 1
-
-
-def test_three_objects_are_too_few_to_learn_an_exponent():
-    rng = np.random.default_rng(0)
-    X, counts = rng.normal(size=(4, 2)), np.array([[9, 3, 1], [1, 3, 9]] * 2)
-    counts[2:] += 1
-    members = [("linear", NNPOM(n_hidden=0)), ("dummy", DummyDistribution())]
-    few = DistributionBlend(members, cv=2).fit(X[:3], counts[:3], groups=range(3))
-    assert few.exponent_ == 1
-    more = DistributionBlend(members, cv=2).fit(X, counts, groups=range(4))
-    assert more.exponent_ != 1

@@ -321,7 +321,7 @@ def table():
 
 def test_sensor_subsets_equal_a_grid_search_on_recordings():
     corpus = make_haptic_corpus(8, 2, sensors=SENSORS, random_state=0)
-    model = make_haptic_pipeline(SENSORS, preset="fast", random_state=0)
+    model = make_haptic_pipeline(SENSORS, random_state=0)
     data = corpus.trials, corpus.ratings["hard"]
     options = {
         "groups": corpus.objects,

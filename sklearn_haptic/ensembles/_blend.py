@@ -27,7 +27,7 @@ from ..models._ordinal import OrdinalClassifierMixin
 from ..models._shared_features import refuse_adjectives
 from ..ratings._checks import check_adjectives, check_rated
 from ..ratings._distributions import cdf, raised
-from ..utils._folds import TakesGroups, groups_for
+from ..utils._folds import TakesGroups, groups_for, number_objects
 from ..utils._sklearn import (
     CrossValidator,
     StrOptions,
@@ -36,8 +36,8 @@ from ..utils._sklearn import (
     _fit_context,
 )
 from ..utils._validation import check_groups, check_weights
-from ._blend_weights import cautious_exponent, cautious_weights
-from ._out_of_fold import Task, check_members, make_folds, run_tasks
+from ._blend_weights import blend_exponent, blend_weights
+from ._out_of_fold import Task, check_members, infer_objects, make_folds, run_tasks
 
 MARGINAL = "marginal"
 
@@ -61,11 +61,10 @@ class DistributionBlend(
         as those of this package and pipelines that end in one.
     weights : {"learned", "equal"}, default="learned"
         "learned": by predictions of trials, each from models that were fitted without
-        their object; those that minimise the ranked probability score, drawn towards
-        equal weights as far as that is within a standard error. The exponent is learned
-        in the same way, and drawn towards 1. Below four objects, the weights are equal
-        and the exponent is 1. "equal": the mean of the members given, without the
-        marginal; nothing is held out then.
+        their object; those that minimise the ranked probability score. They are drawn
+        towards equal weights of all members, and the exponent towards 1, by what half
+        an object would say against them. "equal": the mean of the members given,
+        without the marginal; nothing is held out then.
     cv : int, splitter or iterable of (train, test), default=None
         The folds on which the weights are learned, whole objects in each; by default 5,
         or as many as there are objects.
@@ -183,11 +182,12 @@ class DistributionBlend(
             How many people gave the trial's object each rating, or one rating per
             trial.
         sample_weight : array-like of shape (n_trials,), default=None
-            Weight of each trial, in the members and among the trials of its object.
-            Objects count equally where the weights of the members are learned.
+            Weight of each trial, among the trials of its object if their ratings are
+            the same. Members get it if their ``fit`` takes `sample_weight`.
         groups : array-like of shape (n_trials,), default=None
-            The object of each trial. Without them `fit` warns, and takes each trial
-            for an object.
+            The object of each trial. Without them, trials of equal counts are taken to
+            be of one object, so that objects that share their counts count as one. If
+            ``y`` has no counts, `fit` warns, and takes each trial for an object.
 
         Returns
         -------
@@ -208,17 +208,18 @@ class DistributionBlend(
             refuse_adjectives(type(self).__name__)
         (X,) = indexable(X)
         check_rated(X, counts)
-        groups = check_groups(groups, X)
-        if sample_weight is not None:
-            sample_weight = check_weights(sample_weight, X)
+        groups = infer_objects(counts) if groups is None else check_groups(groups, X)
+        given = None if sample_weight is None else check_weights(sample_weight, X)
+        weight = check_weights(given, X)
+        if groups is not None:
+            weight = _of_whole_objects(weight, counts, groups)
         members = self._check_members()
-        params = self._route(sample_weight, groups)
+        params = self._route(given, groups, weight)
         # Counts of a single level would be taken for ratings.
         y = counts if len(levels) > 1 else np.repeat(levels, len(counts))
         share, exponent, scores = _equal(len(members)), 1.0, []
         if self.weights == "learned":
-            weight = check_weights(sample_weight, X)
-            folds, objects = make_folds(self, X, y, groups, members.values(), weight)
+            folds, _ = make_folds(self, X, y, groups, members.values(), weight)
             tasks = [
                 Task(name, member, X, y, fold, params[name])
                 for name, member in members.items()
@@ -227,11 +228,7 @@ class DistributionBlend(
             proba = [each for _, each in run_tasks(tasks, levels, n_jobs=self.n_jobs)]
             tested = np.concatenate([test for _, test in folds])
             proba = np.reshape(np.concatenate(proba), (len(members), len(tested), -1))
-            weight, objects = weight[tested], objects[tested]
-            if groups is not None:
-                total = np.bincount(objects, weight)
-                weight = weight / np.where(total, total, 1)[objects]
-            share, exponent, scores = _learn(proba, counts[tested], weight, objects)
+            share, exponent, scores = _learn(proba, counts[tested], weight[tested])
         used = [name for name, w in zip(members, share) if w > 0]
         every = np.arange(len(counts)), np.arange(0)
         tasks = [Task(name, members[name], X, y, every, params[name]) for name in used]
@@ -269,31 +266,58 @@ class DistributionBlend(
         self._validate_names([*names, MARGINAL])
         return dict(self.estimators) | {MARGINAL: DummyDistribution()}
 
-    def _route(self, sample_weight, groups):
+    def _route(self, sample_weight, groups, weight):
         """Return the arguments of each member's ``fit``."""
         given = {} if sample_weight is None else {"sample_weight": sample_weight}
-        params = {MARGINAL: given}
-        if get_config()["enable_metadata_routing"]:
-            routed = process_routing(self, "fit", groups=groups, **given)
-            return params | {name: routed[name].fit for name, _ in self.estimators}
+        params = {}
+        routing = get_config()["enable_metadata_routing"]
+        routed = process_routing(self, "fit", groups=groups, **given) if routing else {}
         for name, member in self.estimators:
-            if given and not has_fit_parameter(member, "sample_weight"):
+            takes_weights = _takes_weights(member)
+            if routing:
+                params[name] = dict(routed[name].fit)
+                takes_weights &= params[name].keys() >= given.keys()
+            elif given and not has_fit_parameter(member, "sample_weight"):
                 raise ValueError(
                     f"The member {name!r} takes no sample_weight; give none, or enable "
                     "metadata routing and say by set_fit_request which members request "
                     "it."
                 )
-            params[name] = given | groups_for(member, groups)
-        return params
+            else:
+                params[name] = groups_for(member, groups)
+            if takes_weights:
+                params[name]["sample_weight"] = weight
+        return params | {MARGINAL: {"sample_weight": weight}}
 
 
-def _learn(proba, counts, weight, objects):
+def _of_whole_objects(weight, counts, groups):
+    """Return the weight of each trial among those of its object.
+
+    Only where the ratings are those of the objects, the same for all their trials.
+    Ratings that differ between the trials of an object are observations of each trial.
+    """
+    objects = number_objects(groups, len(counts))
+    _, first = np.unique(objects, return_index=True)
+    if np.any(counts != counts[first][objects]):
+        return weight
+    total = np.bincount(objects, weight)
+    return weight / np.where(total, total, 1)[objects]
+
+
+def _takes_weights(member):
+    """Whether trials of a member may differ in weight."""
+    inner = getattr(member, "estimator", None)
+    known = [member] if inner is None else [member, inner]
+    return all(has_fit_parameter(each, "sample_weight") for each in known)
+
+
+def _learn(proba, counts, weight):
     """Return weights, the exponent, and each member's score on held-out trials."""
     true = cdf(counts)[:, :-1]
     departure = np.moveaxis(cdf(proba)[..., :-1], 0, 1) - true[:, None]
-    share = cautious_weights(departure, weight, objects, _equal(len(proba)))
+    share = blend_weights(departure, weight)
     mean = np.einsum("m,mtk->tk", share, proba)
-    exponent = cautious_exponent(mean, true, weight, objects)
+    exponent = blend_exponent(mean, true, weight)
     scores = (departure**2).sum(axis=2).T + (true * (1 - true)).sum(axis=1)
     return share, exponent, np.average(scores, axis=1, weights=weight).tolist()
 

@@ -20,13 +20,14 @@ from sklearn.model_selection import check_cv
 from sklearn.pipeline import Pipeline
 from sklearn.utils.parallel import Parallel, delayed
 
+from ..models._distributional import fit_linear_models, is_linear
 from ..models._shared_features import refuse_adjectives
-from ..ratings._checks import check_adjectives
+from ..ratings._checks import check_adjectives, validate_rated_trials
 from ..ratings._distributions import cdf, shares
 from ..utils._folds import ObjectKFold, number_objects, warn_of_no_groups
 from ..utils._pipeline_steps import last_step
 from ..utils._sklearn import _check_method_params, _num_samples, _safe_indexing
-from ..utils._validation import check_groups
+from ..utils._validation import check_groups, check_weights
 
 Fold = tuple[NDArray[np.intp], NDArray[np.intp]]
 
@@ -42,10 +43,33 @@ FROZEN = (
 # Folds -------------------------------------------------------------------------
 
 
+def infer_objects(y):
+    """Return the number of each trial's object, as far as counts tell; None if not.
+
+    Trials of one object have the same counts of its ratings, so trials of equal counts
+    are taken to be of one object. Labels, and counts of a single rating each, tell
+    nothing.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.ensembles._out_of_fold import infer_objects
+    >>> infer_objects([[4, 1], [4, 1], [2, 3]])
+    array([0, 0, 1])
+    >>> infer_objects([[1, 0], [1, 0], [0, 1]]) is None
+    True
+    """
+    if np.ndim(y) < 2:
+        return None
+    counts = np.reshape(np.asarray(y, dtype=float), (len(y), -1))
+    if not (np.count_nonzero(counts, axis=1) > 1).any():
+        return None
+    return number_objects([row.tobytes() for row in counts], len(counts))
+
+
 def make_folds(estimator, X, y, groups, members, weight=None, *, stacklevel=6):
     """Return the folds of an estimator's ``cv``, which keep objects whole.
 
-    It warns if there are no groups, and of members that learned before.
+    It warns if nothing tells the objects, and of members that learned before.
 
     Parameters
     ----------
@@ -53,7 +77,8 @@ def make_folds(estimator, X, y, groups, members, weight=None, *, stacklevel=6):
         It has a parameter ``cv``; a number makes at most one fold per object.
     X, y : array-like of length n_trials
     groups : array-like of shape (n_trials,) or None
-        Without groups, the trials of each label are dealt to the folds in turn.
+        Without groups, counts tell the objects if they can. If not, it warns, and the
+        trials of each label are dealt to the folds in turn.
     members : iterable of estimator objects
         What is fitted to the folds.
     weight : ndarray of shape (n_trials,), default=None
@@ -74,7 +99,7 @@ def make_folds(estimator, X, y, groups, members, weight=None, *, stacklevel=6):
         or the folds do not test each trial once.
     """
     n_trials, cv = _num_samples(X), estimator.cv
-    groups = check_groups(groups, X)
+    groups = infer_objects(y) if groups is None else check_groups(groups, X)
     if groups is None:
         warn_of_no_groups(estimator, stacklevel=stacklevel)
     warn_of_frozen(members, stacklevel=stacklevel)
@@ -253,12 +278,47 @@ def run_tasks(
     done : list of (model or None, ndarray of shape (n_test, ..., n_classes) or None)
         Models of tasks whose test trials are predicted are not kept.
     """
-    return Parallel(n_jobs=n_jobs)(delayed(_run)(task, classes, fit) for task in tasks)
+    fitted = _fit_linear(tasks) if fit is fit_clone else [None] * len(tasks)
+    return Parallel(n_jobs=n_jobs)(
+        delayed(_run)(*each, classes, fit) for each in zip(tasks, fitted)
+    )
 
 
-def _run(task, classes, fit):
+def _fit_linear(tasks):
+    """Fit the linear models of counts, those of the same trials at once.
+
+    Return the model of each task, None of those that remain to be fitted.
+    """
+    together: dict[Any, list[int]] = {}
+    for i, (_, estimator, X, y, _, params) in enumerate(tasks):
+        known = params.keys() <= {"sample_weight", "groups"}
+        watched = hasattr(estimator, "_skl_callbacks")
+        if is_linear(estimator) and np.ndim(y) == 2 and known and not watched:
+            key = id(X), id(y), str(estimator.levels)
+            together.setdefault(key, []).append(i)
+    models: list[Any] = [None] * len(tasks)
+    for same in together.values():
+        some = [tasks[i] for i in same]
+        weights = np.zeros((len(some), _num_samples(some[0].X)))
+        for weight, task in zip(weights, some):
+            train = task.fold[0]
+            given = task.params.get("sample_weight")
+            weight[train] = check_weights(given, weight)[train]
+        estimators = [clone(task.estimator) for task in some]
+        given = some[0].X, some[0].y, estimators[0].levels
+        X, counts, levels = validate_rated_trials(estimators[0], *given)
+        names = getattr(estimators[0], "feature_names_in_", None)
+        fitted = fit_linear_models(estimators, X, counts, weights, levels, names)
+        for i, model in zip(same, fitted):
+            models[i] = model
+    return models
+
+
+def _run(task, model, classes, fit):
     train, test = task.fold
-    model = fit_fold(task.estimator, task.X, task.y, train, task.params, fit, task.name)
+    if model is None:
+        arguments = task.X, task.y, train, task.params, fit, task.name
+        model = fit_fold(task.estimator, *arguments)
     of_counts = np.ndim(task.y) == 2
     if classes is None:
         return model, None

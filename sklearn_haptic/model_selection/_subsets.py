@@ -120,7 +120,7 @@ def sensor_subsets(
     >>> sensors = ["pdc", "tac", "tdc"]
     >>> corpus = make_haptic_corpus(9, 2, sensors=sensors, random_state=0)
     >>> results = sensor_subsets(
-    ...     make_haptic_pipeline(sensors, preset="fast", random_state=0),
+    ...     make_haptic_pipeline(sensors, random_state=0),
     ...     corpus.trials,
     ...     corpus.ratings["hard"],
     ...     groups=corpus.objects,

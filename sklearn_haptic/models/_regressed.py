@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
-from sklearn.ensemble import ExtraTreesRegressor
+from sklearn.ensemble import ExtraTreesRegressor, RandomForestRegressor
 from sklearn.utils import check_random_state, get_tags
 from sklearn.utils.validation import check_is_fitted
 
@@ -17,6 +17,8 @@ from ..utils._sklearn import HasMethods, RandomState, _fit_context
 from ..utils._validation import FLOATS, check_table, check_weights
 from ._ordinal import OrdinalClassifierMixin
 from ._shared_features import fit_with_weights, refuse_adjectives, seed_estimator
+
+_FORESTS = ExtraTreesRegressor, RandomForestRegressor
 
 
 def proper_shares(below):
@@ -40,6 +42,50 @@ def proper_shares(below):
     return np.diff(below, axis=1, prepend=0, append=1)
 
 
+def nodes_of(forest):
+    """Return the trees of a fitted forest side by side, for `mean_of_leaves`.
+
+    Returns
+    -------
+    roots : ndarray of int of shape (n_trees,)
+        The number of each tree's root among all nodes.
+    feature : ndarray of int of shape (n_nodes,)
+    threshold : ndarray of shape (n_nodes,)
+        The largest value that goes left.
+    children : ndarray of int of shape (n_nodes, 2)
+        Where left and right lead to; a leaf leads to itself.
+    value : ndarray of shape (n_nodes, n_outputs)
+    depth : int
+    """
+    trees = [each.tree_ for each in forest.estimators_]
+    roots = np.cumsum([0, *(tree.node_count for tree in trees)])[:-1]
+    feature, threshold, left, right, value = (
+        np.concatenate([getattr(tree, name) for tree in trees])
+        for name in ("feature", "threshold", "children_left", "children_right", "value")
+    )
+    of_tree = np.repeat(roots, [tree.node_count for tree in trees])
+    children = np.stack([left, right], axis=1) + of_tree[:, None]
+    leaf = np.flatnonzero(feature < 0)
+    feature[leaf], children[leaf] = 0, leaf[:, None]
+    depth = max(tree.max_depth for tree in trees)
+    return roots, feature, threshold, children, value[:, :, 0], depth
+
+
+def mean_of_leaves(X, roots, feature, threshold, children, value, depth):
+    """Predict the mean of the leaves that touches reach in the trees of `nodes_of`.
+
+    They pass through all trees at once. A prediction of one touch takes a tenth of the
+    time of scikit-learn's, which calls one tree after the other.
+    """
+    X = X.astype(np.float32)  # as scikit-learn's trees compare
+    rows = np.arange(len(X))[:, None]
+    node = np.broadcast_to(roots, (len(X), len(roots)))
+    for _ in range(depth):
+        goes_right = X[rows, feature[node]] > threshold[node]
+        node = children[node, goes_right.astype(np.intp)]
+    return value[node].mean(axis=1)
+
+
 class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEstimator):
     """Classifier that predicts distributions of ratings by any regressor.
 
@@ -51,7 +97,7 @@ class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEsti
     ----------
     estimator : estimator object, default=None
         A regressor of several outputs, by default extremely randomised trees,
-        ``ExtraTreesRegressor(300, min_samples_leaf=3, max_features="sqrt")``. It learns
+        ``ExtraTreesRegressor(25, min_samples_leaf=3, max_features=100)``. It learns
         how far shares are from their mean over the training trials, so that a penalty
         draws predictions towards that mean. Choose its parameters by a search with
         ``scoring=neg_rps_scorer`` and whole objects in a fold.
@@ -138,12 +184,14 @@ class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEsti
         below = cdf(counts[used])[:, :-1]
         mean = np.average(below, axis=0, weights=weight)
         self.estimator_ = self._fit_estimator(X, below - mean, weight)
+        is_forest = isinstance(self.estimator_, _FORESTS) and below.shape[1]
+        self._nodes = nodes_of(self.estimator_) if is_forest else None
         self.mean_cdf_ = mean
         self.levels_ = self.classes_ = levels
         return self
 
     def _fit_estimator(self, X, target, weight):
-        trees = ExtraTreesRegressor(300, min_samples_leaf=3, max_features="sqrt")
+        trees = ExtraTreesRegressor(25, min_samples_leaf=3, max_features=100)
         estimator = clone(trees if self.estimator is None else self.estimator)
         if self.random_state is not None:
             seed_estimator(estimator, check_random_state(self.random_state))
@@ -163,6 +211,11 @@ class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEsti
                 "output; wrap it in sklearn.multioutput.MultiOutputRegressor."
             ) from error
 
+    def _predict(self, X):
+        if self._nodes is None:
+            return self.estimator_.predict(X)
+        return mean_of_leaves(X, *self._nodes)
+
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
         """Predict the distribution of ratings.
 
@@ -179,7 +232,7 @@ class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEsti
         check_is_fitted(self)
         X = check_table(self, X, dtype=FLOATS, reset=False)
         shape = len(X), len(self.mean_cdf_)
-        departure = self.estimator_.predict(X) if shape[1] else np.empty(shape)
+        departure = self._predict(X) if shape[1] else np.empty(shape)
         departure = np.asarray(departure)
         one_output = shape[1] == 1 and departure.shape == shape[:1]
         right = departure.shape == shape or one_output

@@ -102,7 +102,7 @@ def groups_for(estimator, groups):
     >>> from sklearn_haptic.utils._folds import groups_for
     >>> groups_for(LogisticRegression(), ["cork", "foam"])
     {}
-    >>> groups_for(make_haptic_pipeline(preset="accurate"), ["cork", "foam"])
+    >>> groups_for(make_haptic_pipeline(), ["cork", "foam"])
     {'model__groups': ['cork', 'foam']}
     """
     if groups is None:

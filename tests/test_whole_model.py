@@ -55,17 +55,11 @@ def biotac_slides(shared_data):
     return pd.DataFrame(trials), materials, runs
 
 
-@pytest.mark.parametrize("preset", ["fast", "accurate"])
-def test_predicts_objects_never_touched(corpus, preset):
+def test_predicts_objects_never_touched(corpus):
     unseen = np.isin(corpus.objects, np.unique(corpus.objects)[::4])
-    model = make_haptic_pipeline(SENSORS, preset=preset, random_state=0)
+    model = make_haptic_pipeline(SENSORS, random_state=0)
     counts = corpus.ratings["hard"]
-    groups = {"model__groups": corpus.objects[~unseen]}
-    model.fit(
-        corpus.trials[~unseen],
-        counts[~unseen],
-        **groups if preset == "accurate" else {},
-    )
+    model.fit(corpus.trials[~unseen], counts[~unseen])
     proba = model.predict_proba(corpus.trials[unseen])
     marginal = DummyDistribution().fit(corpus.trials[~unseen], counts[~unseen])
     assert ranked_probability_score(counts[unseen], proba) < ranked_probability_score(
@@ -139,14 +133,6 @@ def test_a_model_says_what_it_was_fitted_on(corpus):
     assert model["model"].levels_.tolist() == [1, 2, 3, 4, 5]
 
 
-def test_presets_have_the_same_features():
-    fast, accurate = (
-        make_haptic_pipeline(preset=name, random_state=0)[:-1]
-        for name in ("fast", "accurate")
-    )
-    assert repr(fast) == repr(accurate)
-
-
 def test_codes_of_either_sign_have_roots_with_their_sign(corpus):
     model = make_haptic_pipeline("tac", random_state=0)
     model.set_params(features__tac__codes__ksvdtransformer__sign="none")
@@ -157,9 +143,7 @@ def test_codes_of_either_sign_have_roots_with_their_sign(corpus):
 def test_the_blend_learns_on_whole_objects(corpus):
     """Given by keyword or by routing, objects reach the blend."""
     trials, counts = corpus.trials[["tdc"]], corpus.ratings["cold"]
-    model = make_haptic_pipeline("tdc", preset="accurate", random_state=0)
-    with pytest.warns(UserWarning, match="no groups"):
-        clone(model).fit(trials, counts)
+    model = make_haptic_pipeline("tdc", random_state=0)
     named = clone(model).fit(trials, counts, model__groups=corpus.objects)
     with config_context(enable_metadata_routing=True):
         routed = clone(model).fit(trials, counts, groups=corpus.objects)
@@ -204,6 +188,7 @@ def test_real_slides_of_any_length(biotac_slides):
             per_frame = 22 if sensor == "pac" else 1
             short.at[row, sensor] = short.at[row, sensor][: n_frames * per_frame]
     model = make_haptic_pipeline(random_state=0)
+    model.set_params(model=LogisticRegression())
     few = np.arange(20) % 3
     model.fit(short, few)
     assert np.isfinite(model.predict_proba(short)).all()
