@@ -8,8 +8,8 @@ Each split draws objects, and for each object a crowd from its population: the s
 stars of a film, the true distribution of a generated object, the twenty or nine answers
 to a fabric or a bottle. "prefit" judges a model fitted to 50 more objects (fewer, where
 there are not as many), "half" one fitted to half of the objects, "cv+" takes all for
-both. New objects, up to a hundred, have crowds of the same size. The model is the
-default, linear one. Coverage is that of a person drawn anew, which is computed from the
+both. New objects, of a hundred touches, have crowds of the same size. The model is
+linear. Coverage is that of a person drawn anew, which is computed from the
 population, or of a whole crowd by the band; errors are over splits. Beside them are
 sets of the levels between the predicted quantiles ("naive"), those of the true
 distributions ("oracle"), and APS by MAPIE 1, where it is installed, on a row for each
@@ -29,8 +29,8 @@ from sklearn.decomposition import TruncatedSVD
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import (
+    NNPOM,
     ConformalRatings,
-    DistributionalOrdinalRegressor,
     SignalStatistics,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
@@ -52,14 +52,29 @@ class Objects(NamedTuple):
 
     X: np.ndarray  # of shape (n_objects, n_touches, n_features)
     population: np.ndarray  # of shape (n_variants, n_objects, n_levels)
+    oracle: dict  # sets of the same shape, for each alpha
+
+
+def by_true_distributions(P, alpha):
+    """Sets of the true distributions, by the one score that covers enough of all."""
+    score = level_scores(np.cumsum(P, axis=1)[:, :-1])
+    order = np.argsort(score.ravel())
+    reached = np.cumsum(P.ravel()[order]) / len(P)
+    return score <= score.ravel()[order][np.searchsorted(reached, 1 - alpha)] + 1e-9
+
+
+def known(X, population):
+    shares = np.stack(
+        [counts / counts.sum(axis=1, keepdims=True) for counts in population]
+    )
+    oracle = {a: [by_true_distributions(P, a) for P in shares] for a in ALPHAS}
+    return Objects(X, shares, oracle)
 
 
 def of_films(folder):
     data = films(folder, 3000)
     X = TruncatedSVD(20, random_state=0).fit_transform(data.trials)
-    return Objects(
-        StandardScaler().fit_transform(X)[:, None], data.targets["stars"][None]
-    )
+    return known(StandardScaler().fit_transform(X)[:, None], [data.targets["stars"]])
 
 
 def of_generated(folder, n_touches=N_TOUCHES):
@@ -69,7 +84,7 @@ def of_generated(folder, n_touches=N_TOUCHES):
     proba = [
         corpus.true_proba[name][::N_TOUCHES] for name in ("hard", "smooth", "cold")
     ]
-    return Objects(X[:, :n_touches], np.stack(proba))
+    return known(X[:, :n_touches], proba)
 
 
 def of_fabrics(folder):
@@ -80,12 +95,12 @@ def of_fabrics(folder):
     counts = pd.read_csv(path / "counts.csv").query("Condition == 'hand'")
     counts = counts.set_index(["Metric", "Texture"])[[f"n{i}" for i in range(1, 6)]]
     proba = [counts.loc[name].to_numpy(float) for name in counts.index.levels[0]]
-    return Objects(StandardScaler().fit_transform(X)[:, None], np.stack(proba))
+    return known(StandardScaler().fit_transform(X)[:, None], proba)
 
 
 def of_wine(folder):
     data = wine(folder)
-    return Objects(data.trials[:, None], data.targets["bitterness"][None])
+    return known(data.trials[:, None], [data.targets["bitterness"]])
 
 
 SETS = {  # with the numbers of objects where there are few
@@ -113,14 +128,6 @@ def between_quantiles(proba, alpha):
     return (below > alpha / 2) & (below - proba < 1 - alpha / 2)
 
 
-def by_true_distributions(P, alpha):
-    """Sets of the true distributions, by the one score that covers enough of all."""
-    score = level_scores(np.cumsum(P, axis=1)[:, :-1])
-    order = np.argsort(score.ravel())
-    reached = np.cumsum(P.ravel()[order]) / len(P)
-    return score <= score.ravel()[order][np.searchsorted(reached, 1 - alpha)] + 1e-9
-
-
 def by_mapie(model, X, counts, new, alpha):
     """Sets of APS, which is given a row for each rating and knows no objects."""
     rated = np.nonzero(counts)
@@ -133,18 +140,18 @@ def by_mapie(model, X, counts, new, alpha):
 
 def one_split(data, n_objects, n_raters, rng):
     """Return what `judge` finds for each alpha, by the way that made the sets."""
-    population = data.population[rng.integers(len(data.population))]
-    P = population / population.sum(axis=1, keepdims=True)
+    variant = rng.integers(len(data.population))
+    P = data.population[variant]
     n_fit = min(N_FIT, len(P) - n_objects - 1)
     old, fit, new = np.split(rng.permutation(len(P)), [n_objects, n_objects + n_fit])
-    crowd = np.array([rng.multinomial(n_raters, p) for p in P], dtype=float)
+    crowd = rng.multinomial(n_raters, P).astype(float)
     n_touches, n_features = data.X.shape[1:]
 
     def part(objects):
         touched = np.repeat(objects, n_touches)
         return data.X[objects].reshape(-1, n_features), crowd[touched], touched
 
-    X, y, objects = part(new[:N_NEW])
+    X, y, objects = part(new[: N_NEW // n_touches])
     found = {}
 
     def add(way, base, objects_given, method="prefit"):
@@ -156,9 +163,9 @@ def one_split(data, n_objects, n_raters, rng):
         ]
 
     def fitted(objects):
-        return DistributionalOrdinalRegressor().fit(*part(objects)[:2])
+        return NNPOM(0).fit(*part(objects)[:2])
 
-    add("cv+", None, old, "cv+")
+    add("cv+", NNPOM(0), old, "cv+")
     half = n_objects // 2
     add("half", fitted(old[:half]), old[half:])
     if n_fit < 3:
@@ -167,7 +174,7 @@ def one_split(data, n_objects, n_raters, rng):
     add("prefit", known, old)
     others = {
         "naive": lambda a: between_quantiles(known.predict_proba(X), a),
-        "oracle": lambda a: by_true_distributions(P, a)[objects],
+        "oracle": lambda a: data.oracle[a][variant][objects],
     }
     if SplitConformalClassifier is not None and (n_objects, n_raters) == (50, 12):
         others["MAPIE"] = lambda a: by_mapie(known, *part(old)[:2], X, a)

@@ -84,7 +84,11 @@ def world(seed, n_objects, n_touches=1, n_raters=1, n_features=3, n_levels=5):
 
 def distance(proba, level):
     """The score of a level, by its definition."""
-    return 2 * max(proba[:level].sum() - 0.5, 0.5 - proba[: level + 1].sum(), 0)
+    used = np.flatnonzero(proba > 1e-9)
+    beyond = max(used[0] - level, level - used[-1], 1) - 1
+    return beyond + 2 * max(
+        proba[:level].sum() - 0.5, 0.5 - proba[: level + 1].sum(), 0
+    )
 
 
 def uneven(seed=0, n_objects=25):

@@ -114,7 +114,8 @@ class ConformalRatings(
     Notes
     -----
     A level's score is how far it is from the predicted median,
-    :math:`2\max(F(y - 1) - 1/2,\, 1/2 - F(y),\, 0)`. Its p-value is the weight of the
+    :math:`2\max(F(y - 1) - 1/2,\, 1/2 - F(y),\, 0)`, and larger beyond all that is
+    predicted. Its p-value is the weight of the
     training ratings with a score as large, each from the model fitted without its
     object, and of one more for the new object, divided by the number of objects and 1.
     The ratings of an object weigh 1 together, as many as there are. With a model

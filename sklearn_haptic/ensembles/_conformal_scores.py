@@ -18,18 +18,23 @@ _LEAST_VARIANCE = 0.02
 
 
 def level_scores(below):
-    """Return how far each level is from the predicted median, from 0 to 1.
+    """Return how far each level is from the predicted median.
+
+    Scores are up to 1, and 1 more for each level without any probability in between.
 
     Examples
     --------
     >>> import numpy as np
     >>> from sklearn_haptic.ensembles._conformal_scores import level_scores
-    >>> level_scores(np.array([[0.25, 0.75]]))
-    array([[0.5, 0. , 0.5]])
+    >>> level_scores(np.array([[0.25, 0.75, 1.0, 1.0]]))
+    array([[0.5, 0. , 0.5, 1. , 2. ]])
     """
     lower = np.pad(below, ((0, 0), (1, 0)))
     upper = np.pad(below, ((0, 0), (0, 1)), constant_values=1)
-    return 2 * np.maximum(np.maximum(lower - 0.5, 0.5 - upper), 0)
+    score = 2 * np.maximum(np.maximum(lower - 0.5, 0.5 - upper), 0)
+    above = np.cumsum(lower > 1 - TOLERANCE, axis=1)
+    beneath = np.cumsum(upper[:, ::-1] < TOLERANCE, axis=1)[:, ::-1]
+    return score + np.maximum(np.maximum(above, beneath) - 1, 0)
 
 
 def value_scores(values, below, grid):
