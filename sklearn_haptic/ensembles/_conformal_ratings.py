@@ -20,7 +20,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from ..models._distributional import DistributionalOrdinalRegressor
 from ..models._ordinal import OrdinalClassifierMixin
 from ..ratings._checks import check_adjectives, check_rated
-from ..ratings._continuous import cdf_at, check_answers
+from ..ratings._continuous import cdf_at, check_answers, check_values
 from ..ratings._distributions import cdf, level_at, shares
 from ..utils._folds import (
     TakesGroups,
@@ -37,7 +37,7 @@ from ..utils._sklearn import (
     _num_samples,
     _safe_indexing,
 )
-from ..utils._validation import check_groups, check_numbers
+from ..utils._validation import check_groups
 from ._conformal_scores import (
     TOLERANCE,
     band_bounds,
@@ -80,7 +80,8 @@ class ConformalRatings(
     method : {"cv+", "prefit"}, default="cv+"
         "cv+": a model is fitted without each fold of objects and judged by them, so
         that all objects serve for both. "prefit": `estimator` was fitted to other
-        objects before, and those given to `fit` only judge it.
+        objects before, and those given to `fit` only judge it; wrap it in a
+        :class:`~sklearn.frozen.FrozenEstimator` if this is to be cloned.
     cv : int, splitter or iterable of (train, test), default=None
         The folds of "cv+", whole objects in each; by default 5, or as many as there are
         objects.
@@ -445,11 +446,11 @@ class ConformalRatings(
                 raise ValueError(
                     "values are of sliders; leave them out for the p-values of levels."
                 )
-            check_numbers(values, "values")
+            values = check_values(values)
         reached: Any = 0
         for model, below, score, weight, *_ in self._folds(X):
             if self._sliders:
-                at = self.grid_ if values is None else np.ravel(values)
+                at = self.grid_ if values is None else values
                 new = value_scores(np.tile(at, (len(below), 1)), below, model.grid_)
             else:
                 new = level_scores(below)

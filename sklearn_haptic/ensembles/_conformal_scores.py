@@ -10,7 +10,7 @@ import numpy as np
 from sklearn.utils import gen_batches
 
 # Bounds that are sorted at once.
-_BLOCK = 2**22
+_BLOCK = 2**20
 # Equal scores that were computed in other batches, or p-values, differ by less.
 TOLERANCE = 1e-9
 # Keeps the scale of a band above 0 where all or nobody is predicted below.
@@ -65,7 +65,7 @@ def highest_values(score, below, grid):
     start, width = below[cell - 1], below[cell] - below[cell - 1]
     share = np.divide(p - start, width, out=np.ones_like(p), where=width > 0)
     inside = grid[cell - 1] + np.clip(share, 0, 1) * (grid[cell] - grid[cell - 1])
-    beyond = np.maximum(score - 1 - TOLERANCE, 0)  # ends of a scale stay exact
+    beyond = np.maximum(score - 1 - 2 * TOLERANCE, 0)  # ends of a scale stay exact
     return inside + beyond * (grid[-1] - grid[0])
 
 
@@ -134,7 +134,7 @@ def value_bounds(folds, needed, sign):
             highest_values(score, below[i], grid) for below, grid, score, _ in folds
         ]
         bound[i] = upper_bounds(np.concatenate(values), weight, needed)
-    return sign * bound
+    return sign * bound + 0.0  # no -0
 
 
 def band_bounds(folds, needed, sign):
@@ -154,7 +154,8 @@ def band_bounds(folds, needed, sign):
     """
     weight = np.concatenate([weight for *_, weight in folds])
     bound = np.empty(folds[0][0].shape)
-    for rows in gen_batches(len(bound), max(1, _BLOCK // (weight.size * len(bound.T)))):
+    n_rows = 1 + _BLOCK // (1 + weight.size * bound.shape[1])
+    for rows in gen_batches(len(bound), n_rows):
         values = [
             sign * below[rows, :, np.newaxis]
             + band_scale(below[rows, :, np.newaxis]) * residual

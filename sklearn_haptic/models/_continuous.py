@@ -20,7 +20,7 @@ from sklearn.utils.validation import (
 
 from ..metrics import crps
 from ..ratings._checks import check_rated
-from ..ratings._continuous import cdf_at, check_answers, quantile_at
+from ..ratings._continuous import cdf_at, check_answers, check_values, quantile_at
 from ..ratings._distributions import cdf, shares
 from ..utils._folds import TakesGroups, groups_for
 from ..utils._sklearn import HasMethods, Interval, StrOptions, Trials, _fit_context
@@ -253,12 +253,8 @@ class ContinuousRatingsRegressor(
         below = np.pad(cdf(self._predict_ordered(X, {})), ((0, 0), (1, 0)))
         if values is None:
             return below
-        check_numbers(values, "values")
-        points = np.asarray(values, dtype=np.float64)
-        if points.ndim > 1 or np.isnan(points).any():
-            raise ValueError("values must be a number or a list of numbers.")
-        at = cdf_at(np.atleast_1d(points), below, self.grid_)
-        return at if points.ndim else at[:, 0]
+        at = cdf_at(check_values(values), below, self.grid_)
+        return at if np.ndim(values) else at[:, 0]
 
     def _ratings_at(self, proba, p):
         return quantile_at(p, np.pad(cdf(proba), ((0, 0), (1, 0))), self.grid_)

@@ -49,6 +49,15 @@ def check_answers(y, name="y"):
     return answers
 
 
+def check_values(values):
+    """Validate values on a scale, one or a list; return them in one dimension."""
+    check_numbers(values, "values")
+    values = np.asarray(values, dtype=np.float64)
+    if values.ndim > 1 or np.isnan(values).any():
+        raise ValueError("values must be a number or a list of numbers.")
+    return np.atleast_1d(values)
+
+
 def _padded(y, name):
     rows = [np.atleast_1d(each) for each in y]
     for i, row in enumerate(rows):
