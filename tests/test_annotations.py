@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from ast import literal_eval
 from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
@@ -87,6 +88,16 @@ def test_help_shows_the_names_of_types(function, n_bound):
     """And not what they stand for, such as unions of NumPy's private protocols."""
     shown = str(inspect.signature(function))
     assert not re.search(r"\b(numpy|collections|pandas|sklearn_haptic)\.", shown)
+
+
+@pytest.mark.parametrize(("name", "each"), [*public_objects()])
+def test_defaults_are_those_documented(name, each):
+    text = re.sub(r"\\\n *", "", inspect.getdoc(each))
+    for key, parameter in inspect.signature(each).parameters.items():
+        said = re.search(rf"^(?:\w+, )*{key}(?:, \w+)* : .*default=(.*)$", text, re.M)
+        if said and parameter.default is not parameter.empty:
+            default = getattr(parameter.default, "__name__", parameter.default)
+            assert said[1] == default or literal_eval(said[1]) == default, key
 
 
 def validated_parameters():
