@@ -49,11 +49,11 @@ PANELS = {
 OTHERS = "other features or models"
 STYLES = {
     "fast": (ORANGE, "D"),
-    "accurate": (BLUE, "D"),
+    "accurate": (BLUE, "s"),
     "statistics": (GREY, "o"),
     "MiniRocket": (GREY, "^"),
-    "trees": ("#009E73", "o"),
-    "kernel ridge": ("#009E73", "^"),
+    "trees": ("#009E73", "P"),
+    "kernel ridge": ("#009E73", "X"),
     OTHERS: ("0.75", "."),
 }
 LABELS = {

@@ -1,13 +1,14 @@
 """Which material is it: this package beside plain statistics and MiniRocket.
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/materials.py FOLDER \
-        [--parts seconds runs time fabrics] [--rows MiniRocket …]
+        [--parts seconds runs time stream fabrics] [--rows MiniRocket …]
 
 seconds  Slides over twenty materials, of which stretches of 0.5, 1 and 2 s are cut at
          random; learned from ten runs of each, tested on the five others in turn.
 runs     The same, whole, learned from one, two, five and ten runs.
 time     Whole slides of one run, learned from the five runs nearest in time and from
          the five furthest, also with the level of the first 0.1 s subtracted.
+stream   The same by `AnytimeRegressor` after 0.5, 1 and 2 s, every third run.
 fabrics  Slides over seven fabrics, one of five forces left out in turn.
 
 Cells are the accuracies of logistic regression and of a ridge classifier. All parts
@@ -29,6 +30,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from sklearn_haptic import (
+    AnytimeRegressor,
     RepairTrials,
     SignalStatistics,
     TaxelGrid,
@@ -118,9 +120,27 @@ def neighbours(run, nearest):
         yield np.flatnonzero(np.isin(run, chosen)), np.flatnonzero(run == each)
 
 
+def in_streams(slides, material, run, seconds=(0.5, 1, 2)):
+    """Print the accuracy of touches in progress, by time between runs."""
+    head("five runs", *(f"{s:g} s" for s in seconds), title="materials, in progress")
+    model = make_haptic_pipeline(random_state=0).set_params(model=HEADS[0])
+    model = AnytimeRegressor(model, durations=seconds, sampling_rates=data.RATES, cv=5)
+    for nearest in (True, False):
+        right = []
+        for train, test in list(neighbours(run, nearest))[::3]:
+            fitted = clone(model)
+            fitted.fit(slides.iloc[train], material[train], groups=run[train])
+            proba = fitted.predict_proba_over_time(slides.iloc[test], seconds)
+            named = fitted.classes_[proba.argmax(axis=2)]
+            right.append(named == material[test, np.newaxis])
+        accuracy = np.concatenate(right).mean(axis=0)
+        name = "nearest" if nearest else "furthest"
+        row(name, *(f"{each:.3f}" for each in accuracy))
+
+
 def main():
     parser = command(__doc__, folder=True)
-    parts = ["seconds", "runs", "time", "fabrics"]
+    parts = ["seconds", "runs", "time", "stream", "fabrics"]
     parser.add_argument("--parts", nargs="+", default=parts, choices=parts)
     parser.add_argument("--rows", nargs="+", help="by default all")
     arguments = parser.parse_args()
@@ -146,6 +166,8 @@ def main():
             for label in ("nearest", "furthest")
         ]
         show("materials, by time between runs", data.SENSORS, columns, material)
+    if "stream" in arguments.parts:
+        in_streams(slides, material, run)
     if "fabrics" in arguments.parts:
         frames, fabric, force, _ = data.fabric_slides(arguments.folder)
         folds = list(LeaveOneGroupOut().split(force, groups=force))
