@@ -15,7 +15,6 @@ import pickle
 import numpy as np
 from data import RATES, SENSORS
 from measure import command, head, in_turn, peak_mb, row, timed
-from sklearn import config_context
 from streams import DURATIONS, pipeline
 
 from sklearn_haptic import AnytimeRegressor, make_haptic_pipeline
@@ -33,30 +32,27 @@ PARTS = {
 def whole(quick):
     """Print what predicting one recorded touch takes."""
     head(
-        "touch, sensors", "preset", "learning, s", "median, ms", "largest, ms",
+        "touch, sensors", "learning, s", "median, ms", "largest, ms",
         "model, MB", "while predicting, MB",
     )  # fmt: skip
     n_objects, n_calls = (6, 5) if quick else (24, 200)
     for procedure in ("hold", "slow_slide"):
         corpus = make_haptic_corpus(n_objects, 4, procedure, random_state=0)
         for name, sensors in PARTS.items():
-            for preset in ("fast", "accurate"):
-                trials, counts = corpus.trials[sensors], corpus.ratings["hard"]
-                model = make_haptic_pipeline(sensors, preset=preset, random_state=0)
-                takes = {"groups": corpus.objects} if preset == "accurate" else {}
-                with config_context(enable_metadata_routing=True):
-                    learning, _ = timed(model.fit, trials, counts, **takes)
-                model.predict_proba(trials.iloc[[0]])  # imports and allocates
-                gc.collect()
-                gc.freeze()
-                touches = [trials.iloc[[i % len(trials)]] for i in range(n_calls)]
-                calls = [lambda t=t, m=model: m.predict_proba(t) for t in touches]
-                taken = 1000 * in_turn(calls)
-                costs = [f"{ms:.1f}" for ms in (np.median(taken), taken.max())]
-                costs.append(f"{len(pickle.dumps(model)) / 1e6:.2f}")
-                costs.append(f"{peak_mb(calls[0]):.1f}")
-                touch = f"{procedure.replace('_', ' ')}, {name}"
-                row(touch, preset, f"{learning:.1f}", *costs)
+            trials, counts = corpus.trials[sensors], corpus.ratings["hard"]
+            model = make_haptic_pipeline(sensors, random_state=0)
+            learning, _ = timed(model.fit, trials, counts, model__groups=corpus.objects)
+            model.predict_proba(trials.iloc[[0]])  # imports and allocates
+            gc.collect()
+            gc.freeze()
+            touches = [trials.iloc[[i % len(trials)]] for i in range(n_calls)]
+            calls = [lambda t=t, m=model: m.predict_proba(t) for t in touches]
+            taken = 1000 * in_turn(calls)
+            costs = [f"{ms:.1f}" for ms in (np.median(taken), taken.max())]
+            costs.append(f"{len(pickle.dumps(model)) / 1e6:.2f}")
+            costs.append(f"{peak_mb(calls[0]):.1f}")
+            touch = f"{procedure.replace('_', ' ')}, {name}"
+            row(touch, f"{learning:.1f}", *costs)
 
 
 def stream(quick):
