@@ -26,7 +26,8 @@ counts, materials = corpus.ratings["hard"], np.asarray(corpus.object_names)
 shown = [np.flatnonzero(materials == name)[0] for name in MATERIALS]
 training = ~np.isin(corpus.objects, corpus.objects[shown])
 model = make_haptic_pipeline(SENSORS, random_state=0)
-model.fit(corpus.trials[training], counts[training])
+groups = corpus.objects[training]
+model.fit(corpus.trials[training], counts[training], model__groups=groups)
 predicted = model.predict_proba(corpus.trials.iloc[shown])
 
 figure, axes = plt.subplots(
@@ -48,8 +49,8 @@ for (left, right), trial, proba in zip(axes, shown, predicted):
         yticks=[], xticks=corpus.levels, xticklabels=["not at\nall", *"234", "very"]
     )
     right.spines[["top", "left", "right"]].set_visible(False)
-axes[0, 1].text(1.9, 0.35, "■ predicted", color=BLUE, size=12, weight="bold")
-axes[0, 1].text(1.9, 0.55, "● said by 12 people", color=ORANGE, size=12, weight="bold")
+axes[0, 1].text(2.0, 0.42, "■ predicted", color=BLUE, size=12, weight="bold")
+axes[0, 1].text(2.0, 0.61, "● said by 12 people", color=ORANGE, size=12, weight="bold")
 axes[0, 0].set_title("A robot touches an object\nthat it never met …", size=13)
 axes[0, 1].set_title("… and predicts how hard\npeople will find it", size=13)
 figure.tight_layout()

@@ -129,6 +129,9 @@ def main():
 
 
 if __name__ == "__main__":
+    if {"-h", "--help"} & {*sys.argv}:
+        print(__doc__)
+        sys.exit()
     if sys.argv[1:] == ["--replay"]:
         main()
     elif len(sys.argv) == 2 and not sys.argv[1].startswith("-"):
