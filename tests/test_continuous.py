@@ -7,6 +7,7 @@ import polars as pl
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
+from sklearn.exceptions import DataConversionWarning
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -142,6 +143,8 @@ def test_noise_ceiling_of_continuous_ratings_is_the_gini_mean_difference():
 )
 def test_answers_in_any_container(y):
     assert_array_equal(check_answers(y), [[1, 2], [3, np.nan]])
+    with pytest.warns(DataConversionWarning, match="column-vector"):
+        assert_array_equal(check_answers([[1], [2]]), [[1], [2]])
 
 
 # The regressor
