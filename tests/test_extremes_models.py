@@ -473,6 +473,13 @@ def test_the_sign_of_a_response_that_overflows_is_exact(data, n, n_features, n_h
             assert abs(Fraction(float(np.clip(value, -MAX, MAX))) - true) <= rounding
 
 
+def test_single_precision_is_summed_in_double_block_by_block(monkeypatch):
+    monkeypatch.setattr("sklearn_haptic.models._network._BLOCK", 8)
+    X = np.random.default_rng(0).normal(size=(11, 3)).astype(np.float32)
+    coef = np.array([1.0, -2.0, 0.3])
+    assert_allclose(linear_response(X, coef), X.astype(float) @ coef, rtol=1e-14)
+
+
 @pytest.mark.parametrize("n_trials", [1, 2, 3, 50])
 @pytest.mark.parametrize("order", ["C", "F"])
 def test_prediction_far_from_the_training_features(n_trials, order):
