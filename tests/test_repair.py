@@ -10,7 +10,13 @@ from sklearn.base import clone
 from sklearn.linear_model import LinearRegression
 from sklearn.pipeline import make_pipeline
 
-from sklearn_haptic import RepairTrials, Signal, make_haptic_pipeline
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    RepairTrials,
+    Signal,
+    make_haptic_pipeline,
+)
 from sklearn_haptic.recordings._repair import estimate_moments
 
 MIXING = np.random.default_rng(0).normal(size=(2, 4))
@@ -450,6 +456,7 @@ def repairing():
     sensors = {"skin": Signal(100), "force": Signal(100)}
     repair = RepairTrials(limits={"skin": (-9, 9)}, rest={"skin": 5})
     model = make_haptic_pipeline(sensors, random_state=0)
+    model.set_params(model=DistributionalOrdinalRegressor(NNPOM(0, alpha=3.0)))
     for _, parts, _ in model["features"].transformers:
         codes = parts["codes"]  # of noise, maxima tell more than means and shares
         codes[0].set_params(max_iter=5)
