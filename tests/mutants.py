@@ -11,6 +11,13 @@ fastest first, until one fails or a budget of time is spent. Their limit is in p
 time, so that a machine with other work fails no test. A change that no test notices
 survives, and is printed: either a test is missing, or the change alters nothing that
 anyone can see.
+
+Of the 300 changes of seed 0, 16 alter no result and one was of a line that is gone since.
+Of the other 283, 14 survive all tests: six in the looks of figures (widths of lines and
+markers, the place of marks, an axis that is a little longer, how many rows are named);
+two tolerances, a limit of sizes that is met exactly and one random draw more; a message
+about exactly ten levels; the line that a warning names; a rotation that alters last
+digits only; and the unit of trials so small that their squares underflow.
 """
 
 import argparse
