@@ -12,7 +12,7 @@ time, so that a machine with other work fails no test. A change that no test not
 survives, and is printed: either a test is missing, or the change alters nothing that
 anyone can see.
 
-Of the 300 changes of seed 0, 16 alter no result and one was of a line that is gone since.
+Of the 300 changes of seed 0, 16 alter no result, and one was of a line that is gone.
 Of the other 283, 14 survive all tests: six in the looks of figures (widths of lines and
 markers, the place of marks, an axis that is a little longer, how many rows are named);
 two tolerances, a limit of sizes that is met exactly and one random draw more; a message
