@@ -7,11 +7,12 @@ hardly count.
 
 from __future__ import annotations
 
-from importlib.metadata import version
+import sys
 from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
+import sklearn
 from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.compose import ColumnTransformer
@@ -202,8 +203,8 @@ class SensorColumns(_Blocks, ColumnTransformer):
         refuse_one_touch(X)
         features = super().fit_transform(X, y, **params)
         self.fitted_on_ = np.array([f"{_num_samples(X)} touches", *self._sensors_of(X)])
-        packages = ("sklearn_haptic", "scikit-learn", "numpy")
-        self.versions_ = np.array([f"{name} {version(name)}" for name in packages])
+        packages = [sys.modules[__name__.partition(".")[0]], sklearn, np]
+        self.versions_ = np.array([f"{p.__name__} {p.__version__}" for p in packages])
         return features
 
     def transform(self, X: Trials, **params: Any) -> Any:

@@ -400,7 +400,8 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
             raise ValueError(
                 f"X has {self.n_features_in_} channels, which is no multiple of the "
                 f"{layout.shape[2]} electrodes of layout; select the electrodes' "
-                "channels or give the layout of your sensor."
+                "channels, give the layout of your sensor, or describe it to "
+                "make_haptic_pipeline, such as {'electrodes': Signal(rate=100)}."
                 f"{transposed_hint(trials[0].shape)}"
             )
         patch_size = self.patch_size_
