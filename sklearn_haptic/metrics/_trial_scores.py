@@ -10,6 +10,13 @@ from ._absolute_errors import (
 )
 from ._proper_scores import log_score, ranked_probability_score
 
+SCORES = {
+    "macro_mae": macro_mae,
+    "emd": earth_movers_distance,
+    "rps": ranked_probability_score,
+    "log_score": log_score,
+}
+
 
 def predict_and_score(model, X, counts):
     """Predict the distribution of each trial's ratings, and score it.
@@ -74,10 +81,7 @@ def score_trials(counts, proba):
     """
     counts, proba = np.asarray(counts), np.asarray(proba)
     scores = {
-        "macro_mae": macro_mae(counts, proba, average=False),
-        "emd": earth_movers_distance(counts, proba, average=False),
-        "rps": ranked_probability_score(counts, proba, average=False),
-        "log_score": log_score(counts, proba, average=False),
+        name: score(counts, proba, average=False) for name, score in SCORES.items()
     }
     for k in range(1, counts.shape[1]):
         scores[f"rps_{k}"] = ranked_probability_score(

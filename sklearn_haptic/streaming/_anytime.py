@@ -28,6 +28,7 @@ from ..features._sensor_features import BlockScaler
 from ..models._ordinal import OrdinalClassifierMixin
 from ..ratings._checks import check_adjectives
 from ..ratings._distributions import raised, shares
+from ..recordings._trials import ALONE
 from ..utils._folds import TakesGroups
 from ..utils._pipeline_steps import flat_steps
 from ..utils._sklearn import (
@@ -42,12 +43,7 @@ from ..utils._validation import check_numbers
 from ._arriving_samples import FeltSamples
 from ._branches import fit_features, used_sensors
 from ._heads import best_power, fit_head, head_tasks
-from ._recorded_touches import (
-    ONLY_SENSOR,
-    check_touches,
-    durations_complete,
-    samples_in,
-)
+from ._recorded_touches import check_touches, durations_complete, samples_in
 from ._touch_in_progress import TouchInProgress, check_limits
 
 
@@ -542,9 +538,9 @@ def _check_durations(durations):
 def _check_rates(sampling_rates):
     """Return the sampling rate of each sensor."""
     by_name = isinstance(sampling_rates, Mapping)
-    rates = dict(sampling_rates) if by_name else {ONLY_SENSOR: sampling_rates}
+    rates = dict(sampling_rates) if by_name else {ALONE: sampling_rates}
     for sensor, rate in rates.items():
-        if not isinstance(sensor, str) or (by_name and sensor == ONLY_SENSOR):
+        if not isinstance(sensor, str) or (by_name and sensor == ALONE):
             raise ValueError(
                 f"sampling_rates names the sensor {sensor!r}; name sensors by the "
                 "columns of X, which must be text."

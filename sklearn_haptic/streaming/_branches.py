@@ -19,9 +19,8 @@ from sklearn.pipeline import FeatureUnion, Pipeline
 
 from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
 from ..features._sensor_features import BlockScaler, blocks_of
-from ..recordings._trials import is_table
+from ..recordings._trials import ALONE, is_table
 from ..utils._pipeline_steps import flat_steps
-from ._recorded_touches import ONLY_SENSOR
 
 
 class Branch(NamedTuple):
@@ -41,7 +40,7 @@ class Branch(NamedTuple):
     def sensors(self):
         """The names of the sensors."""
         if self.columns is None:
-            return [ONLY_SENSOR]
+            return [ALONE]
         return [self.columns] if isinstance(self.columns, str) else list(self.columns)
 
     def transform(self, touches, which, n_samples):
@@ -93,7 +92,7 @@ def fit_features(steps, touches, y):
         If no step before the last returns a table.
     """
     sensors = list(touches.signals)
-    columns = None if sensors == [ONLY_SENSOR] else sensors
+    columns = None if sensors == [ALONE] else sensors
     whole = dict.fromkeys(sensors)
     X = touches.prefixes(np.arange(len(touches)), whole, columns)
     fitted = []

@@ -14,6 +14,7 @@ import pandas as pd
 
 from ..recordings._sequences import row_index
 from ..recordings._trials import (
+    ALONE,
     channel_names,
     check_trials,
     is_table,
@@ -21,9 +22,6 @@ from ..recordings._trials import (
 )
 from ..utils._sklearn import FloatArray
 from ..utils._validation import column_of
-
-# Stands for the sensor of trials that are not in columns.
-ONLY_SENSOR = ""
 
 # Seconds, far below the time between two samples.
 _ROUNDING = 1e-6
@@ -74,7 +72,7 @@ class Touches(NamedTuple):
             return [trials[i][:n] for i in which]
 
         if columns is None:
-            return cut(ONLY_SENSOR)
+            return cut(ALONE)
         index = None if self.names is None else self.names[which]
         if isinstance(columns, str):
             return _series(cut(columns), index, columns)
@@ -89,7 +87,7 @@ def check_touches(X, rates, shapes=None, channels=None):
     X : DataFrame with a column per sensor, or collection of trials
     rates : dict of str to float
         Samples per second, which time stamps must not contradict, of the columns to
-        take; of `ONLY_SENSOR` alone for a collection of trials.
+        take; of `ALONE` alone for a collection of trials.
     shapes : dict of str to tuple of int, default=None
         Shape of one sample of each sensor in `fit`. By default this is `fit`, and no
         touch may lack a sensor.
@@ -106,20 +104,20 @@ def check_touches(X, rates, shapes=None, channels=None):
         If X is in another form, or a recording is; the message names sensor and trial.
     """
     sensors, columns = list(rates), list(getattr(X, "columns", []))
-    if sensors != [ONLY_SENSOR]:
+    if sensors != [ALONE]:
         refuse_one_touch(X)
     if not columns and is_table(X):
         raise ValueError(
             "X is no collection of recordings; give a list with one array per touch, "
             "or a DataFrame with a column per sensor."
         )
-    if sensors == [ONLY_SENSOR]:
+    if sensors == [ALONE]:
         if len(columns) > 1:
             raise ValueError(
                 f"X has the columns {columns}, but sampling_rates is one number; give "
                 "a dict with the rate of each sensor."
             )
-        by_sensor = {ONLY_SENSOR: column_of(X, 0) if columns else X}
+        by_sensor = {ALONE: column_of(X, 0) if columns else X}
     else:
         missing = [sensor for sensor in sensors if sensor not in columns]
         if missing:

@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from ..recordings._trials import has_time_index, in_order, rate_of
+from ..recordings._trials import ALONE, has_time_index, in_order, rate_of
 from ..utils._sklearn import one_blas_thread
 from ..utils._validation import check_regular
 from ._arriving_samples import FeltSamples
-from ._recorded_touches import ONLY_SENSOR, seconds_felt
+from ._recorded_touches import seconds_felt
 
 
 class TouchInProgress:
@@ -106,8 +106,8 @@ class TouchInProgress:
             then.
         """
         sensors = self._model.sensors_
-        if sensors == [ONLY_SENSOR]:
-            samples = {ONLY_SENSOR: samples}
+        if sensors == [ALONE]:
+            samples = {ALONE: samples}
         elif not isinstance(samples, Mapping):
             raise ValueError(
                 f"samples is a {type(samples).__name__}; give a dict from the names of "
@@ -217,8 +217,8 @@ def check_limits(limits, sensors):
             raise ValueError(
                 f"limits names the sensor {unknown[0]!r}; the model has {sensors}."
             )
-    elif sensors == [ONLY_SENSOR]:
-        limits = {ONLY_SENSOR: limits}
+    elif sensors == [ALONE]:
+        limits = {ALONE: limits}
     else:
         raise ValueError(
             f"limits is a {type(limits).__name__}; give a dict from sensors to pairs "

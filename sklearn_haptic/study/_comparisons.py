@@ -10,25 +10,14 @@ import pandas as pd
 from scipy.stats import friedmanchisquare, wilcoxon
 from sklearn.utils import Bunch
 
-from ..metrics import (
-    earth_movers_distance,
-    log_score,
-    macro_mae,
-    noise_ceiling,
-    ranked_probability_score,
-)
+from ..metrics import log_score, noise_ceiling
 from ..metrics._proper_scores import PROPER_SCORES
+from ..metrics._trial_scores import SCORES
 from ..model_selection._contributions import FULL_MODEL
 
 _CELL = ["adjective", "procedure"]
 # By what networks can be compared.
 _COMPARED = {"sensors": _CELL, "procedures": ["adjective"]}
-_SCORES = {
-    "macro_mae": macro_mae,
-    "emd": earth_movers_distance,
-    "rps": ranked_probability_score,
-    "log_score": log_score,
-}
 
 
 def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
@@ -73,9 +62,9 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
         for table, of in ((study.networks, "network"), (study.baselines, "strategy"))
     ]
     parts.insert(0, parts[0].pop("combined"))
-    if metric in _SCORES:
+    if metric in SCORES:
         cells = full.groupby(_CELL)[[c for c in full if c not in _CELL]]
-        parts.append(cells.apply(_ceiling, _SCORES[metric]).rename("ceiling"))
+        parts.append(cells.apply(_ceiling, SCORES[metric]).rename("ceiling"))
     if len(study.truth):
         parts.append(study.truth.groupby(_CELL)[metric].mean().rename("truth"))
     table = pd.concat(parts, axis=1)
