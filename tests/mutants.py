@@ -206,7 +206,9 @@ def try_change(task):
         if process.is_alive():
             process.kill()
             process.join()
-        return module, diff, "survived" if process.exitcode == 0 else "noticed"
+        # Above 2 are errors of pytest itself.
+        outcomes = {0: "survived", 3: "not run", 4: "not run", 5: "not run"}
+        return module, diff, outcomes.get(process.exitcode, "noticed")
 
 
 def main():
@@ -239,7 +241,7 @@ def main():
     with ProcessPoolExecutor(chosen.workers) as pool:
         for module, diff, outcome in pool.map(try_change, tasks):
             counts[outcome] += 1
-            if outcome in ("survived", "unreached"):
+            if outcome not in ("noticed", "the same"):
                 print(f"{outcome}: {module}\n{diff}\n", flush=True)
     print(", ".join(f"{count} {outcome}" for outcome, count in counts.items()))
 
