@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Real
 from typing import Literal
 
@@ -116,6 +116,11 @@ def _with_stamps(trials, times, unit):
 
     Both are None for a trial that is missing or has no samples.
     """
+    if isinstance(trials, Mapping):
+        raise ValueError(
+            f"trials is a {type(trials).__name__}; give the list of one sensor's "
+            "trials, and call this for each sensor."
+        )
     given = times is not None and not isinstance(times, str)
     times = list(times) if given else times
     if given and len(trials) != len(times):
