@@ -5,11 +5,11 @@
 Generated float32 features whose variances fall as those of codes and spectra of touches
 do, and the ratings of twelve people. "24 at once" are four penalties times all touches
 and five folds; "default" is the model of `make_haptic_pipeline`, and "linear_members"
-the same without its trees. "off by" is the largest difference of a probability at any position to a
-fit of float64 features to a tolerance of 1e-9. LogisticRegression learns the most
-frequent rating of a touch with the same penalty. Processor time; the largest memory is
-that of a process of its own, with the features. Pass numbers of touches to measure
-fewer.
+the same without its trees. "off by" is the largest difference of a probability at any
+position to a fit of float64 features to a tolerance of 1e-9. LogisticRegression learns
+the most frequent rating of a touch with the same penalty. Processor time; the largest
+memory is that of a process of its own, with the features. Pass numbers of touches to
+measure fewer.
 """
 
 import resource
