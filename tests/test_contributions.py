@@ -202,7 +202,7 @@ def test_pipeline_tells_sensors_by_names_and_learns_nothing_of_test_trials(
 def test_recordings():
     corpus = make_haptic_corpus(6, 2, sensors=["tdc", "pdc"], random_state=0)
     model = make_haptic_pipeline(["tdc", "pdc"], random_state=0)
-    model.set_params(model__estimator=SensorFusionNNPOM())
+    model.set_params(model=DistributionalOrdinalRegressor(SensorFusionNNPOM()))
     model.set_output(transform="pandas")
     scores = sensor_contributions(
         model, corpus.trials, corpus.ratings["hard"], groups=corpus.objects, cv=2

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import interp1d
 from sklearn.base import clone
-from sklearn.linear_model import LinearRegression
+from sklearn.linear_model import LinearRegression, LogisticRegression
 from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import (
@@ -461,7 +461,8 @@ def repairing():
         codes = parts["codes"]  # of noise, maxima tell more than means and shares
         codes[0].set_params(max_iter=5)
         codes[1].set_params(statistics=("max",), root=False)
-    return make_pipeline(repair, model).fit(*two_sensors(0))
+    model = make_pipeline(repair, *model.set_params(model=LogisticRegression()))
+    return model.fit(*two_sensors(0))
 
 
 def _without(trial, where):

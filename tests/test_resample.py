@@ -269,7 +269,8 @@ def test_stamps_that_contradict_the_rate_are_refused(sensors, kind):
     """Of a sensor that is described, one that is not, and in a touch in progress."""
     trials = [stamped(np.arange(n) / 100, kind) for n in (60, 70, 80)]
     model = make_haptic_pipeline(sensors, random_state=0)
-    model.fit(pd.DataFrame({"q": trials}), [1, 2, 3])
+    objects = {"model__groups": range(3)}
+    model.fit(pd.DataFrame({"q": trials}), [1, 2, 3], **objects)
     plain = pd.DataFrame({"q": [trial.to_numpy() for trial in trials]})
     known = model.predict_proba(pd.DataFrame({"q": trials}))
     assert_array_equal(known, model.predict_proba(plain))
@@ -278,7 +279,7 @@ def test_stamps_that_contradict_the_rate_are_refused(sensors, kind):
         model.predict_proba(faster)
     again = make_haptic_pipeline({"q": Signal(rate=1000)}, random_state=0)
     with pytest.raises(ValueError, match=r"at 100 Hz by its index, but 1000 Hz is exp"):
-        again.fit(pd.DataFrame({"q": trials}), [1, 2, 3])
+        again.fit(pd.DataFrame({"q": trials}), [1, 2, 3], **objects)
     if sensors["q"] is None:
         with pytest.raises(ValueError, match=r"^Trial . .* Hz is usual"):
             model.fit(faster, [1, 2])
