@@ -278,7 +278,7 @@ def test_blocks_weigh_the_same_at_every_duration(alone):
         each = each["fast"] if alone else each
         rows = whole[0].scaler_.inverse_transform(whole[0].transform(each))
         scale = clone(whole[0].scaler_).fit(rows)
-        head = clone(whole[1]).fit(scale.transform(rows), COUNTS)
+        head = clone(whole[1]).fit(scale.transform(rows), COUNTS, groups=OBJECTS)
         expected = head.predict_proba(scale.transform(rows))
         got = model.predict_proba(each)
         np.testing.assert_allclose(got, flattened(expected, model.powers_[k]), 1e-4)

@@ -80,7 +80,7 @@ def test_features_are_roots_of_statistics_of_codes_beside_statistics(corpus):
     features = model["features"].transform(corpus.trials)
     features = model["features"].scaler_.inverse_transform(features)
     n_channels = corpus.trials["pdc"].iloc[0].shape[1]
-    n_statistics = 3 * 22 * n_channels  # a whole trial and its halves
+    n_statistics = 3 * 19 * n_channels  # a whole trial and its halves
     assert features.shape[1] == 3 * 7 * codes[0].shape[1] + n_statistics
     names = model["features"].get_feature_names_out()
     whole = {
