@@ -25,7 +25,11 @@ from dask.distributed import Client
 from sklearn.callback import ProgressBar
 from sklearn.model_selection import GridSearchCV, GroupKFold
 
-from sklearn_haptic import DistributionalOrdinalRegressor, make_haptic_pipeline
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    make_haptic_pipeline,
+)
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_rps_scorer
 
@@ -37,7 +41,7 @@ def new_search(memory=None):
     """Return a search whose codes are kept in a folder, if one is given."""
     return GridSearchCV(
         make_haptic_pipeline(sensors, memory=memory, random_state=0).set_params(
-            model=DistributionalOrdinalRegressor()
+            model=DistributionalOrdinalRegressor(NNPOM(n_hidden=0))
         ),
         {"model__estimator__alpha": np.logspace(-1, 2.5, 8)},
         scoring=neg_rps_scorer,

@@ -17,6 +17,7 @@ from short_touches import (
     make_touches,
     statistics,
 )
+from sklearn import config_context
 from sklearn.base import clone
 from sklearn.compose import make_column_transformer
 from sklearn.linear_model import LogisticRegression
@@ -29,6 +30,7 @@ from sklearn_haptic import (
     NNPOM,
     AnytimeRegressor,
     DistributionalOrdinalRegressor,
+    DistributionBlend,
     KSVDTransformer,
     RepairTrials,
     Signal,
@@ -49,6 +51,17 @@ def model():
 
 def flattened(proba, power):
     return proba**power / (proba**power).sum(axis=-1, keepdims=True)
+
+
+def test_a_blend_learns_the_same_with_metadata_routing():
+    """Weights of neighbours are no metadata that a user would have to request."""
+    head = DistributionBlend([("linear", HEAD)])
+    model, proba = make_model(make_pipeline(features(), StandardScaler(), head)), []
+    for routing in (False, True):
+        with config_context(enable_metadata_routing=routing):
+            model.fit(TOUCHES, COUNTS, groups=OBJECTS)
+        proba.append(model.predict_proba(TOUCHES))
+    np.testing.assert_array_equal(*proba)
 
 
 def test_heads_are_those_of_weighted_prefixes(model):

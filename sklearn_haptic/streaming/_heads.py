@@ -8,7 +8,9 @@ one power per duration, learned from predictions out of fold.
 
 import numpy as np
 from scipy.optimize import minimize_scalar
+from sklearn import config_context
 from sklearn.base import clone
+from sklearn.exceptions import UnsetMetadataPassedError
 from sklearn.pipeline import Pipeline
 
 from ..ensembles._out_of_fold import Task, fit_clone
@@ -77,7 +79,12 @@ def fit_head(head, X, y, **params):
         X = step.fit_transform(X, y)
         fitted.append((name, step))
     name, last = head.steps[-1]
-    return Pipeline([*fitted, (name, fit_clone(last, X, y, **params))])
+    try:
+        model = fit_clone(last, X, y, **params)
+    except UnsetMetadataPassedError:  # nobody said what to do with our own weights
+        with config_context(enable_metadata_routing=False):
+            model = fit_clone(last, X, y, **params)
+    return Pipeline([*fitted, (name, model)])
 
 
 def best_power(proba, shares):
