@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy
 
 SKLEARN = """
-base calibration callback compose decomposition dummy ensemble feature_selection
+base calibration callback compose decomposition dummy ensemble feature_selection frozen
 gaussian_process inspection isotonic kernel_approximation linear_model metrics
 model_selection multioutput neighbors neural_network pipeline preprocessing svm utils
 utils.discovery utils.metadata_routing utils.parallel
