@@ -7,6 +7,7 @@ columns of a labelled table are put in the order of the levels.
 
 from ._correlation import adjective_correlation
 from ._counts import RatingTable, rating_counts, shrink_counts
+from ._moments import counts_from_moments
 from ._outlying_raters import outlying_raters
 from ._summaries import (
     interrater_agreement,
@@ -18,6 +19,7 @@ from ._summaries import (
 __all__ = [
     "RatingTable",
     "adjective_correlation",
+    "counts_from_moments",
     "interrater_agreement",
     "inverse_cdf",
     "outlying_raters",
