@@ -117,7 +117,6 @@ FEATURES = {
         "cells",
         [(16, 8, 4, 2, 1), (1,), (4, 2, 1), (8, 4, 2, 1), (16,), (32, 16, 8, 4, 2, 1)],
     ),
-    "spatial pooling": vary(features, "spatial_cells", [(3, 2, 1), (1,), (2, 1), (3,)]),
     "atoms": {
         "40, 25, 25, 10, 10": BASE,
         "half": features(atoms=0.5),
@@ -148,7 +147,6 @@ FEATURES = {
         "quick": coded(2, 5, 5000, (4, 2, 1)),
     },
 }
-UNSCALED = network(scale_features=False, max_iter=100)
 MODELS = {
     "n_duplicates": {str(n): duplicates(n) for n in (15, 3, 5, 50)},
     "sampling": vary(model, "sampling", ["level", "random"]),
@@ -163,16 +161,6 @@ MODELS = {
         "10": BASE,
         "searched": searched(BASE, np.logspace(-2, 2, 9)),
         **vary(model, "estimator__alpha", [0.01, 0.1, 1.0, 3.0, 30.0, 100.0, 1000.0]),
-    },
-    "scale_features": {
-        "True": BASE,
-        "False, alpha searched": searched(
-            model(estimator__scale_features=False), np.logspace(0, 5, 11)
-        ),
-        "True, 10 hidden units": network(),
-        "False, 10 hidden units, alpha searched": searched(
-            UNSCALED, np.logspace(0, 4, 5)
-        ),
     },
     "hidden units": {"0": BASE, **vary(network, "n_hidden", [1, 5, 10, 20, 30])},
     "max_iter": vary(model, "estimator__max_iter", [500, 10, 25, 75, 200]),
@@ -223,7 +211,6 @@ class Sensor(NamedTuple):
     max_train: int = 20_000  # windows or patches
     update: str = "approximate"
     dtype: str = "float32"
-    spatial_cells: tuple = (3, 2, 1)
     cells: tuple = (16, 8, 4, 2, 1)
 
     def coder(self, random_state):
@@ -232,7 +219,6 @@ class Sensor(NamedTuple):
         parameters["random_state"] = random_state
         if self.name == "electrodes":
             parameters["max_train_patches"] = self.max_train
-            parameters["spatial_cells"] = self.spatial_cells
             return STHMPTransformer(round(10 * self.atoms), **parameters)
         window, n_atoms = SIZES[self.name]
         parameters |= {"window": window, "max_train_windows": self.max_train}
