@@ -23,8 +23,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from data import films, wine
-from measure import command, head, machine, row, standard_error
+from data import films, slide_frames, wine
+from measure import command, head, machine, plus_minus, row, standard_error
+from quality import ROUGHNESS
 from sklearn.decomposition import TruncatedSVD
 from sklearn.preprocessing import StandardScaler
 
@@ -183,6 +184,57 @@ def one_split(data, n_objects, n_raters, rng):
     return found
 
 
+def limits(data, folder, n_splits, rng, alpha=0.2):
+    """Print what is covered where people or touches are not drawn as in training."""
+    head("", "coverage", title=f"What is not promised, for {1 - alpha:.0%}")
+    for n_raters in (1, 12):
+        kinds, members = [], []
+        for _ in range(n_splits):
+            P = data.population[rng.integers(len(data.population))]
+            old, new = np.split(rng.permutation(len(P))[: 50 + N_NEW], [50])
+            # Each person keeps a place in the population, whatever the object.
+            places = rng.uniform(size=n_raters)
+            panel = (np.cumsum(P, axis=1)[..., None] < places).sum(axis=1).clip(max=4)
+            panel = (panel[..., None] == np.arange(5)).mean(axis=1)
+            crowd = rng.multinomial(n_raters, P) / n_raters
+            inside = []
+            for answers in (panel, crowd):
+                sets = ConformalRatings(NNPOM(0))
+                sets.fit(data.X[old, 0], answers[old], groups=old)
+                inside.append(sets.predict_set(data.X[new, 0], alpha))
+            proba = sets.predict_proba(data.X[new, 0])
+            spread = proba @ np.arange(5) ** 2 - (proba @ np.arange(5)) ** 2
+            covered = (inside[1] * P[new]).sum(axis=1)[np.argsort(spread)]
+            kinds.append([each.mean() for each in np.array_split(covered, 3)])
+            members.append(
+                [(inside[0] * each[new]).sum(axis=1).mean() for each in (panel, P)]
+            )
+        row(
+            f"a panel of {n_raters}: its members",
+            plus_minus(np.array(members)[:, 0], 3, ""),
+        )
+        row(
+            f"a panel of {n_raters}: others", plus_minus(np.array(members)[:, 1], 3, "")
+        )
+    for name, each in zip(("narrow", "middle", "wide"), np.transpose(kinds)):
+        row(f"{name} predictions, 12 raters", plus_minus(each, 3, ""))
+    frames, material, run = slide_frames(folder, 599)
+    X, rough = SignalStatistics(n_bands=8).fit_transform(frames), np.array(ROUGHNESS)
+    early, y = run <= 5, np.eye(3)[rough[material - 1]]
+    X = StandardScaler().fit(X[early]).transform(X)
+    sets = ConformalRatings(NNPOM(0)).fit(
+        X[early], y[early], groups=np.flatnonzero(early)
+    )
+    later = (sets.predict_set(X[~early], alpha) * y[~early]).sum(axis=1)
+    row("slides of runs 6 to 15, from 1 to 5", plus_minus(later, 3, ""))
+    within = []
+    for _ in range(20):
+        train, test = np.split(rng.permutation(np.flatnonzero(early)), [80])
+        sets = ConformalRatings(NNPOM(0)).fit(X[train], y[train], groups=train)
+        within.append((sets.predict_set(X[test], alpha) * y[test]).sum(axis=1).mean())
+    row("other slides of runs 1 to 5", plus_minus(within, 3, ""))
+
+
 def against_the_thresholds(table):
     """Print how near each way comes to what it promises, over all settings."""
     head("", "settings", "worst", "where", title="Margins (below 0: missed)")
@@ -212,9 +264,13 @@ def main():
     parser.add_argument("--objects", nargs="+", type=int, default=[10, 20, 50, 200])
     parser.add_argument("--raters", nargs="+", type=int, default=[1, 5, 12, 60])
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--limits", action="store_true", help="what is not promised")
     options = parser.parse_args()
     warnings.filterwarnings("ignore", "alpha=")
     machine("mapie")
+    if options.limits:
+        rng = np.random.default_rng(options.seed)
+        return limits(of_generated(options.folder), options.folder, options.splits, rng)
     head(*KEYS, *(f"{name} ± error" for name in JUDGED))
     rows = []
     for name in options.sets:

@@ -83,8 +83,8 @@ class ConformalRatings(
         objects before, and those given to `fit` only judge it; wrap it in a
         :class:`~sklearn.frozen.FrozenEstimator` if this is to be cloned.
     cv : int, splitter or iterable of (train, test), default=None
-        The folds of "cv+", whole objects in each; by default 5, or as many as there are
-        objects.
+        The folds of "cv+", whole objects in each; by default 10, or as many as there
+        are objects. With few objects, more folds make smaller sets.
     n_jobs : int, default=None
         Number of jobs, each of which fits one model.
 
@@ -232,7 +232,7 @@ class ConformalRatings(
             folds, objects = [every[::-1]], number_objects(groups, n_trials)
             models = [base, base]
         else:
-            folds, objects = make_folds(self, X, y, groups, [base])
+            folds, objects = make_folds(self, X, y, groups, [base], n_folds=10)
             params = groups_for(base, objects)
             tasks = [Task(None, base, X, y, fold, params) for fold in [*folds, every]]
             models = [model for model, _ in run_tasks(tasks, None, n_jobs=self.n_jobs)]

@@ -66,7 +66,9 @@ def infer_objects(y):
     return number_objects([row.tobytes() for row in counts], len(counts))
 
 
-def make_folds(estimator, X, y, groups, members, weight=None, *, stacklevel=6):
+def make_folds(
+    estimator, X, y, groups, members, weight=None, *, n_folds=5, stacklevel=6
+):
     """Return the folds of an estimator's ``cv``, which keep objects whole.
 
     It warns if nothing tells the objects, and of members that learned before.
@@ -83,6 +85,8 @@ def make_folds(estimator, X, y, groups, members, weight=None, *, stacklevel=6):
         What is fitted to the folds.
     weight : ndarray of shape (n_trials,), default=None
         Trials of weight 0 are in no fold that is made here, and need not be tested.
+    n_folds : int, default=5
+        The number of folds, or of objects if there are fewer, if ``cv`` is None.
     stacklevel : int, default=6
         Where the user is: beyond ``fit``, which calls this, and its decorators.
 
@@ -115,7 +119,7 @@ def make_folds(estimator, X, y, groups, members, weight=None, *, stacklevel=6):
         split = check_cv(cv).split(X, y, groups)
         least = np.isin(np.arange(n_trials), used)
         return check_folds(split, n_trials, least, objects, groups), objects
-    n_folds = min(5 if cv is None else cv, n_objects)
+    n_folds = min(n_folds if cv is None else cv, n_objects)
     if groups is None and np.ndim(y) == 1:
         _, label = np.unique(np.asarray(y)[used], return_inverse=True)
         fold = np.empty(len(used), dtype=np.intp)
