@@ -10,7 +10,7 @@ from scipy.stats import entropy, wasserstein_distance
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.datasets import make_classification
 from sklearn.linear_model import LogisticRegression
-from sklearn.metrics import log_loss
+from sklearn.metrics import log_loss, mean_absolute_error, r2_score
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -26,6 +26,7 @@ from sklearn_haptic.metrics import (
     pit_histogram,
     ranked_probability_score,
 )
+from sklearn_haptic.ratings import counts_from_moments
 from sklearn_haptic.ratings._distributions import macro_error
 
 SCORES = [macro_mae, ranked_probability_score, earth_movers_distance, log_score]
@@ -387,6 +388,34 @@ def test_noise_ceiling_is_what_the_truth_and_other_people_score(n_raters):
     ceiling = noise_ceiling(counts, rps)
     assert ceiling.truth == pytest.approx(rps(counts, truth), rel=0.02)
     assert ceiling.raters == pytest.approx(rps(counts, others / n_raters), rel=0.02)
+
+
+@pytest.mark.parametrize("score", [r2_score, mean_absolute_error])
+@pytest.mark.parametrize("n_raters", [6, 12])
+def test_noise_ceiling_of_means_is_what_the_truth_and_other_people_score(
+    score, n_raters
+):
+    rng = np.random.default_rng(0)
+    truth = rng.dirichlet(np.ones(5), size=20_000)
+    counts, others = rng.multinomial(n_raters, truth, size=(2, 20_000))
+    mean = counts @ VALUES / n_raters
+    ceiling = noise_ceiling(pd.DataFrame(counts, columns=VALUES), score)
+    close = {"rel": 0.03, "abs": 0.02}
+    assert ceiling.truth == pytest.approx(score(mean, truth @ VALUES), **close)
+    others = score(mean, others @ VALUES / n_raters)
+    assert ceiling.raters == pytest.approx(others, **close)
+    # Both see means and deviations only.
+    deviation = np.sqrt(counts @ VALUES**2 / n_raters - mean**2)
+    again = counts_from_moments(mean, deviation, levels=VALUES, n=n_raters)
+    assert noise_ceiling(again, score).truth == pytest.approx(ceiling.truth)
+
+
+def test_noise_ceiling_of_r2_is_of_all_trials():
+    counts = [[3, 2, 0], [0, 2, 5], [9, 9, 9]]
+    weighted = noise_ceiling(counts, r2_score, sample_weight=[1, 2, 0])
+    assert weighted == noise_ceiling(np.repeat(counts, [1, 2, 0], axis=0), r2_score)
+    with pytest.raises(ValueError, match="no trial alone has an R²; leave it out"):
+        noise_ceiling(counts, r2_score, average=False)
 
 
 @pytest.mark.parametrize("n_raters", [3, 6, 12])
