@@ -205,9 +205,19 @@ def test_counts_tell_the_objects_where_these_are_not_told():
         DistributionBlend(members()).fit(X, counts, groups=groups)
         for groups in (objects, None)
     )
-    assert_array_equal(untold.predict_proba(X), told.predict_proba(X))
+    assert_allclose(untold.predict_proba(X), told.predict_proba(X), atol=1e-9)
     with pytest.warns(UserWarning, match="fit was given no groups"):
         untold.fit(X, counts.argmax(axis=1))
+
+
+def test_frequent_counts_keep_their_share_where_the_objects_are_not_told():
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(120, 3))  # tells nothing
+    some = rng.multinomial(12, [0.2, 0.3, 0.3, 0.2], size=20)
+    counts = np.repeat(np.vstack((some, np.tile([12, 0, 0, 0], (40, 1)))), 2, axis=0)
+    blend = DistributionBlend(members()).fit(X, counts)
+    mean = counts.mean(axis=0) / 12
+    assert_allclose(blend.predict_proba(X).mean(axis=0), mean, atol=0.05)
 
 
 def test_ratings_of_each_touch_are_observations_of_their_own():

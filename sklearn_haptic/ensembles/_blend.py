@@ -185,9 +185,10 @@ class DistributionBlend(
             Weight of each trial, among the trials of its object if their ratings are
             the same. Members get it if their ``fit`` takes `sample_weight`.
         groups : array-like of shape (n_trials,), default=None
-            The object of each trial. Without them, trials of equal counts are taken to
-            be of one object, so that objects that share their counts count as one. If
-            ``y`` has no counts, `fit` warns, and takes each trial for an object.
+            The object of each trial; objects weigh the same. Without them, trials of
+            equal counts are taken to be of one object, or of several if they are many,
+            and trials weigh the same. If ``y`` has no counts, `fit` warns, and takes
+            each trial for an object.
 
         Returns
         -------
@@ -208,11 +209,14 @@ class DistributionBlend(
             refuse_adjectives(type(self).__name__)
         (X,) = indexable(X)
         check_rated(X, counts)
-        groups = infer_objects(counts) if groups is None else check_groups(groups, X)
         given = None if sample_weight is None else check_weights(sample_weight, X)
         weight = check_weights(given, X)
         if groups is not None:
+            groups = check_groups(groups, X)
             weight = _of_whole_objects(weight, counts, groups)
+        elif (groups := infer_objects(counts)) is not None:
+            # Objects that share counts are not all told apart, so trials weigh alike.
+            weight = weight * (len(np.unique(groups[weight > 0])) / weight.sum())
         members = self._check_members()
         params = self._route(given, groups, weight)
         # Counts of a single level would be taken for ratings.

@@ -13,6 +13,7 @@ from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
@@ -47,14 +48,18 @@ def infer_objects(y):
     """Return the number of each trial's object, as far as counts tell; None if not.
 
     Trials of one object have the same counts of its ratings, so trials of equal counts
-    are taken to be of one object. Labels, and counts of a single rating each, tell
-    nothing.
+    are taken to be of one object. Counts that are several times as frequent as the
+    median are taken to be shared by as many objects, whose trials stand together: else
+    most objects would be held out at once where people agree about most. Labels, and
+    counts of a single rating each, tell nothing.
 
     Examples
     --------
     >>> from sklearn_haptic.ensembles._out_of_fold import infer_objects
     >>> infer_objects([[4, 1], [4, 1], [2, 3]])
     array([0, 0, 1])
+    >>> infer_objects([[5, 0], [5, 0], [5, 0], [4, 1], [2, 3]])
+    array([0, 1, 2, 3, 4])
     >>> infer_objects([[1, 0], [1, 0], [0, 1]]) is None
     True
     """
@@ -63,7 +68,12 @@ def infer_objects(y):
     counts = np.reshape(np.asarray(y, dtype=float), (len(y), -1))
     if not (np.count_nonzero(counts, axis=1) > 1).any():
         return None
-    return number_objects([row.tobytes() for row in counts], len(counts))
+    same = number_objects([row.tobytes() for row in counts], len(counts))
+    size = np.bincount(same)
+    sharing = np.maximum(size // np.median(size), 1).astype(np.intp)
+    place = pd.Series(same).groupby(same).cumcount().to_numpy()
+    part = place * sharing[same] // size[same]
+    return number_objects(same + len(size) * part, len(counts))
 
 
 def make_folds(
