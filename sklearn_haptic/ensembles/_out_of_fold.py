@@ -48,8 +48,8 @@ def infer_objects(y):
     """Return the number of each trial's object, as far as counts tell; None if not.
 
     Trials of one object have the same counts of its ratings, so trials of equal counts
-    are taken to be of one object. Counts that are several times as frequent as the
-    median are taken to be shared by as many objects, whose trials stand together: else
+    are taken to be of one object. Counts of more than a fifth of the trials are taken
+    to be shared by several objects of median size, whose trials stand together: else
     most objects would be held out at once where people agree about most. Labels, and
     counts of a single rating each, tell nothing.
 
@@ -71,6 +71,7 @@ def infer_objects(y):
     same = number_objects([row.tobytes() for row in counts], len(counts))
     size = np.bincount(same)
     sharing = np.maximum(size // np.median(size), 1).astype(np.intp)
+    sharing[size <= len(counts) / 5] = 1
     place = pd.Series(same).groupby(same).cumcount().to_numpy()
     part = place * sharing[same] // size[same]
     return number_objects(same + len(size) * part, len(counts))
