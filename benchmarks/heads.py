@@ -4,12 +4,14 @@ import mord
 import numpy as np
 import pandas as pd
 from data import SENSORS
-from sklearn.base import BaseEstimator, ClassifierMixin, TransformerMixin
+from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.compose import ColumnTransformer
-from sklearn.ensemble import ExtraTreesRegressor, RandomForestRegressor
+from sklearn.decomposition import PCA
+from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestRegressor
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.linear_model import RidgeClassifierCV
 from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.multioutput import MultiOutputRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
@@ -26,7 +28,7 @@ from sklearn_haptic.metrics import neg_rps_scorer
 
 # Features -----------------------------------------------------------------------------
 
-PRESETS = "presets"  # the features of both presets
+DEFAULT = "default"  # features, and model
 LEVELS = "mean", "std", "max", "min", "slope", "change"
 RIDGE = RidgeClassifierCV(np.logspace(-1, 5, 13))
 
@@ -116,39 +118,12 @@ def families(columns=SENSORS):
     if set(columns) == set(SENSORS):
         found["MiniRocket"] = OfAeon(minirocket)
     found = {name: make_pipeline(f, StandardScaler()) for name, f in found.items()}
-    return {PRESETS: make_haptic_pipeline(columns, random_state=0)[:-1]} | found
+    return {DEFAULT: make_haptic_pipeline(columns, random_state=0)[:-1]} | found
 
 
 def with_ridge(features):
     """A classifier of features, the same for all."""
     return make_pipeline(features, RIDGE)
-
-
-# Rivals among models ------------------------------------------------------------------
-
-
-class QuantileForest(ClassifierMixin, BaseEstimator):
-    """Meinshausen's forest: grown for the mean rating, its leaves keep distributions.
-
-    This is what `quantile_forest.RandomForestQuantileRegressor` estimates, here from
-    counts: a new trial gets the mean over trees of the mean shares of its leaf.
-    """
-
-    def fit(self, X, y):
-        self.classes_ = np.arange(1, y.shape[1] + 1)
-        shares = y / y.sum(axis=1, keepdims=True)
-        self.forest_ = RandomForestRegressor(
-            100, min_samples_leaf=3, max_features=1 / 3, random_state=0
-        ).fit(X, shares @ self.classes_)
-        self.shares_ = []
-        for leaf in self.forest_.apply(X).T:
-            total = np.stack([np.bincount(leaf, s) for s in shares.T], axis=1)
-            self.shares_.append(total / np.maximum(np.bincount(leaf)[:, None], 1))
-        return self
-
-    def predict_proba(self, X):
-        leaves = self.forest_.apply(X).T
-        return np.mean([s[leaf] for s, leaf in zip(self.shares_, leaves)], axis=0)
 
 
 # Models of ratings --------------------------------------------------------------------
@@ -165,30 +140,29 @@ def searched(model, **grid):
 
 
 def models(n_features):
-    """Name -> a model, and whether it is given principal components, all of them."""
-    trees = RegressedDistribution(
-        ExtraTreesRegressor(
-            100, min_samples_leaf=3, max_features="sqrt", random_state=0
-        )
-    )
-    kernel = RegressedDistribution(KernelRidge(kernel="rbf"))
-    mords = DistributionalOrdinalRegressor(mord.LogisticAT())
+    """Name -> a model of ratings, of so many features, and its rivals."""
     alphas = [1, 3, 10, 30, 100, 1000]
-    sharp = linear(decode="quantile")
+    mords = DistributionalOrdinalRegressor(mord.LogisticAT())
+    boosting = MultiOutputRegressor(HistGradientBoostingRegressor(random_state=0))
+    forest = RandomForestRegressor(
+        100, min_samples_leaf=3, max_features=1 / 3, random_state=0
+    )
     kernels = {
         "estimator__alpha": [0.1, 0.3, 1, 3, 10],
         "estimator__gamma": np.array([0.3, 1]) / n_features,
     }
-    rotated = {
-        "marginal": DummyDistribution(),
-        "barycentre": DummyDistribution("barycentre"),
-        "linear, alpha chosen": searched(linear(), estimator__alpha=alphas),
-        "the same, quantile decoding": searched(sharp, estimator__alpha=alphas),
-        "counts, no p": searched(NNPOM(0), alpha=[0.1, 0.3, *alphas[:-1]]),
-        "kernel ridge": searched(kernel, **kernels),
-        "mord LogisticAT": searched(mords, estimator__alpha=10.0 ** np.arange(1, 6)),
-    }
-    forests = {"quantile forest": QuantileForest(), "trees": trees}
     return {
-        name: (model, name in rotated) for name, model in (rotated | forests).items()
+        "marginal": DummyDistribution(),
+        "linear": linear(),
+        "linear, alpha chosen": searched(linear(), estimator__alpha=alphas),
+        "trees": RegressedDistribution(random_state=0),
+        "random forest": RegressedDistribution(forest),
+        "boosting": RegressedDistribution(boosting),
+        "kernel ridge": searched(
+            RegressedDistribution(KernelRidge(kernel="rbf")), **kernels
+        ),
+        "mord LogisticAT": make_pipeline(
+            PCA(random_state=0),  # all components, which changes no prediction
+            searched(mords, estimator__alpha=10.0 ** np.arange(1, 6)),
+        ),
     }

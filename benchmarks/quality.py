@@ -1,23 +1,25 @@
 """How well ratings and classes are predicted: this package beside its rivals.
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/quality.py FOLDER \
-        [--sets bolt phac2 …] [--rows accurate MiniRocket …] [--csv FILE]
+        [--sets bolt phac2 …] [--rows linear MiniRocket …] [--csv FILE]
 
 The sets are those of ratings in `data.py`; "slides", of which twenty materials one
 BioTac slides over, and how rough a material is that it never touched; and "sensors",
 fabrics and materials by sensors that are described, named, or left to be found out.
-All take some hours on one core, one small set (phac2, films, bolt) minutes, "sensors" a
-minute. ``--quick`` takes "fast", "accurate" and "marginal" on one adjective.
+All take hours on one core, one small set (phac2, films, bolt) minutes, "sensors" a
+minute. ``--quick`` takes "default" and "marginal" on one adjective.
 
-Rows are other features with the linear model of "fast" and its penalty, then other
-models of the features of the presets, which choose their settings inside the training
-trials. Whole objects are left out. Scores are means over objects, lower is better;
-differences are paired with "fast" and "accurate", ± is the standard error over objects.
-Probabilities below 1e-3 count as 1e-3 in the log score. On the slides, the score is the
-share of materials taken for another, by a ridge classifier, three blocks of five runs
-left out in turn. Costs are processor time: learning features and model for one
-adjective, and of features and prediction per touch. MB is the size of the pickled
-features and model. The CSV file keeps the rows of earlier runs.
+Rows are the default; the same where ratings are permuted over objects, so that there is
+nothing to learn; other features with its model of the ratings; and other models of its
+features, which choose their settings inside the training trials. Whole objects are left
+out. Scores are means over objects, lower is better; differences are paired with the
+default, that of permuted ratings with the marginal; ± is the standard error over
+objects. Dispersions are the least and the largest of all adjectives. Probabilities
+below 1e-3 count as 1e-3 in the log score. On the slides, the score is the share of
+materials taken for another, by a ridge classifier, three blocks of five runs left out
+in turn. Costs are processor time: learning features and model for one adjective, and of
+features and prediction per touch. MB is the size of the pickled features and model. The
+CSV file keeps the rows of earlier runs.
 """
 
 import pickle
@@ -27,7 +29,7 @@ from pathlib import Path
 import data
 import numpy as np
 import pandas as pd
-from heads import PRESETS, RIDGE, OfAeon, families, minirocket, models, with_ridge
+from heads import DEFAULT, RIDGE, OfAeon, families, minirocket, models, with_ridge
 from measure import (
     SCORES,
     command,
@@ -41,33 +43,34 @@ from measure import (
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.compose import make_column_transformer
-from sklearn.decomposition import PCA
 from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, cross_val_score
-from sklearn.pipeline import make_pipeline
+from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_haptic import SignalStatistics, TaxelGrid, make_haptic_pipeline
+from sklearn_haptic import (
+    DummyDistribution,
+    SignalStatistics,
+    TaxelGrid,
+    make_haptic_pipeline,
+)
 from sklearn_haptic.metrics import dispersion, ranked_probability_score
 
-COLUMNS = ["set", "row", "score", "difference", "error"]
-COLUMNS += ["to_accurate", "to_accurate_error"]
-COLUMNS += ["log", "dispersion", "learning_s", "ms", "mb", "mae_m", "emd"]
-BASES = "fast", "accurate"
-QUICK = [*BASES, "marginal"]
+COLUMNS = ["set", "row", "score", "difference", "error", "log", "least_dispersion"]
+COLUMNS += ["largest_dispersion", "learning_s", "ms", "mb", "mae_m", "emd"]
+PERMUTED = "the same, permuted"
 SETS = [*data.RATED, "slides", "sensors"]
 ONCE = {"MiniRocket"}  # its kernels need no ratings
+N_PERMUTATIONS = 3
 ROUGHNESS = [2, 0, 1, 0, 0, 0, 2, 0, 0, 0, 2, 1, 0, 0, 0, 2, 2, 2, 2, 0]
 
 
 def rows(n_features, only=()):
-    """Name of the row: features, model, whether it is given principal components."""
-    linear, accurate = (
-        make_haptic_pipeline(preset=preset, random_state=0)[-1] for preset in BASES
-    )
-    found = {"fast": (PRESETS, linear, True), "accurate": (PRESETS, accurate, False)}
-    found |= {name: (name, linear, True) for name in families() if name != PRESETS}
-    found |= {name: (PRESETS, *of) for name, of in models(n_features).items()}
-    return {n: r for n, r in found.items() if not only or n in only or n in BASES}
+    """Name of the row: features, and model."""
+    default = make_haptic_pipeline(random_state=0)[-1]
+    found = dict.fromkeys((DEFAULT, PERMUTED), (DEFAULT, default))
+    found |= {name: (name, default) for name in families() if name != DEFAULT}
+    found |= {name: (DEFAULT, model) for name, model in models(n_features).items()}
+    return {n: r for n, r in found.items() if not only or n in {DEFAULT, *only}}
 
 
 # Features and scores ------------------------------------------------------------------
@@ -82,15 +85,14 @@ class Tables:
     def has(self, family):
         """Whether the set has touches that the family takes, or its features."""
         if self.given is not None:
-            return family == PRESETS
+            return family == DEFAULT
         return family in families(list(self.trials))
 
-    def of(self, family, components=False):
+    def of(self, family):
         """Features of each fold, and seconds to learn, seconds a touch, and bytes."""
-        if (family, components) not in self.found:
-            make = self.rotated if components else self.learned
-            self.found[family, components] = make(family)
-        return self.found[family, components]
+        if family not in self.found:
+            self.found[family] = self.learned(family)
+        return self.found[family]
 
     def learned(self, family):
         found, learning, making, n_fits = [], 0.0, 0.0, 0
@@ -110,21 +112,13 @@ class Tables:
             return found, (0.0, 0.0, 0)
         return found, (learning / n_fits, making / n_fits / len(X), size)
 
-    def rotated(self, family):
-        """The same on principal components, which changes no linear or kernel model."""
-        found, costs = self.of(family)
-        turned = []
-        for train, test, A, B in found:
-            rotation = PCA(random_state=0).fit(A)
-            turned.append((train, test, rotation.transform(A), rotation.transform(B)))
-        return turned, costs
-
 
 def fold_proba(model, found, y, groups):
     """Predictions of all trials; seconds to learn and to predict; the last model."""
     proba, fitting, predicting = np.zeros(y.shape), 0.0, 0.0
     for train, test, A, B in found:
-        takes = {"groups": groups[train]} if hasattr(model, "cv") else {}
+        routes = hasattr(model, "cv") or isinstance(model, Pipeline)
+        takes = {"groups": groups[train]} if routes else {}
         seconds, fitted = timed(clone(model).fit, A, y[train], **takes)
         fitting += seconds
         seconds, proba[test] = timed(fitted.predict_proba, B)
@@ -132,9 +126,21 @@ def fold_proba(model, found, y, groups):
     return proba, fitting, predicting, fitted
 
 
-def evaluate(tables, family, model, components, targets, groups):
-    """RPS of objects; log score, dispersion, costs, MAE^M and EMD."""
-    found, (learning, making, size) = tables.of(family, components)
+def permuted(targets, groups):
+    """Ratings of other objects, several times; of other trials if theirs differ."""
+    found, rng = {}, np.random.default_rng(0)
+    for name, y in targets.items():
+        _, first, which = np.unique(groups, return_index=True, return_inverse=True)
+        if (y != y[first][which]).any():
+            first = which = np.arange(len(y))
+        for k in range(N_PERMUTATIONS):
+            found[name, k] = y[rng.permutation(first)][which]
+    return found
+
+
+def evaluate(tables, family, model, targets, groups):
+    """RPS of objects; log score, dispersions, costs, MAE^M and EMD."""
+    found, (learning, making, size) = tables.of(family)
     rps, others, fitting, predicting = [], [], 0.0, 0.0
     for y in targets.values():
         proba, *seconds, fitted = fold_proba(model, found, y, groups)
@@ -144,24 +150,15 @@ def evaluate(tables, family, model, components, targets, groups):
         floor /= floor.sum(axis=1, keepdims=True)
         log, errors = SCORES["log score"](y, floor), (SCORES["MAE^M"], SCORES["EMD"])
         others.append((log, dispersion(y, proba), *(e(y, proba) for e in errors)))
-    log, spread, mae, emd = np.mean(others, axis=0)
+    log, _, mae, emd = np.mean(others, axis=0)
+    spread = [each[1] for each in others]
     n_fits, n_touches = len(targets) * len(found), len(targets) * len(groups)
     costs = (
         learning + fitting / n_fits,
         1000 * (making + predicting / n_touches),
         (size + len(pickle.dumps(fitted))) / 1e6,
     )
-    return np.mean(rps, axis=0), (log, spread, *costs, mae, emd)
-
-
-def compared(each, bases):
-    """Mean over objects, and paired differences to the presets, NaN if missing."""
-    found, texts = [each.mean()], []
-    for preset in BASES:
-        gain = each - bases.get(preset, np.nan)
-        found += [gain.mean(), standard_error(gain)]
-        texts.append(plus_minus(gain) if preset in bases else "")
-    return found, texts
+    return np.mean(rps, axis=0), (log, min(spread), max(spread), *costs, mae, emd)
 
 
 # Tables -------------------------------------------------------------------------------
@@ -171,28 +168,34 @@ def of_ratings(name, folder, only, adjectives):
     """Print the table of a set; return its rows."""
     found = data.RATED[name](folder)
     tables = Tables(found.trials, found.folds, found.given)
-    groups, bases, result = np.asarray(found.groups), {}, []
+    groups, default, result = np.asarray(found.groups), None, []
     targets = {a: y for a, y in found.targets.items() if a in (adjectives or [])}
     targets = {a: np.asarray(y, float) for a, y in (targets or found.targets).items()}
-    n_features = tables.of(PRESETS)[0][0][2].shape[1]
+    n_features = tables.of(DEFAULT)[0][0][2].shape[1]
     title = f"{name}: {len(groups)} touches, {len(set(groups))} objects"
-    scores = "RPS", "to fast", "to accurate", "log", "dispersion", "MAE^M", "EMD"
+    scores = "RPS", "difference", "log", "dispersion", "MAE^M", "EMD"
     head("row", *scores, "s", "ms", "MB", title=title)
-    for label, (family, model, components) in rows(n_features, only).items():
+    for label, (family, model) in rows(n_features, only).items():
         if not tables.has(family):
             continue
+        used, base = targets, default
+        if label == PERMUTED:
+            used = permuted(targets, groups)
+            base, _ = evaluate(tables, family, DummyDistribution(), used, groups)
         try:
-            rps, others = evaluate(tables, family, model, components, targets, groups)
+            rps, others = evaluate(tables, family, model, used, groups)
         except (ImportError, ValueError) as error:  # a rival that cannot do this set
             print(f"{label} left out: {str(error)[:80]}")
             continue
-        bases |= {label: rps} if label in BASES else {}
-        differences, texts = compared(rps, bases)
-        log, spread, learning, ms, size, mae, emd = others
-        cells = [f"{each:.3f}" for each in (log, spread, mae, emd)]
+        if default is None:
+            default = base = rps
+        log, least, largest, learning, ms, size, mae, emd = others
+        spread = f"{least:.2f} to {largest:.2f}" if len(targets) > 1 else f"{least:.2f}"
         costs = f"{learning:.2f}", f"{ms:.2f}", f"{size:.1f}"
-        row(label, f"{rps.mean():.4f}", *texts, *cells, *costs)
-        result.append((name, label, *differences, *others))
+        cells = f"{log:.3f}", spread, f"{mae:.3f}", f"{emd:.3f}", *costs
+        row(label, f"{rps.mean():.4f}", plus_minus(rps - base), *cells)
+        difference = (rps - base).mean(), standard_error(rps - base)
+        result.append((name, label, rps.mean(), *difference, *others))
     return result
 
 
@@ -231,38 +234,39 @@ def of_slides(name, folder, only, _):
     """Print how features tell known materials apart, and the roughness of unknown."""
     frames, material, run = data.slide_frames(folder, 599)
     trials, rough = data.by_sensor(frames), np.array(ROUGHNESS)[material - 1]
-    y, result, bases, rough_bases = np.eye(3)[rough], [], {}, {}
     blocks = Tables(trials, folds_of_blocks(run))
     pairs = Tables(trials, folds_of_materials(material))
+    targets, result = {"rough": np.eye(3)[rough]}, []
     head(
-        "row", "accuracy over blocks, from 1, 2, 5 runs", "errors to fast",
-        "to accurate", "roughness", "to fast", "to accurate", "s", "ms", title=name,
+        "row", "accuracy over blocks, from 1, 2, 5 runs", "errors, difference",
+        "roughness", "difference", "dispersion", "s", "ms", title=name,
     )  # fmt: skip
-    chosen = models(1)["linear, alpha chosen"][0]
-    for label, (family, model, components) in rows(1, only).items():
-        if family == PRESETS and label not in QUICK:
+    for label, (family, model) in rows(1, only).items():
+        if family == DEFAULT and label not in (DEFAULT, PERMUTED, "marginal"):
             continue
+        used = permuted(targets, material) if label == PERMUTED else targets
         try:
-            found, costs = blocks.of(family, True)
+            rps, others = evaluate(pairs, family, model, used, material)
+            found, costs = blocks.of(family)
         except ImportError as error:
             print(f"{label} left out: {error}")
             continue
         accuracy, errors = known(found, material)
-        model = model if family == PRESETS else chosen
-        proba, *_ = fold_proba(model, pairs.of(family, components)[0], y, material)
-        each = ranked_probability_score(y, proba, average=False)
-        each = of_groups(each, material)
-        if label in BASES:
-            bases[label], rough_bases[label] = errors, each
-        differences, texts = compared(errors, bases)
-        cells = " ".join(f"{a:.3f}" for a in accuracy)
-        costs = costs[0], 1000 * costs[1], costs[2] / 1e6
-        seconds = f"{costs[0]:.2f}", f"{costs[1]:.1f}"
-        others = f"{each.mean():.4f}", *compared(each, rough_bases)[1]
-        row(label, cells, *texts, *others, *seconds)
-        if label != "marginal":
-            others = np.nan, np.nan, *costs, np.nan, np.nan
-            result.append((name, label, *differences, *others))
+        if label == DEFAULT:
+            first, first_rps = errors, rps
+        base = first_rps
+        if label == PERMUTED:
+            base, _ = evaluate(pairs, family, DummyDistribution(), used, material)
+        cells = " ".join(f"{a:.3f}" for a in accuracy), plus_minus(errors - first)
+        rough = f"{rps.mean():.4f}", plus_minus(rps - base), f"{others[1]:.2f}"
+        row(label, *cells, *rough, f"{costs[0]:.2f}", f"{1000 * costs[1]:.1f}")
+        if label not in (PERMUTED, "marginal"):
+            gain = (errors - first).mean(), standard_error(errors - first)
+            costs = costs[0], 1000 * costs[1], costs[2] / 1e6
+            empty = np.full(5, np.nan)
+            result.append(
+                (name, label, errors.mean(), *gain, *empty[:3], *costs, *empty[3:])
+            )
     return result
 
 
@@ -326,13 +330,13 @@ def of_sensors(name, folder, only, _):
 def main():
     parser = command(__doc__, folder=True)
     parser.add_argument("--sets", nargs="+", default=SETS, choices=SETS)
-    parser.add_argument("--rows", nargs="+", default=[], help="beside both presets")
+    parser.add_argument("--rows", nargs="+", default=[], help="beside the default")
     parser.add_argument("--adjectives", nargs="+", help="of generated touches")
     parser.add_argument("--csv", type=Path, help="file that further rows are added to")
     parser.add_argument("--quick", action="store_true")
     arguments = parser.parse_args()
     if arguments.quick:
-        arguments.rows, arguments.adjectives = QUICK, ["hard"]
+        arguments.rows, arguments.adjectives = ["marginal"], ["hard"]
     tables = {"slides": of_slides, "sensors": of_sensors}
     results = []
     warnings.simplefilter("ignore")  # of mord and few iterations
