@@ -18,17 +18,17 @@ import data
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from heads import PRESETS, linear, models, with_ridge
+from heads import DEFAULT, models, with_ridge
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 from measure import command, of_groups, standard_error
-from quality import Tables, classes, fold_proba
+from quality import PERMUTED, Tables, classes, fold_proba
 from scipy.stats import t
 from sklearn import config_context
 from sklearn.dummy import DummyClassifier
 from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
 
-from sklearn_haptic import TaxelGrid
+from sklearn_haptic import TaxelGrid, make_haptic_pipeline
 from sklearn_haptic.metrics import ranked_probability_score
 
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "0.45"
@@ -36,7 +36,6 @@ BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "0.45"
 
 # Rivals -------------------------------------------------------------------------------
 
-BASES = "fast", "accurate"
 PANELS = {
     "bolt": "Recorded grips,\nhold: force, RPS",
     "bolt, all": "Recorded grips, four\nprocedures: force, RPS",
@@ -47,29 +46,20 @@ PANELS = {
     "slides": "Recorded slides: which of\n20 materials, share of errors",
 }
 OTHERS = "other features or models"
-STYLES = {
-    "fast": (ORANGE, "D"),
-    "accurate": (BLUE, "s"),
-    "statistics": (GREY, "o"),
-    "MiniRocket": (GREY, "^"),
-    "trees": ("#009E73", "P"),
-    "kernel ridge": ("#009E73", "X"),
-    OTHERS: ("0.75", "."),
-}
 LABELS = {
-    "fast": 'preset "fast"',
-    "accurate": 'preset "accurate"',
-    "statistics": "statistics, linear model",
-    "MiniRocket": "MiniRocket, linear model",
-    "trees": "our features, trees",
-    "kernel ridge": "our features, kernel ridge",
-    OTHERS: OTHERS,
+    DEFAULT: (BLUE, "s", "default"),
+    "linear": (ORANGE, "D", "its features, linear model"),
+    "random forest": ("#009E73", "P", "its features, random forest"),
+    "kernel ridge": ("#009E73", "X", "its features, kernel ridge"),
+    "statistics": (GREY, "o", "statistics, its model"),
+    "MiniRocket": (GREY, "^", "MiniRocket, its model"),
+    OTHERS: ("0.75", ".", OTHERS),
 }
 
 
 def of_panels(results):
     """One row per panel and name; two seeds are averaged."""
-    results = results[~results["row"].isin(["marginal", "barycentre"])]
+    results = results[~results["row"].isin([PERMUTED, "marginal"])]
     panel = results["set"].str.rstrip("01")
     squares = results.assign(error=results["error"] ** 2)
     grouped = squares.groupby([panel, "row"], sort=False)
@@ -95,21 +85,19 @@ def draw_rivals(results, path):
         ax.axis("off")
     for ax, name in zip(axes.flat, panels):
         for row, point in points.loc[name].iterrows():
-            colour, marker = STYLES.get(row, STYLES[OTHERS])
-            size, width, order = (6, 1, 3) if row in STYLES else (4, 0.5, 1)
-            if row in BASES:
-                size, width, order = 10, 2, 2
-            style = {"markersize": size, "elinewidth": width, "zorder": order}
+            colour, marker, _ = LABELS.get(row, LABELS[OTHERS])
+            size, order = (8, 3) if row in LABELS else (4, 1)
             each = point[["ms", "difference", "error"]]
-            ax.errorbar(*each, color=colour, marker=marker, **style)
-        ax.axhline(0, color=STYLES["fast"][0], lw=0.8, ls=":", zorder=1)
+            style = {"color": colour, "marker": marker, "zorder": order}
+            ax.errorbar(*each, markersize=size, elinewidth=1, **style)
+        ax.axhline(0, color=BLUE, lw=0.8, ls=":", zorder=1)
         ax.title.set(text=PANELS[name], fontsize=10)
         log_axis(ax, (1, 3))
         ax.set_xlabel("processor ms per touch")
-    figure.supylabel('score minus that of "fast": low is better', fontsize=11)
+    figure.supylabel("score minus that of the default: low is better", fontsize=11)
     handles = [
-        Line2D([], [], ls="", label=LABELS[name], color=colour, marker=marker, ms=7)
-        for name, (colour, marker) in STYLES.items()
+        Line2D([], [], ls="", label=label, color=colour, marker=marker, ms=7)
+        for colour, marker, label in LABELS.values()
     ]
     axes.flat[-1].legend(handles=handles, loc="center", fontsize=11, frameon=False)
     figure.savefig(path, dpi=85)
@@ -119,12 +107,11 @@ def draw_rivals(results, path):
 
 
 NAMES = {
-    "guess: mean": "marginal",
-    "guess: centre": "barycentre",
-    "ours, penalty searched": "linear, alpha chosen",
+    "guess": "marginal",
+    "linear, penalty searched": "linear, alpha chosen",
     "kernel ridge": "kernel ridge",
-    "quantile forest": "quantile forest",
-    "extremely randomised trees": "trees",
+    "random forest": "random forest",
+    "gradient boosting": "boosting",
 }
 
 
@@ -133,12 +120,13 @@ def distributions(name, folder):
     found = data.RATED[name](folder)
     tables = Tables(found.trials, found.folds, found.given)
     (y,), groups = found.targets.values(), np.asarray(found.groups)
-    rivals = models(tables.of(PRESETS)[0][0][2].shape[1])
-    compared = {"ours": (linear(), True)}
+    features, _ = tables.of(DEFAULT)
+    rivals = models(features[0][2].shape[1])
+    compared = {"ours": make_haptic_pipeline(random_state=0)[-1]}
     compared |= {name: rivals[of] for name, of in NAMES.items()}
     scores, predicted = {}, None
-    for label, (model, components) in compared.items():
-        proba, *_ = fold_proba(model, tables.of(PRESETS, components)[0], y, groups)
+    for label, model in compared.items():
+        proba, *_ = fold_proba(model, features, y, groups)
         predicted = proba if predicted is None else predicted
         each = ranked_probability_score(y, proba, average=False)
         scores[label] = of_groups(each, groups)

@@ -105,7 +105,7 @@ def vary(make, name, values):
 
 
 def coded(n_nonzero_coefs, max_iter, max_train, cells):
-    """The model of "fast"; dictionaries learned with more or less care."""
+    """A smaller penalty; dictionaries learned with more or less care."""
     changes = {"n_nonzero_coefs": n_nonzero_coefs, "max_iter": max_iter}
     changes |= {"cells": cells, "max_train": max_train}
     return model(estimator__alpha=3.0)._replace(features=changes)

@@ -4,8 +4,8 @@
         [SEED] [--parts pools sensors faults] [--quick]
 
 Forty-eight generated objects are touched five times each by four procedures. Features
-are those of the preset "fast", with dictionaries of other objects, standardised and
-rotated together. Objects are held out in six folds. Scores are means over three
+are the default ones, with dictionaries of other objects, standardised and rotated
+together. Objects are held out in six folds. Scores are means over three
 adjectives; errors are of paired differences, over objects. Three minutes; ``--quick``
 takes twelve objects and one adjective. Seeds 1 and 3 chose how pools are weighted and
 blurred, so report another.

@@ -37,7 +37,7 @@ RULES |= {f"expected gain, price {p:g}": ExpectedGain(p) for p in PRICES}
 
 
 def pipeline(model=None):
-    """The preset "fast", with windows short enough for a quarter of a second."""
+    """The default, with windows short enough for a quarter of a second."""
     steps = make_haptic_pipeline(data.SENSORS, random_state=0)
     for sensor in ("pdc", "tac", "tdc"):
         steps.set_params(**{f"features__{sensor}__codes__ksvdtransformer__window": 20})
