@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from data import films, slide_frames, wine
+from data import films, slide_frames, tactile, wine
 from measure import command, head, machine, plus_minus, row, standard_error
 from quality import ROUGHNESS
 from sklearn.decomposition import TruncatedSVD
@@ -90,13 +90,9 @@ def of_generated(folder, n_touches=N_TOUCHES):
 
 def of_fabrics(folder):
     """Ratings by the hand, known by what feet told of the same materials."""
-    path = folder / "tactile_ratings"
-    long = pd.read_csv(path / "ratings_long.csv").query("Condition == 'walking'")
-    X = long.pivot_table("log_ratio", "Texture", "Metric").to_numpy()
-    counts = pd.read_csv(path / "counts.csv").query("Condition == 'hand'")
-    counts = counts.set_index(["Metric", "Texture"])[[f"n{i}" for i in range(1, 6)]]
-    proba = [counts.loc[name].to_numpy(float) for name in counts.index.levels[0]]
-    return known(StandardScaler().fit_transform(X)[:, None], proba)
+    data = tactile(folder)
+    X = StandardScaler().fit_transform(data.trials)
+    return known(X[:, None], list(data.targets.values()))
 
 
 def of_wine(folder):

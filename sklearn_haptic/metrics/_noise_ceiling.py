@@ -85,7 +85,7 @@ def noise_ceiling(
     people per trial on, and up to a fifth too low with two. The mean of N ratings
     scatters about that of the population with 1/N of the variance, and that of others
     about it with twice as much. The absolute error is that of a normal distribution,
-    within 8% from six people per trial on.
+    within 10% from six people per trial on.
 
     References
     ----------
