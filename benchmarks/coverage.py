@@ -1,8 +1,8 @@
 """How often sets and bands hold the ratings of new objects, over splits of objects.
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/coverage.py FOLDER \
-        [--sets films generated tactile wine] [--splits 300] [--raters 1 5 12 60] \
-        [--objects 10 20 50 200] [--seed 0]
+        [--sets films generated "one touch" tactile wine] [--splits 300] \
+        [--objects 10 20 50 200] [--raters 1 5 12 60] [--seed 0] [--limits]
 
 Each split draws objects, and for each object a crowd from its population: the shares of
 stars of a film, the true distribution of a generated object, the twenty or nine answers
@@ -13,7 +13,8 @@ linear. Coverage is that of a person drawn anew, which is computed from the
 population, or of a whole crowd by the band; errors are over splits. Beside them are
 sets of the levels between the predicted quantiles ("naive"), those of the true
 distributions ("oracle"), and APS by MAPIE 1, where it is installed, on a row for each
-rating. Two hours of processor time for all.
+rating. Half an hour of processor time for all;
+--limits prints what is not promised, in a minute or two.
 """
 
 import warnings
