@@ -334,7 +334,7 @@ class ConformalRatings(
         return self._set(X, alpha)
 
     def _set(self, X, alpha):
-        chosen = self.p_values(X) > alpha
+        chosen = self.p_values(X) > alpha + TOLERANCE  # of alpha = 1 - 0.9
         median = level_at(self.predict_proba(X), np.array([0.5]))
         np.put_along_axis(chosen, median, True, axis=1)
         return without_gaps(chosen)
