@@ -319,6 +319,8 @@ def test_sliders_of_several_adjectives_in_lists():
     report = model_report(model, X, {"hard": one, "soft": one[::-1]}, cv=2)
     assert report.gains.index.tolist() == ["hard", "soft"]
     assert report.gains["crps_ceiling"].isna().all()  # some trials have one answer
+    single = model_report(model, X, X[:, 0], groups=OBJECTS, cv=2)  # without a warning
+    assert single.gains["verdict"].tolist() == ["better"]
 
 
 def test_whole_numbers_may_be_levels_or_classes():

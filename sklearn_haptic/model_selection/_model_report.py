@@ -250,7 +250,9 @@ def model_report(
 def _checked(model, targets):
     """Check the ratings of each adjective; return them, and of what kind all are."""
     if isinstance(last_step(model)[0], ContinuousRatingsRegressor):
-        return {n: check_answers(each, n) for n, each in targets.items()}, _SLIDERS
+        answers = {n: check_answers(each, n) for n, each in targets.items()}
+        single = {n: each[:, 0] for n, each in answers.items() if each.shape[1] == 1}
+        return answers | single, _SLIDERS
     kinds = {_has_classes(model, each, name) for name, each in targets.items()}
     if len(kinds) > 1:
         raise ValueError(
@@ -375,7 +377,7 @@ def _compare_sliders(model, name, y, outcomes, folds, tested):
         for who, quantiles in by_predictor.items()
     }
     scores = {who: {"crps": e["crps"].mean()} for who, e in of_trials.items()}
-    two = ((~np.isnan(true)).sum(axis=1) >= 2).all()
+    two = true.ndim == 2 and ((~np.isnan(true)).sum(axis=1) >= 2).all()
     ceiling = noise_ceiling(true, crps).truth if two else np.nan
     gain, row = _gain("crps", of_trials, scores, ceiling)
     yield name, by_predictor["model"], scores, gain, row
