@@ -54,6 +54,11 @@ class DistributionBlend(
     where held-out ratings show that it is too broad or too sharp, its probabilities are
     raised to a power.
 
+    Where all trials of each object have the same ratings, these are one observation,
+    however often the object was touched: its trials share a weight of 1. Ratings that
+    differ between the trials of an object are observations of each trial. Objects
+    count equally where the weights of the members are learned.
+
     Parameters
     ----------
     estimators : list of (str, estimator) tuples
@@ -62,8 +67,8 @@ class DistributionBlend(
     weights : {"learned", "equal"}, default="learned"
         "learned": by predictions of trials, each from models that were fitted without
         their object; those that minimise the ranked probability score. They are drawn
-        towards equal weights of all members, and the exponent towards 1, by what half
-        an object would say against them. "equal": the mean of the members given,
+        towards equal weights of all members, and the exponent towards 1, by what one
+        object would say against them. "equal": the mean of the members given,
         without the marginal; nothing is held out then.
     cv : int, splitter or iterable of (train, test), default=None
         The folds on which the weights are learned, whole objects in each; by default 5,
@@ -210,13 +215,17 @@ class DistributionBlend(
         (X,) = indexable(X)
         check_rated(X, counts)
         given = None if sample_weight is None else check_weights(sample_weight, X)
-        weight = check_weights(given, X)
+        weight = held_out = check_weights(given, X)
         if groups is not None:
             groups = check_groups(groups, X)
-            weight = _of_whole_objects(weight, counts, groups)
+            objects = number_objects(groups, len(counts))
+            total = np.bincount(objects, weight)
+            held_out = weight / np.where(total, total, 1)[objects]
+            weight = held_out if _are_of_objects(counts, objects) else weight
         elif (groups := infer_objects(counts)) is not None:
             # Objects that share counts are not all told apart, so trials weigh alike.
             weight = weight * (len(np.unique(groups[weight > 0])) / weight.sum())
+            held_out = weight
         members = self._check_members()
         params = self._route(given, groups, weight)
         # Counts of a single level would be taken for ratings.
@@ -232,7 +241,7 @@ class DistributionBlend(
             proba = [each for _, each in run_tasks(tasks, levels, n_jobs=self.n_jobs)]
             tested = np.concatenate([test for _, test in folds])
             proba = np.reshape(np.concatenate(proba), (len(members), len(tested), -1))
-            share, exponent, scores = _learn(proba, counts[tested], weight[tested])
+            share, exponent, scores = _learn(proba, counts[tested], held_out[tested])
         used = [name for name, w in zip(members, share) if w > 0]
         every = np.arange(len(counts)), np.arange(0)
         tasks = [Task(name, members[name], X, y, every, params[name]) for name in used]
@@ -294,18 +303,10 @@ class DistributionBlend(
         return params | {MARGINAL: {"sample_weight": weight}}
 
 
-def _of_whole_objects(weight, counts, groups):
-    """Return the weight of each trial among those of its object.
-
-    Only where the ratings are those of the objects, the same for all their trials.
-    Ratings that differ between the trials of an object are observations of each trial.
-    """
-    objects = number_objects(groups, len(counts))
+def _are_of_objects(counts, objects):
+    """Whether all trials of each object have the same ratings."""
     _, first = np.unique(objects, return_index=True)
-    if np.any(counts != counts[first][objects]):
-        return weight
-    total = np.bincount(objects, weight)
-    return weight / np.where(total, total, 1)[objects]
+    return not np.any(counts != counts[first][objects])
 
 
 def _takes_weights(member):
