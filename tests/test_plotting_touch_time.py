@@ -58,3 +58,9 @@ def test_errors_of_classes():
         assert display.score[k] == np.mean(PROBA[:, k].argmax(axis=1) != labels)
     assert "errors" in display.ax_.get_ylabel()
     assert list(display.rules_) == ["rule"]
+
+
+def test_standard_error_of_two_touches():
+    counts, proba = [[1, 0], [0, 1]], [[[0.5, 0.5]], [[0.75, 0.25]]]
+    display = TouchTimeDisplay.from_predictions(counts, proba, [1.0])
+    assert display.score_se == pytest.approx([(0.5625 - 0.25) / 2])  # half of the range
