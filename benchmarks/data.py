@@ -92,9 +92,9 @@ def films(folder, n_films=1500):
     with np.load(folder / "movie_ratings" / "Movie.npz") as arrays:
         X, shares = arrays["X"], arrays["D"]
     drawn = np.random.default_rng(0).permutation(len(X))[:n_films]
-    groups = np.arange(len(drawn))
+    folds = split(np.arange(len(drawn)))
     given = make_pipeline(TruncatedSVD(100, random_state=0), StandardScaler())
-    return Data(X[drawn], {"stars": 12 * shares[drawn]}, groups, split(groups), given)
+    return Data(X[drawn], {"stars": 12 * shares[drawn]}, drawn, folds, given)
 
 
 def votes(folder):
@@ -114,7 +114,7 @@ def wine(folder):
     keys = ["temp", "contact", "bottle"]
     counts = table.groupby(keys)["rating"].value_counts().unstack(fill_value=0)
     X = pd.get_dummies(counts.index.to_frame()[keys[:2]], drop_first=True)
-    groups = np.arange(len(counts))
+    groups = counts.index.map("{0[0]} {0[1]} {0[2]}".format).to_numpy(str)
     folds = list(LeaveOneGroupOut().split(groups, groups=groups))
     target = {"bitterness": counts.to_numpy(float)}
     return Data(X.to_numpy(float), target, groups, folds, StandardScaler())

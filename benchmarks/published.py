@@ -95,15 +95,19 @@ def padded(trials, n_times=32_000):
 def rivals():
     """Name -> features and a model of distributions."""
     default = make_haptic_pipeline(Signal(rate=2000), random_state=0)
+    others = {"`SignalStatistics`": SignalStatistics()}
+    if importlib.util.find_spec("aeon"):
+        after = make_pipeline(FunctionTransformer(padded), OfAeon(minirocket))
+        others["MiniRocket, padded"] = after
+        others["MiniRocket, stretched"] = OfAeon(minirocket, stretch=True)
     found = {
         "default model": (default[0], default[-1]),
         "default features, ridge": (default[0], RIDGE),
-        "`SignalStatistics`, ridge": (SignalStatistics(), RIDGE),
+        **{
+            f"{name}, ridge": (make_pipeline(features, StandardScaler()), RIDGE)
+            for name, features in others.items()
+        },
     }
-    if importlib.util.find_spec("aeon"):
-        after = make_pipeline(FunctionTransformer(padded), OfAeon(minirocket))
-        found["MiniRocket, padded, ridge"] = after, RIDGE
-        found["MiniRocket, stretched, ridge"] = OfAeon(minirocket, stretch=True), RIDGE
     nothing = FunctionTransformer(lambda trials: np.zeros((len(trials), 1)))
     return found | {
         "marginal": (nothing, DummyDistribution()),
@@ -115,9 +119,8 @@ def out_of_fold(features, model, found):
     """Predictions of every target; features are learned once in each fold."""
     proba = {name: np.zeros(y.shape) for name, y in found.targets.items()}
     for train, test in found.folds:
-        made = make_pipeline(features, StandardScaler())
-        A = made.fit_transform([found.trials[i] for i in train])
-        B = made.transform([found.trials[i] for i in test])
+        A = features.fit_transform([found.trials[i] for i in train])
+        B = features.transform([found.trials[i] for i in test])
         for name, y in found.targets.items():
             groups = {"groups": found.groups[train]} if hasattr(model, "cv") else {}
             fitted = model.fit(A, y.iloc[train], **groups)
