@@ -188,15 +188,21 @@ def test_quantiles_invert_the_cdf():
     assert (ends >= model.grid_[0]).all() and (ends <= model.grid_[-1]).all()
 
 
-def test_grid_of_quantiles_holds_equally_many_and_merges_heaps():
+def test_grid_of_quantiles_holds_equally_many_and_gives_heaps_a_cell():
     y = np.r_[np.zeros(50), np.arange(1, 51)]
     model = ContinuousRatingsRegressor(n_cells=10).fit(np.zeros((100, 1)), y)
-    assert_array_equal(model.grid_, [0, 10, 20, 30, 40, 50])
+    assert_allclose(model.grid_, [0, 0.001, 10, 20, 30, 40, 50])
     y = [[0, 10], [20, np.nan], [30, np.nan]]  # the answers of a trial share its weight
     uneven = ContinuousRatingsRegressor(n_cells=2).fit(np.eye(3), y)
     assert uneven.grid_.tolist() == [0, 20, 30]
     two = ContinuousRatingsRegressor().fit([[0.0], [1], [2], [3]], [0, 0, 1, 1])
     assert two.grid_.tolist() == [0, 0.5, 1]
+    few = ContinuousRatingsRegressor().fit(np.zeros((8, 1)), np.arange(8) // 2)
+    assert few.grid_.tolist() == [0, 1, 2, 3]  # all are as frequent, so none is a heap
+    heaps = np.repeat([0, *range(20, 40), 41, 100], [30, *[1] * 20, 25, 25])
+    model = ContinuousRatingsRegressor().fit(np.zeros((100, 1)), heaps)
+    found = model.predict_quantile([[0.0]], [0.2, 0.6, 0.9])[0]
+    assert_allclose(found, [0, 41, 100], atol=0.1)
 
 
 def test_regressor_in_searches_pipelines_and_with_ragged_answers():

@@ -32,7 +32,9 @@ from ._ordinal import DistributionMixin
 def make_grid(answers, weight, grid, n_cells):
     """Choose the edges of cells from the lowest answer to the highest, ascending.
 
-    A trial's weight is shared by its answers. Equal quantiles make one edge.
+    A trial's weight is shared by its answers. Equal quantiles make one edge; if an
+    answer at one is twice as frequent as answers mostly are, it has a cell of its own,
+    a thousandth as wide as the way to the next answer.
     """
     given = ~np.isnan(answers) & (weight > 0)[:, None]
     each = np.broadcast_to((weight / given.sum(axis=1).clip(1))[:, None], given.shape)
@@ -43,7 +45,13 @@ def make_grid(answers, weight, grid, n_cells):
     values, below = values[order], np.cumsum(weight[order])
     rank = np.arange(1, n_cells) / n_cells * below[-1] * (1 - 1e-12)
     inner = values[np.searchsorted(below, rank)]
-    edges = np.unique([values[0], *inner, values[-1]])
+    quantiles = np.concatenate((values[:1], inner, values[-1:]))
+    distinct, which = np.unique(values, return_inverse=True)
+    share = np.bincount(which, weight[order])
+    place = np.searchsorted(distinct, quantiles[1:][quantiles[1:] == quantiles[:-1]])
+    place = np.unique(place[share[place] > 2 * np.median(share)])
+    heaps, beside = distinct[place], distinct[np.where(place > 0, place - 1, 1)]
+    edges = np.unique([*quantiles, *(heaps + (beside - heaps) / 1000)])
     return edges if len(edges) > 2 else np.linspace(edges[0], edges[1], 3)
 
 
@@ -109,8 +117,9 @@ class ContinuousRatingsRegressor(
     The CDF at the edges is that of an ordinal model whose levels are the cells. Between
     two edges it is off by less than the probability of the cell, which is about
     ``1 / n_cells`` on average. A heap of equal ratings, such as people who left the
-    slider at its end, is spread over the cell below it. The predicted distribution
-    never leaves the grid.
+    slider at its end, has a narrow cell of its own on a grid of quantiles; on another
+    it is spread over the cell below it. The predicted distribution never leaves the
+    grid.
 
     Examples
     --------
