@@ -1,6 +1,6 @@
 """How often sets and bands hold the ratings of new objects, over splits of objects.
 
-    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/coverage.py FOLDER \
+    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/guarantees.py FOLDER \
         [--sets films generated "one touch" tactile wine] [--splits 300] \
         [--objects 10 20 50 200] [--raters 1 5 12 60] [--seed 0] [--limits]
 
