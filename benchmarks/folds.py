@@ -36,7 +36,8 @@ SETS = {
 def load(name, folder):
     """Return the trials of a set, counts of each target, objects, and folds."""
     found = SETS[name](Path(folder))
-    targets = {target: pd.DataFrame(y) for target, y in found.targets.items()}
+    n_people = 1e6 if name == "films" else 1  # whose shares are of multitudes
+    targets = {t: n_people * pd.DataFrame(y) for t, y in found.targets.items()}
     return found._replace(targets=targets, groups=np.asarray(found.groups))
 
 
@@ -79,16 +80,13 @@ def score(found, proba):
 
 
 def ceiling(found):
-    """Return the mean RPS of the distributions in the populations, if it is known.
+    """Return the mean RPS of the distributions in the populations.
 
-    Whole numbers are of people, of whom one does not tell; others are the populations.
+    It is not known if each object was rated once.
     """
     each = [y.to_numpy() for y in found.targets.values()]
     if min(y.sum(axis=1).min() for y in each) < 2:
         return np.nan
-    if any((y % 1 != 0).any() for y in each):
-        shares = [y / y.sum(axis=1, keepdims=True) for y in each]
-        return np.mean([ranked_probability_score(p, p) for p in shares])
     return np.mean([noise_ceiling(y).truth for y in each])
 
 
