@@ -19,10 +19,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from heads import DEFAULT, models, with_ridge
-from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator
 from measure import command, of_groups, standard_error
-from quality import PERMUTED, Tables, classes, fold_proba
+from quality import Tables, classes, fold_proba
 from scipy.stats import t
 from sklearn import config_context
 from sklearn.dummy import DummyClassifier
@@ -34,75 +32,6 @@ from sklearn_haptic.metrics import ranked_probability_score
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "0.45"
 
 
-# Rivals -------------------------------------------------------------------------------
-
-PANELS = {
-    "bolt": "Recorded grips,\nhold: force, RPS",
-    "bolt, all": "Recorded grips, four\nprocedures: force, RPS",
-    "slow": "Generated slow slides:\nadjectives, RPS",
-    "hold": "Generated holds:\nadjectives, RPS",
-    "phac2": "Votes of hardness,\nfeatures given, RPS",
-    "films": "Stars of films,\nfeatures given, RPS",
-    "slides": "Recorded slides: which of\n20 materials, share of errors",
-}
-OTHERS = "other features or models"
-LABELS = {
-    DEFAULT: (BLUE, "s", "default"),
-    "linear": (ORANGE, "D", "its features, linear model"),
-    "random forest": ("#009E73", "P", "its features, random forest"),
-    "kernel ridge": ("#009E73", "X", "its features, kernel ridge"),
-    "statistics": (GREY, "o", "statistics, its model"),
-    "MiniRocket": (GREY, "^", "MiniRocket, its model"),
-    OTHERS: ("0.75", ".", OTHERS),
-}
-
-
-def of_panels(results):
-    """One row per panel and name; two seeds are averaged."""
-    results = results[~results["row"].isin([PERMUTED, "marginal"])]
-    panel = results["set"].str.rstrip("01")
-    squares = results.assign(error=results["error"] ** 2)
-    grouped = squares.groupby([panel, "row"], sort=False)
-    means = grouped[["difference", "ms"]].mean()
-    means["error"] = np.sqrt(grouped["error"].sum()) / grouped.size()
-    return means
-
-
-def log_axis(ax, subs):
-    """Label the steps of a logarithmic axis by plain numbers."""
-    ax.set_xscale("log")
-    ax.xaxis.set_major_locator(LogLocator(subs=subs))
-    ax.xaxis.set_major_formatter("{x:g}")
-    ax.xaxis.set_minor_formatter("")
-
-
-def draw_rivals(results, path):
-    """Draw a panel per kind of set: low is better, left is cheaper."""
-    points = of_panels(results)
-    panels = [name for name in PANELS if name in points.index]
-    figure, axes = plt.subplots(2, 4, figsize=(12, 6.2), layout="constrained")
-    for ax in axes.flat[len(panels) :]:
-        ax.axis("off")
-    for ax, name in zip(axes.flat, panels):
-        for row, point in points.loc[name].iterrows():
-            colour, marker, _ = LABELS.get(row, LABELS[OTHERS])
-            size, order = (8, 3) if row in LABELS else (4, 1)
-            each = point[["ms", "difference", "error"]]
-            style = {"color": colour, "marker": marker, "zorder": order}
-            ax.errorbar(*each, markersize=size, elinewidth=1, **style)
-        ax.axhline(0, color=BLUE, lw=0.8, ls=":", zorder=1)
-        ax.title.set(text=PANELS[name], fontsize=10)
-        log_axis(ax, (1, 3))
-        ax.set_xlabel("processor ms per touch")
-    figure.supylabel("score minus that of the default: low is better", fontsize=11)
-    handles = [
-        Line2D([], [], ls="", label=label, color=colour, marker=marker, ms=7)
-        for colour, marker, label in LABELS.values()
-    ]
-    axes.flat[-1].legend(handles=handles, loc="center", fontsize=11, frameon=False)
-    figure.savefig(path, dpi=85)
-
-
 # Real recordings and ratings ----------------------------------------------------------
 
 
@@ -111,7 +40,6 @@ NAMES = {
     "linear, penalty searched": "linear, alpha chosen",
     "kernel ridge": "kernel ridge",
     "random forest": "random forest",
-    "gradient boosting": "boosting",
 }
 
 
@@ -160,8 +88,13 @@ def beside_rivals(ax, scores, unit):
     """Differences from the first model, with intervals of 95 %."""
     ours, *rivals = scores
     each = np.array([scores[name] - scores[ours] for name in rivals])
-    mean = each.mean(axis=1)
     half = standard_error(each.T) * t.ppf(0.975, each.shape[1] - 1)
+    title = f"Beside rivals (ours: {scores[ours].mean():.2g})"
+    draw_differences(ax, rivals, each.mean(axis=1), half, unit, title)
+
+
+def draw_differences(ax, rivals, mean, half, unit, title):
+    """Draw by how much each is worse, and its interval; blue if clearly."""
     # Guesses would hide how the others differ.
     end = max(
         1.2 * (abs(m) + h)
@@ -184,7 +117,7 @@ def beside_rivals(ax, scores, unit):
     ax.set(
         ylim=(len(rivals) - 0.5, -0.5), xlabel=f"{unit}\n← better · worse than ours →"
     )
-    ax.set_title(f"Beside rivals (ours: {scores[ours].mean():.2g})", size=11)
+    ax.set_title(title, size=11)
     ax.locator_params(axis="x", nbins=4)
     ax.spines[["top", "right", "left"]].set_visible(False)
     ax.tick_params(axis="y", length=0)
@@ -213,6 +146,31 @@ def confusion(ax, y, predicted):
     ax.set_yticks(range(len(kinds)), labels=kinds, size=8)
     ax.set_xticks([])
     ax.set(xlabel="taken for, in the same order (errors in %)")
+
+
+# Rivals -------------------------------------------------------------------------------
+
+FEATURES = "maxima", "statistics", "bands", "MiniRocket"
+MODELS = "linear", "linear, alpha chosen", "random forest", "boosting", "kernel ridge"
+PANELS = {
+    "bolt": ("Other features: force of grips", FEATURES, "ms", "{:.1f} ms a touch"),
+    "slow0": ("Other features: slow slides", FEATURES, "ms", "{:.1f} ms a touch"),
+    "phac2": ("Other models: hardness", MODELS, "learning_s", "{:.2f} s to learn"),
+    "films": ("Other models: films", MODELS, "learning_s", "{:.2f} s to learn"),
+}
+
+
+def draw_rivals(results, path):
+    """Draw how much worse than the default features and models are, with their cost."""
+    figure, axes = plt.subplots(2, 2, figsize=(9, 5.6), layout="constrained")
+    for ax, (name, (title, rows, cost, said)) in zip(axes.flat, PANELS.items()):
+        found = results[results["set"] == name].set_index("row")
+        rivals = found.reindex(rows).dropna(how="all")
+        names = [f"{row}\n" + said.format(c) for row, c in rivals[cost].items()]
+        title += f"\n(ours: {said.format(found.at[DEFAULT, cost])})"
+        errors = 2 * rivals["error"]
+        draw_differences(ax, names, rivals["difference"], errors, "RPS", title)
+    figure.savefig(path, dpi=85)
 
 
 # Figures ------------------------------------------------------------------------------

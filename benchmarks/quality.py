@@ -70,7 +70,9 @@ def rows(n_features, only=()):
     found = dict.fromkeys((DEFAULT, PERMUTED), (DEFAULT, default))
     found |= {name: (name, default) for name in families() if name != DEFAULT}
     found |= {name: (DEFAULT, model) for name, model in models(n_features).items()}
-    return {n: r for n, r in found.items() if not only or n in {DEFAULT, PERMUTED, *only}}
+    return {
+        n: r for n, r in found.items() if not only or n in {DEFAULT, PERMUTED, *only}
+    }
 
 
 # Features and scores ------------------------------------------------------------------
