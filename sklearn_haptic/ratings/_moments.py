@@ -19,7 +19,7 @@ from ._levels import level_values
 _ROUNDING = 1e-12  # of moments on levels from 0 to 1, as computed from ratings
 _NOTHING = 1e-30  # of a second moment, which a double does not tell from 0
 _PRECISION = 1e-13  # of moments, relative to their magnitude
-_MAX_ITER = 200  # several times what the most extreme moments take
+_MAX_ITER = 1000  # which only levels of most unequal distances need
 _MARGIN = 4e-3  # of the range of borrowed variances, so that no level is left out
 _MAX_HALVINGS = 60
 
@@ -234,7 +234,7 @@ def _tilted(start, statistics, targets):
         left = np.abs(missing) > _PRECISION * (p * np.abs(each)).sum(axis=2)
         left = left.any(axis=1)
         if not left.any():
-            break
+            return logs
         rows, p, missing = rows[left], p[left], missing[left]
         each = each[left] - mean[left, :, None]
         curvature = (p * each) @ each.swapaxes(1, 2)
@@ -250,4 +250,9 @@ def _tilted(start, statistics, targets):
                 break
             size[too_far] /= 2
         logs[rows] += moved - divergence[:, None]
+    if np.abs(missing).max() > _ROUNDING:
+        raise ValueError(
+            "levels are so unequally far apart that no distribution with these moments "
+            "is found; give the numbers that people saw, or logarithms."
+        )
     return logs
