@@ -220,6 +220,10 @@ def test_what_is_rounded_is_moved_to_what_people_can_give():
         ({"mean": [3, 3], "n": [4, 0]}, "n is not above 0 in trial 1; give how many"),
         ({"mean": [3], "n": [4, 5]}, "; give one number per object"),
         ({"mean": [3], "decimals": -1}, "'decimals' parameter"),
+        (
+            {"mean": pd.Series([2, 3], ["a", "b"]), "n": pd.Series([9, 8], ["b", "a"])},
+            "n has another index than mean; give equal ones",
+        ),
     ],
 )
 def test_what_no_people_can_give_is_refused(arguments, message):

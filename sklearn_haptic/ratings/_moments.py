@@ -79,7 +79,8 @@ def counts_from_moments(
     ------
     ValueError
         If no people can have given such ratings: a mean lies outside the levels, or a
-        deviation is too large for its mean, or too small for one between two levels.
+        deviation is too large for its mean, or too small for one between two levels. If
+        the indices of columns differ.
 
     See Also
     --------
@@ -109,6 +110,7 @@ def counts_from_moments(
     0  12.0  0.0  0.0  0.0  0.0  0.0  0.0
     1   0.0  0.2  1.6  4.2  4.2  1.6  0.2
     """
+    index = _index_of(mean, std=std, n=n)
     levels = check_levels(levels)
     values = level_values(levels)
     if len(values) < 2:
@@ -132,8 +134,17 @@ def counts_from_moments(
         people = _numbers(n, "n", n_objects) if np.ndim(n) else np.full(n_objects, n)
         refuse(people <= 0, "is not above 0", "give how many people rated", "n")
         counts = counts * people[:, None]
-    index = mean.index if isinstance(mean, pd.Series) else None
     return pd.DataFrame(counts, index=index, columns=levels)
+
+
+def _index_of(mean, **others):
+    """Return the index of means, if they have one; others must have the same."""
+    if not isinstance(mean, pd.Series):
+        return None
+    for name, each in others.items():
+        if isinstance(each, pd.Series) and not each.index.equals(mean.index):
+            raise ValueError(f"{name} has another index than mean; give equal ones.")
+    return mean.index
 
 
 def _numbers(values, name, n_objects=None):
