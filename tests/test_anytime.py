@@ -199,6 +199,13 @@ def test_trials_of_one_sensor_in_any_container():
     assert (by_name.fit(named, COUNTS).predict_proba(named) == proba).all()
 
 
+def test_rates_that_contradict_a_description_are_refused():
+    described = make_column_transformer((SignalStatistics(rate=99), "slow"))
+    model = make_model(make_pipeline(described, HEAD), sampling_rates={"slow": 10})
+    with pytest.raises(ValueError, match="10 Hz for 'slow', which .* by 99 Hz"):
+        model.fit(TOUCHES, COUNTS, groups=OBJECTS)
+
+
 def test_columns_that_the_pipeline_does_not_take_are_ignored(model):
     more = TOUCHES.assign(other=[None] * len(TOUCHES))
     wide = make_model(sampling_rates={**RATES, "other": 1.0})

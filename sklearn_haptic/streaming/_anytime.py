@@ -41,7 +41,7 @@ from ..utils._sklearn import (
 )
 from ..utils._validation import check_numbers
 from ._arriving_samples import FeltSamples
-from ._branches import fit_features, used_sensors
+from ._branches import check_described, fit_features, used_sensors
 from ._heads import best_power, fit_head, head_tasks
 from ._recorded_touches import check_touches, durations_complete, samples_in
 from ._touch_in_progress import TouchInProgress, check_limits
@@ -225,6 +225,7 @@ class AnytimeRegressor(
         reached = n_reached[:, np.newaxis] > np.arange(len(durations))
         self._check_reached(reached)
         self._branches, later = fit_features(steps, touches, y)
+        check_described(self._branches, rates)
         rows = self._fit_rows(touches, reached)
         if isinstance(later[0][1], BlockScaler):
             later[0][1].blocks = self._block_widths()

@@ -112,6 +112,18 @@ def fit_features(steps, touches, y):
     )
 
 
+def check_described(branches, rates):
+    """Refuse rates that contradict those by which an estimator describes sensors."""
+    for branch in branches:
+        rate = rates[branch.sensors[0]]
+        known = getattr(_flat(branch.transformer)[0], "rate_", None) or rate
+        if len(branch.sensors) == 1 and max(rate / known, known / rate) > 1.1:
+            raise ValueError(
+                f"sampling_rates has {rate:g} Hz for {branch.sensors[0]!r}, which the "
+                f"estimator describes by {known:g} Hz; give the same rate."
+            )
+
+
 def as_rows(features):
     """Return features as an array of shape (n_touches, n_features)."""
     if hasattr(features, "toarray"):
