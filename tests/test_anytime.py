@@ -202,7 +202,7 @@ def test_trials_of_one_sensor_in_any_container():
 def test_rates_that_contradict_a_description_are_refused():
     described = make_column_transformer((SignalStatistics(rate=99), "slow"))
     model = make_model(make_pipeline(described, HEAD), sampling_rates={"slow": 10})
-    with pytest.raises(ValueError, match="10 Hz for 'slow', which .* by 99 Hz"):
+    with pytest.raises(ValueError, match=r"10 Hz for 'slow', which .* by 99 Hz"):
         model.fit(TOUCHES, COUNTS, groups=OBJECTS)
 
 

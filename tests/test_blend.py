@@ -198,6 +198,18 @@ def test_copies_of_touches_change_nothing():
     assert_allclose(many.predict_proba(X), one.predict_proba(X), atol=1e-6)
 
 
+def test_how_many_people_rated_a_touch_changes_nothing():
+    X, counts, objects = made()
+    people = np.tile([1, 2, 4], N_OBJECTS)[:, None]
+    one, many = (
+        DistributionBlend([("linear", DistributionalOrdinalRegressor())]).fit(
+            X, each, groups=objects
+        )
+        for each in (counts, counts * people)
+    )
+    assert_allclose(many.predict_proba(X), one.predict_proba(X), atol=1e-9)
+
+
 def test_counts_tell_the_objects_where_these_are_not_told():
     X, counts, objects = made()
     counts[:, 0] += objects / 100  # so that no two share their counts

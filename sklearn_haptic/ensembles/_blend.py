@@ -306,7 +306,8 @@ class DistributionBlend(
 def _are_of_objects(counts, objects):
     """Whether all trials of each object have the same ratings."""
     _, first = np.unique(objects, return_index=True)
-    return not np.any(counts != counts[first][objects])
+    below = cdf(counts)
+    return np.allclose(below, below[first][objects], rtol=0, atol=1e-9)
 
 
 def _takes_weights(member):
