@@ -876,6 +876,32 @@ ask(direct(ratings.shrink_counts),
     check("weights instead of people", COUNTS / 2, "^counts must be whole numbers of"),
     check("one rating of each object", np.eye(3), "^counts has no object with two"))
 ask(direct(ratings.shrink_counts, counts=COUNTS), *settings("strength", -1, "cv"))
+MEANS = pd.Series([2, 3], ["a", "b"])
+ask(direct(ratings.counts_from_moments, levels=range(1, 6)),
+    check("a mean above the levels", [2, 5.01],
+        "^mean lies outside the levels in trial 1; give means from 1 to 5, or"),
+    check("NaN", [np.nan], "^Input mean contains NaN"),
+    check("text", ["2"], "^mean is not an array of numbers"),
+    check("two adjectives", [[2, 3]], "^mean has shape .*; give one number per object"),
+    check("too little spread", [3, 2.5], [1, 0.4],
+        "^std is too small for the mean in trial 1; give at least 0.5, or mend mean"),
+    check("too much spread", [3, 1.1], [1, 0.7],
+        "^std is too large for the mean in trial 1; give at most 0.6245, or mend mean"),
+    check("spread at an end", [5], [0.1], "^std is too large .* give at most 0, or"),
+    check("a negative deviation", [3], [-1], "^std has a negative number in trial 0"),
+    check("one deviation in a list", [3, 3], [1], "^std has shape .*; give one number"),
+    check("too much to borrow", [3], 2.5, "^std=2.5 is no deviation .*; give 0.12"),
+    check("nothing to borrow", [3], 0, "^std=0 is no deviation of people who chose"),
+    check("another index", MEANS, MEANS[::-1], "^std has another index than mean"),
+    check("nobody", [3, 3], n=[4, 0], says="^n is not above 0 in trial 1; give"),
+    check("too many people", [3], n=[4, 5], says="^n has shape .*; give one number"),
+    *(check(f"levels={levels}", [3], levels=levels, says=says) for levels, says in (
+        ([1], "is one level; give two or more"), (["a", "b"], "are not numbers"),
+        ([5, 1], "do not ascend"))))
+ask(direct(ratings.counts_from_moments, mean=[3], levels=range(1, 6)),
+    *settings("std", -1.0), *settings("n", 0), *settings("decimals", -1, 0.5))
+ask(direct(ratings.counts_from_moments, levels=[0.0002, 0.01, 0.1, 1, 50, 2000]),
+    check("levels far apart", [0.0563], [0.045], "^levels are so unequally far apart"))
 LONG = pd.DataFrame({"object": list("aab"), "rater": list("xyx"), "rating": [1, 2, 2]})
 ask(direct(RatingTable.from_long),
     check("no column of raters", LONG[["object", "rating"]],

@@ -197,35 +197,3 @@ def test_what_is_rounded_is_moved_to_what_people_can_give():
     for mean, std in ([2.9, 0.46], [2.5, 0.49], [2.0, 1.02], [3.006, 0.0]):
         with pytest.raises(ValueError, match=r"(mean lies|std is too)"):
             counts_from_moments([mean], [std], levels=[1, 2, 3], decimals=2)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"mean": [2, 5.01]}, "mean lies outside the levels in trial 1; give means fr"),
-        ({"mean": [np.nan]}, "mean contains NaN"),
-        ({"mean": [[2, 3]]}, r"mean has shape \(1, 2\); give one number per object"),
-        ({"mean": ["2"]}, "mean is not an array of numbers"),
-        ({"mean": [3, 2.5], "std": [1, 0.4]}, "too small for the mean in trial 1; giv"),
-        ({"mean": [3, 1.1], "std": [1, 0.7]}, "in trial 1; give at most 0.6245, or me"),
-        ({"mean": [5], "std": [0.1]}, "std is too large .* give at most 0, or mend"),
-        ({"mean": [3, 3], "std": [1]}, "; give one number per object"),
-        ({"mean": [3], "std": [-1.0]}, "std has a negative number in trial 0"),
-        ({"mean": [3], "std": -1.0}, "'std' parameter"),
-        ({"mean": [3], "std": 2.5}, "std=2.5 is no deviation of people .* give 0.12"),
-        ({"mean": [3], "std": 0.0}, "std=0 is no deviation of people"),
-        ({"mean": [3], "levels": [1]}, "is one level; give two or more"),
-        ({"mean": [3], "levels": ["a", "b"]}, "are not numbers"),
-        ({"mean": [3], "levels": [5, 1]}, "do not ascend"),
-        ({"mean": [3, 3], "n": [4, 0]}, "n is not above 0 in trial 1; give how many"),
-        ({"mean": [3], "n": [4, 5]}, "; give one number per object"),
-        ({"mean": [3], "decimals": -1}, "'decimals' parameter"),
-        (
-            {"mean": pd.Series([2, 3], ["a", "b"]), "n": pd.Series([9, 8], ["b", "a"])},
-            "n has another index than mean; give equal ones",
-        ),
-    ],
-)
-def test_what_no_people_can_give_is_refused(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        counts_from_moments(**({"levels": range(1, 6)} | arguments))
