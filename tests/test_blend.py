@@ -75,8 +75,8 @@ def test_weights_of_a_perfect_member_and_of_none():
     assert_allclose(blend_weights(0 * departure, np.ones(9)).sum(), 1)
 
 
-def weights_by_descent(departure, weight, n_prior=1.0):
-    """Objects, and one of which all members are equally wrong."""
+def weights_by_descent(departure, weight, n_prior=0.5):
+    """Objects, and half an object of which all members are equally wrong."""
     n_members = departure.shape[1]
     moments = sum(w * trial @ trial.T for w, trial in zip(weight, departure))
     moments += n_prior * np.trace(moments) / n_members / sum(weight) * np.eye(n_members)
@@ -90,7 +90,7 @@ def weights_by_descent(departure, weight, n_prior=1.0):
     ).x
 
 
-def exponent_by_search(proba, below, weight, n_prior=1.0):
+def exponent_by_search(proba, below, weight, n_prior=0.5):
     """The best of a fine grid, by plain loops."""
 
     def squares(exponent):

@@ -13,7 +13,7 @@ from scipy.optimize import minimize_scalar, nnls
 
 from ..ratings._distributions import cdf, raised
 
-_N_PRIOR = 1.0  # objects that are added, see docs/method.md
+_N_PRIOR = 0.5  # objects that are added, see docs/method.md
 _LARGEST_EXPONENT = 4
 _LEAST = 1e-12  # smaller weights are rounding errors
 
