@@ -149,8 +149,9 @@ def test_folds_of_labels_without_groups_have_all_labels():
 @pytest.mark.parametrize("name", [*LEARNERS, *STOPPED])
 def test_a_fit_that_needs_objects_says_so_in_one_sentence(name):
     model, trials = LEARNERS[name] if name in LEARNERS else (STOPPED[name], X)
+    ratings = np.arange(60) % 5 + 1  # which tell no objects
     with pytest.warns(UserWarning, match="fit was given no groups") as caught:
-        clone(model).fit(trials, COUNTS)
+        clone(model).fit(trials, ratings)
     (warning,) = caught
     assert str(warning.message) == f"{type(model).__name__}: {NO_GROUPS}"
     assert warning.filename == __file__

@@ -127,8 +127,8 @@ class DistributionBlend(
     ...     ]
     ... ).fit(X, counts, groups=objects)
     >>> blend.predict_proba([[0.0], [5.0]]).round(1)
-    array([[1. , 0. ],
-           [0.1, 0.9]])
+    array([[1., 0.],
+           [0., 1.]])
     """
 
     _parameter_constraints = {  # noqa: RUF012
