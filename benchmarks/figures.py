@@ -194,8 +194,10 @@ def films(folder):
         ax.set(yticks=[], xlabel="stars", xticks=stars)
         ax.set_title(name, size=9)
         ax.spines[["top", "right", "left"]].set_visible(False)
-    axes[0].text(0.3, 0.24, "■ predicted", color=BLUE, weight="bold", size=7.5)
-    axes[0].text(0.3, 0.29, "● people", color=ORANGE, weight="bold", size=7.5)
+    words = {"■ predicted": BLUE, "● people": ORANGE}
+    for row, (word, colour) in enumerate(words.items()):
+        at = {"x": 0.02, "y": 0.95 - 0.1 * row, "transform": axes[0].transAxes}
+        axes[0].text(s=word, color=colour, weight="bold", size=7.5, **at)
     above.suptitle("Stars of three films: predictions and people", size=11)
     beside_rivals(below.subplots(), scores, "RPS")
     return figure
