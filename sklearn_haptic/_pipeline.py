@@ -117,7 +117,7 @@ def _model_of_ratings(random_state):
     """Return a blend of two linear models and of trees, which err differently."""
     members = [
         (name, DistributionalOrdinalRegressor(NNPOM(n_hidden=0, alpha=alpha)))
-        for name, alpha in (("weak", 1.0), ("strong", 10.0))
+        for name, alpha in (("weak", 0.3), ("strong", 3.0))
     ]
     trees = RegressedDistribution(random_state=random_state)
     return DistributionBlend([*members, ("trees", trees)])
