@@ -75,11 +75,12 @@ def test_weights_of_a_perfect_member_and_of_none():
     assert_allclose(blend_weights(0 * departure, np.ones(9)).sum(), 1)
 
 
-def weights_by_descent(departure, weight, n_prior=0.5):
-    """Objects, and half an object of which all members are equally wrong."""
+def weights_by_descent(departure, weight, n_prior=2.0):
+    """Objects, and two of which all but the last member are equally wrong."""
     n_members = departure.shape[1]
     moments = sum(w * trial @ trial.T for w, trial in zip(weight, departure))
-    moments += n_prior * np.trace(moments) / n_members / sum(weight) * np.eye(n_members)
+    each = n_prior * np.trace(moments) / n_members / sum(weight)
+    moments += each * np.diag([1.0] * (n_members - 1) + [0.0])
     return minimize(
         lambda share: share @ moments @ share,
         np.full(n_members, 1 / n_members),
@@ -115,10 +116,10 @@ def test_weights_are_those_of_a_search_of_the_simplex(seed):
     assert_allclose(share, weights_by_descent(departure, weight), atol=1e-5)
 
 
-def test_weights_move_from_equal_ones_to_the_best_as_objects_grow_in_number():
+def test_weights_move_from_the_marginal_to_the_best_as_objects_grow_in_number():
     departure = np.array([[[1.0, 0.2], [0.3, -0.1], [0.5, 0.7]]])
     shares = [blend_weights(departure, np.array([n])) for n in (1e-6, 1, 4, 40, 4000)]
-    assert_allclose(shares[0], 1 / 3, atol=1e-5)
+    assert_allclose(shares[0], [0, 0, 1], atol=1e-5)
     assert_allclose(shares[-1], [0, 1, 0], atol=0.05)
     assert np.all(np.diff(shares, axis=0)[:, 1] > 0)
 

@@ -67,8 +67,8 @@ class DistributionBlend(
     weights : {"learned", "equal"}, default="learned"
         "learned": by predictions of trials, each from models that were fitted without
         their object; those that minimise the ranked probability score. They are drawn
-        towards equal weights of all members, and the exponent towards 1, by what half
-        an object would say against them. "equal": the mean of the members given,
+        towards the marginal by what two objects would say against the others, and the
+        exponent towards 1. "equal": the mean of the members given,
         without the marginal; nothing is held out then.
     cv : int, splitter or iterable of (train, test), default=None
         The folds on which the weights are learned, whole objects in each; by default 5,

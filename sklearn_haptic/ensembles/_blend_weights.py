@@ -3,9 +3,8 @@
 The ranked probability score of a mean of distributions is, but for a term of the
 ratings alone, the squared distance of its CDF from that of the ratings, so it is a
 convex quadratic function of the weights. What few objects say of it is luck, so some
-objects are added of which all members are equally wrong, each in its own way: these
-draw the weights towards equal ones and the exponent towards 1, by less the more objects
-there are.
+objects are added that draw the weights towards the marginal and the exponent towards 1,
+by less the more objects there are.
 """
 
 import numpy as np
@@ -13,12 +12,13 @@ from scipy.optimize import minimize_scalar, nnls
 
 from ..ratings._distributions import cdf, raised
 
-_N_PRIOR = 0.5  # objects that are added, see docs/method.md
+# Objects that are added for weights and for the exponent, see docs/method.md.
+_OF_WEIGHTS, _OF_EXPONENT = 2.0, 0.5
 _LARGEST_EXPONENT = 4
 _LEAST = 1e-12  # smaller weights are rounding errors
 
 
-def blend_weights(departure, weight, n_prior=_N_PRIOR):
+def blend_weights(departure, weight, n_prior=_OF_WEIGHTS):
     r"""Return non-negative weights of sum 1 that minimise a sum of squared distances.
 
     They are the point nearest to zero in the convex hull of the members' departures:
@@ -30,11 +30,12 @@ def blend_weights(departure, weight, n_prior=_N_PRIOR):
     Parameters
     ----------
     departure : ndarray of shape (n_trials, n_members, n_thresholds)
-        Predicted minus true CDF.
+        Predicted minus true CDF; the last member is the marginal.
     weight : ndarray of shape (n_trials,)
         Weight of each trial in numbers of objects: 1/5 for one of an object's five.
     n_prior : float
-        Number of objects that are added.
+        Number of objects that are added, of which all members but the marginal are
+        wrong, equally and each in its own way.
 
     Returns
     -------
@@ -46,7 +47,7 @@ def blend_weights(departure, weight, n_prior=_N_PRIOR):
     if len(rows) > n_members:
         rows = np.linalg.qr(rows, mode="r")  # of the same products
     of_an_object = np.linalg.norm(rows) / np.sqrt(n_members * weight.sum())
-    added = np.sqrt(n_prior) * of_an_object * np.eye(n_members)
+    added = np.sqrt(n_prior) * of_an_object * np.eye(n_members)[:-1]
     rows = np.vstack((rows, added))
     rows = np.vstack((rows / (np.linalg.norm(rows) or 1.0), np.ones(n_members)))
     solution, _ = nnls(rows, np.append(np.zeros(len(rows) - 1), 1.0))
@@ -54,7 +55,7 @@ def blend_weights(departure, weight, n_prior=_N_PRIOR):
     return solution / solution.sum()
 
 
-def blend_exponent(proba, below, weight, n_prior=_N_PRIOR):
+def blend_exponent(proba, below, weight, n_prior=_OF_EXPONENT):
     """Return the power of a mean of distributions with the least score.
 
     Parameters
