@@ -81,7 +81,8 @@ class DistributionBlend(
     Attributes
     ----------
     estimators_ : dict of str to estimator object
-        The members of positive weight, fitted to all trials.
+        The members of positive weight, fitted to all trials; beside the marginal alone
+        the first one too, which checks what is to be predicted.
     weights_ : dict of str to float
         The weight of each member.
     exponent_ : float
@@ -243,6 +244,8 @@ class DistributionBlend(
             proba = np.reshape(np.concatenate(proba), (len(members), len(tested), -1))
             share, exponent, scores = _learn(proba, counts[tested], held_out[tested])
         used = [name for name, w in zip(members, share) if w > 0]
+        if used == [MARGINAL]:  # which takes anything; another one checks what is given
+            used.append(self.estimators[0][0])
         every = np.arange(len(counts)), np.arange(0)
         tasks = [Task(name, members[name], X, y, every, params[name]) for name in used]
         fitted = run_tasks(tasks, levels, n_jobs=self.n_jobs)
