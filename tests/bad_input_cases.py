@@ -371,8 +371,8 @@ SCORES = direct(
     metrics.log_score, metrics.macro_mae, metrics.pit_histogram,
     metrics.dispersion, y_true=COUNTS, y_proba=PROBA)
 FUNCTIONS_OF_COUNTS = direct(
-    ratings.interrater_agreement, ratings.rating_cdf, ratings.rating_mean,
-    ratings.shrink_counts
+    ratings.interrater_agreement, ratings.rating_distribution, ratings.rating_cdf,
+    ratings.rating_mean, ratings.shrink_counts
 ) | direct(ratings.inverse_cdf, p=0.5)
 ask(fitting(RATED, "y") | fitting(BLEND, "y", groups=OBJECTS), *NOT_RATINGS, arg="y")
 ask(by_name("y_true", SCORES), *NOT_RATINGS, arg="y_true")

@@ -42,6 +42,7 @@ from sklearn_haptic.ratings import (
     inverse_cdf,
     rating_cdf,
     rating_counts,
+    rating_distribution,
 )
 from sklearn_haptic.ratings._checks import check_ratings
 
@@ -434,7 +435,7 @@ def test_figures_name_the_levels():
 
 def test_ratings_in_the_order_of_levels():
     y = pd.DataFrame(COUNTS + 1, columns=NAMES)[[5, 4, 2, 1]]
-    for function in (rating_cdf, interrater_agreement):
+    for function in (rating_distribution, rating_cdf, interrater_agreement):
         assert_array_equal(function(y), function(COUNTS + 1))
     p = [0.1, 0.5, 0.9]
     index = inverse_cdf(COUNTS + 1, p) - 1

@@ -14,6 +14,7 @@ from sklearn_haptic.ratings import (
     outlying_raters,
     rating_cdf,
     rating_counts,
+    rating_distribution,
 )
 from sklearn_haptic.ratings._correlation import _holm
 from sklearn_haptic.ratings._distributions import level_at
@@ -108,11 +109,17 @@ def test_rating_counts_agrees_with_a_published_table(shared_data):
         assert_array_equal(table.counts, expected[["n1", "n2", "n3", "n4", "n5"]])
 
 
-# CDF
+# Distribution and CDF
 
 
-def test_cdf_by_hand():
+def test_distribution_and_cdf_by_hand():
     counts = [[0, 3, 6, 3, 0], [1, 1, 1, 0, 0], [7, 0, 0, 0, 0]]
+    expected = [
+        [0, 1 / 4, 1 / 2, 1 / 4, 0],
+        [1 / 3, 1 / 3, 1 / 3, 0, 0],
+        [1, 0, 0, 0, 0],
+    ]
+    assert rating_distribution(counts).tolist() == expected
     expected = [[0, 1 / 4, 3 / 4, 1, 1], [1 / 3, 2 / 3, 1, 1, 1], [1, 1, 1, 1, 1]]
     assert rating_cdf(counts).tolist() == expected
 
@@ -136,8 +143,8 @@ def test_cdf_of_weights_ends_in_one_and_is_the_sum_of_the_distribution(scale):
     cdf = rating_cdf(weights)
     assert (cdf[:, -1] == 1).all()
     assert (np.diff(cdf, axis=1) >= 0).all()
-    below = np.cumsum(weights, axis=1) / weights.sum(axis=1, keepdims=True)
-    assert_allclose(below, cdf, atol=1e-15)
+    proba = rating_distribution(weights)
+    assert_allclose(np.cumsum(proba, axis=1), cdf, atol=1e-15)
 
 
 # Inverse CDF

@@ -13,6 +13,7 @@ from ._summaries import (
     interrater_agreement,
     inverse_cdf,
     rating_cdf,
+    rating_distribution,
     rating_mean,
 )
 
@@ -25,6 +26,7 @@ __all__ = [
     "outlying_raters",
     "rating_cdf",
     "rating_counts",
+    "rating_distribution",
     "rating_mean",
     "shrink_counts",
 ]

@@ -1,4 +1,4 @@
-"""What counts say of each object: CDF, inverse CDF, mean and agreement."""
+"""What counts say of each object: shares, CDF, inverse CDF, mean and agreement."""
 
 from __future__ import annotations
 
@@ -9,6 +9,34 @@ from ..utils._validation import check_positions
 from ._checks import check_counts, check_two_ratings
 from ._distributions import cdf, level_at, shares
 from ._levels import level_values
+
+
+def rating_distribution(counts: ArrayLike) -> NDArray[np.float64]:
+    """Share of the people who gave each object each rating.
+
+    Parameters
+    ----------
+    counts : array-like of shape (n_objects, n_levels)
+        How many people chose each level; any non-negative weights will do.
+
+    Returns
+    -------
+    proba : ndarray of shape (n_objects, n_levels)
+        Proportions, which sum to 1 in each row.
+
+    Raises
+    ------
+    ValueError
+        If the counts are negative, not finite or all zero for an object.
+
+    Examples
+    --------
+    >>> from sklearn_haptic.ratings import rating_distribution
+    >>> rating_distribution([[0, 3, 6, 3, 0]])
+    array([[0.  , 0.25, 0.5 , 0.25, 0.  ]])
+    """
+    counts, _ = check_counts(counts)
+    return shares(counts)
 
 
 def rating_cdf(counts: ArrayLike) -> NDArray[np.float64]:
