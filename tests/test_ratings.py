@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import rankdata, spearmanr
 
 from sklearn_haptic.ratings import (
+    RatingTable,
     adjective_correlation,
     interrater_agreement,
     inverse_cdf,
@@ -420,7 +421,23 @@ def test_careless_raters_are_found(careless):
     same = outlying_raters(table, pd.Series(objects), pd.Series(raters))
     pd.testing.assert_frame_equal(same, result)
     table = rating_counts(answers[:, 0], objects, raters, levels=[1, 2, 3, 4, 5])
+    one = outlying_raters(answers[:, :1], objects, raters)
+    pd.testing.assert_frame_equal(outlying_raters(table), one)
     assert repr(table).startswith("RatingTable(") and len(repr(table)) < 88
+
+
+def test_outlying_raters_of_a_table_whose_levels_are_uneven():
+    frame = pd.DataFrame(
+        [
+            (o, r, v)
+            for o in range(4)
+            for r, v in enumerate([0, 0, 10, 10, 100 * (o + 1)])
+        ],
+        columns=["object", "rater", "rating"],
+    )
+    expected = outlying_raters(frame[["rating"]], frame["object"], frame["rater"])
+    got = outlying_raters(RatingTable.from_long(frame))
+    pd.testing.assert_frame_equal(got, expected)
 
 
 def test_raters_who_cannot_be_compared():

@@ -13,6 +13,7 @@ from sklearn.utils.validation import check_consistent_length
 from ..utils._sklearn import Interval, validate_params
 from ..utils._validation import check_objects
 from ._checks import check_single_ratings
+from ._counts import RatingTable
 
 # Differences smaller than this are of rounding.
 _ROUNDING = 1e-9
@@ -24,9 +25,9 @@ _N_DRAWS = 2000  # of the reference distribution
     prefer_skip_nested_validation=True,
 )
 def outlying_raters(
-    ratings: ArrayLike,
-    objects: ArrayLike,
-    raters: ArrayLike,
+    ratings: ArrayLike | RatingTable,
+    objects: ArrayLike | None = None,
+    raters: ArrayLike | None = None,
     *,
     significance: float = 0.05,
 ) -> pd.DataFrame:
@@ -40,13 +41,14 @@ def outlying_raters(
 
     Parameters
     ----------
-    ratings : array-like of shape (n_ratings, n_adjectives)
+    ratings : array-like of shape (n_ratings, n_adjectives), or RatingTable
         One row per person and object, one column per adjective: numbers. Missing
-        ratings are None, NaN or NA.
-    objects : array-like of shape (n_ratings,)
-        The object that each row is about.
-    raters : array-like of shape (n_ratings,)
-        The person who gave each row.
+        ratings are None, NaN or NA. Or the ratings of one adjective, as a table that
+        knows its raters; its levels that are words count by their place.
+    objects : array-like of shape (n_ratings,), default=None
+        The object that each row is about. Only a table goes without.
+    raters : array-like of shape (n_ratings,), default=None
+        The person who gave each row. Only a table goes without.
     significance : float, default=0.05
         Probability that anybody is called outlying if nobody is.
 
@@ -67,8 +69,9 @@ def outlying_raters(
     Raises
     ------
     ValueError
-        If the arguments differ in length, an object or a rater is missing, a rating is
-        not a number, or no object has ratings of two people.
+        If the arguments differ in length, an object or a rater is missing or, in a
+        table, not known, a rating is not a number, or no object has ratings of two
+        people.
 
     Notes
     -----
@@ -98,6 +101,12 @@ def outlying_raters(
     >>> result.index[result["outlying"]].tolist()
     [2]
     """
+    if isinstance(ratings, RatingTable):
+        ratings, objects, raters = _answers_of(ratings, objects, raters)
+    if objects is None or raters is None:
+        raise ValueError(
+            "ratings do not say who gave them on which object; give objects and raters."
+        )
     answers = check_single_ratings(ratings)
     check_consistent_length(answers, objects, raters)
     objects, of_object = np.unique(check_objects(objects), return_inverse=True)
@@ -132,6 +141,23 @@ def outlying_raters(
         },
         index=pd.Index(people, name="rater"),
     )
+
+
+def _answers_of(table, objects, raters):
+    """Return the ratings of a table as numbers, with their objects and raters."""
+    if objects is not None or raters is not None:
+        raise ValueError(
+            "ratings is a RatingTable, which has objects and raters; leave both out."
+        )
+    if table.answers is None or table.raters is None:
+        raise ValueError(
+            "table does not know its raters; make it by rating_counts(ratings, "
+            "objects, raters) or RatingTable.from_long."
+        )
+    row, rater, level = table.answers.T
+    numeric = np.issubdtype(table.levels.dtype, np.number)
+    values = table.levels if numeric else np.arange(len(table.levels))
+    return values[level][:, None], table.objects[row], table.raters[rater]
 
 
 def _products(answers, of_object, of_rater):
