@@ -12,9 +12,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import expit
 from sklearn.base import BaseEstimator, ClassifierMixin, clone, is_classifier
 from sklearn.frozen import FrozenEstimator
-from sklearn.linear_model import LinearRegression, LogisticRegression
-from sklearn.model_selection import GroupKFold, LeaveOneGroupOut
+from sklearn.linear_model import LinearRegression, LogisticRegression, Ridge
+from sklearn.model_selection import GridSearchCV, GroupKFold, LeaveOneGroupOut
 from sklearn.neighbors import KNeighborsRegressor
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
 
 from sklearn_haptic import (
     NNPOM,
@@ -398,6 +400,35 @@ def test_intervals_of_sliders(grid):
     assert_array_equal(*drawn)
     with pytest.raises(ValueError, match="Sliders have no levels; use predict_inte"):
         model.predict_set(new)
+
+
+def test_models_of_sliders_in_pipelines_searches_and_frozen():
+    X, answers, objects = slid()
+    new, base = world(7, 6)[0], ContinuousRatingsRegressor(NNPOM(0), n_cells=8)
+
+    def predicted(model, method="cv+"):
+        model = ConformalRatings(model, method=method).fit(X, answers, groups=objects)
+        first = model.predict_interval(new, 0.2), model.predict_band(new, 0.2)
+        scored = [[model.score(X, answers)] * 6, model.predict_quantile(new, 0.3)]
+        rest = model.predict_proba(new), model.p_values(new), model.predict_cdf(new)
+        assert model.sample(new, 2).shape == (6, 2) and not is_classifier(model)
+        return np.column_stack([*first[0], *first[1], *scored, *rest])
+
+    twice = make_pipeline(FunctionTransformer(), base)
+    around = {
+        "a pipeline": twice,
+        "a search": GridSearchCV(base, {"n_cells": [8]}, cv=2),
+        "both": GridSearchCV(twice, {}, cv=2),
+    }
+    expected = predicted(base)
+    for model in around.values():
+        assert_array_equal(predicted(model), expected)
+    expected = predicted(clone(base).fit(X, answers), "prefit")
+    for model in around.values():
+        frozen = FrozenEstimator(clone(model).fit(X, answers))
+        assert_array_equal(predicted(frozen, "prefit"), expected)
+    with pytest.raises(ValueError, match=r"Ridge\(\) predicts no distribution; give a"):
+        ConformalRatings(Ridge()).fit(X, answers, groups=objects)
 
 
 def test_values_are_of_sliders(fitted):

@@ -18,6 +18,7 @@ from test_out_of_fold import COUNTS, OBJECTS, REGRESSOR, X
 
 from sklearn_haptic import (
     NNPOM,
+    ConformalRatings,
     ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DummyDistribution,
@@ -267,7 +268,7 @@ def test_classes_have_no_order():
     pd.testing.assert_frame_equal(again.gains, report.gains)
 
 
-@pytest.mark.parametrize("place", ["around", "behind", "searched"])
+@pytest.mark.parametrize("place", ["around", "behind", "searched", "guaranteed"])
 def test_sliders_beside_guesses_that_pool_answers(place):
     """The CRPS of both guesses by its definition: mean distances of answers."""
     rng = np.random.default_rng(0)
@@ -279,6 +280,9 @@ def test_sliders_beside_guesses_that_pool_answers(place):
         model = make_pipeline(scaler, ContinuousRatingsRegressor(LINEAR, grid=grid))
     if place == "searched":
         model = GridSearchCV(model, {}, cv=2)
+    alone = model
+    if place == "guaranteed":
+        model = ConformalRatings(model)
     report = model_report(model, X, answers, groups=OBJECTS, cv=3)
     quantiles = cross_val_predict_proba(
         model, X, answers, groups=OBJECTS, cv=3, method="predict_quantile"
@@ -295,7 +299,7 @@ def test_sliders_beside_guesses_that_pool_answers(place):
         for trial in test:
             own = answers[trial][np.isfinite(answers[trial])]
             expected[trial] = np.mean(np.abs(own[:, None] - pool) @ weight) - within
-        fitted = clone(model).fit(X[train], answers[train])
+        fitted = clone(alone).fit(X[train], answers[train])
         fitted = getattr(fitted, "best_estimator_", fitted)
         steps, Z = [fitted], X[test]
         if place != "around":

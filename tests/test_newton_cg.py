@@ -187,6 +187,19 @@ def test_many_fits_at_once_are_the_fits_one_by_one(shape, dtype):
         assert together.estimator_.loss_ == pytest.approx(alone.estimator_.loss_)
 
 
+def test_touches_of_a_fold_may_all_be_alike():
+    """The spread of one fold alone is 0, but for rounding of the others' distance."""
+    X = np.array([[0.0, -2.0, 1.0]] * 3 + [[1.0, 1.0, 1.0]])
+    counts = np.array([[1, 1, 0, 0, 0]] * 3 + [[0, 0, 2, 4, 3]])
+    weights = np.array([[0, 0, 0, 1.0], [1, 1, 1, 0], [1, 1, 1, 1]])
+    model = DistributionalOrdinalRegressor()
+    models = [clone(model) for _ in weights]
+    fits = fit_linear_models(models, X, np.array([counts] * 3), weights, LEVELS)
+    for fit, weight in zip(fits, weights):
+        alone = clone(model).set_params(levels=LEVELS).fit(X, counts, weight)
+        assert_allclose(fit.predict_proba(X), alone.predict_proba(X), atol=1e-6)
+
+
 def test_what_is_linear():
     assert not is_linear(NNPOM(0))
     assert not is_linear(DistributionalOrdinalRegressor(NNPOM(3)))

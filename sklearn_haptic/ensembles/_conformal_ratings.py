@@ -17,7 +17,7 @@ from sklearn.base import BaseEstimator, MetaEstimatorMixin, is_regressor
 from sklearn.utils import RegressorTags
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from ..models._distributional import DistributionalOrdinalRegressor
+from ..models import ContinuousRatingsRegressor, DistributionalOrdinalRegressor
 from ..models._ordinal import OrdinalClassifierMixin
 from ..ratings._checks import check_adjectives, check_rated
 from ..ratings._continuous import cdf_at, check_answers, check_values
@@ -28,6 +28,7 @@ from ..utils._folds import (
     number_objects,
     warn_of_no_groups,
 )
+from ..utils._pipeline_steps import last_step
 from ..utils._sklearn import (
     CrossValidator,
     HasMethods,
@@ -76,7 +77,8 @@ class ConformalRatings(
     estimator : estimator object, default=None
         The model: a classifier with ``predict_proba``, by default
         ``DistributionalOrdinalRegressor()``, or for sliders a
-        :class:`ContinuousRatingsRegressor`.
+        :class:`ContinuousRatingsRegressor`; also a pipeline or a search that ends in
+        one.
     method : {"cv+", "prefit"}, default="cv+"
         "cv+": a model is fitted without each fold of objects and judged by them, so
         that all objects serve for both. "prefit": `estimator` was fitted to other
@@ -152,11 +154,7 @@ class ConformalRatings(
     """
 
     _parameter_constraints = {  # noqa: RUF012
-        "estimator": [
-            HasMethods(["fit", "predict_proba"]),
-            HasMethods(["fit", "predict_cdf"]),
-            None,
-        ],
+        "estimator": [HasMethods(["fit"]), None],
         "method": [StrOptions({"cv+", "prefit"})],
         "cv": ["cv_object"],
         "n_jobs": [Integral, None],
@@ -215,7 +213,12 @@ class ConformalRatings(
         base: Any = self.estimator
         if base is None:
             base = DistributionalOrdinalRegressor()
-        self._sliders = is_regressor(base)
+        self._sliders = isinstance(last_step(base)[0], ContinuousRatingsRegressor)
+        if not self._sliders and not hasattr(base, "predict_proba"):
+            raise ValueError(
+                f"estimator={base!r} predicts no distribution; give a classifier with "
+                "predict_proba, or for sliders a ContinuousRatingsRegressor."
+            )
         if self._sliders:  # lists of answers are no array
             y = check_answers(y)
             y = y[:, 0] if y.shape[1] == 1 else y
@@ -240,7 +243,7 @@ class ConformalRatings(
             models = [model for model, _ in run_tasks(tasks, None, n_jobs=self.n_jobs)]
         *self.estimators_, self.estimator_ = models
         if self._sliders:
-            self.grid_ = self.estimator_.grid_
+            self.grid_ = last_step(self.estimator_)[0].grid_
         else:
             _, classes = predict_fold(self.estimator_, _safe_indexing(X, [0]))
             if not knows_order(self.estimator_):
@@ -259,36 +262,34 @@ class ConformalRatings(
 
     def _calibrate(self, model, X, y, share):
         """Return the scores of a fold, their weights, its residuals and theirs."""
-        below = self._below(model, X)
+        below, grid = self._below(model, X)
         if self._sliders:
             answers = np.reshape(y, (len(y), -1))
-            answered = ~np.isnan(answers)
-            given = shares(answered.astype(np.float64))
-            score = value_scores(answers, below, model.grid_)
+            given = shares((~np.isnan(answers)).astype(np.float64))
+            score = value_scores(answers, below, grid)
             edges = self.grid_[1:-1, np.newaxis, np.newaxis]
             true = ((answers <= edges) * given).sum(axis=2).T
         else:
             given, score, true = y, level_scores(below), cdf(y)[:, :-1]
-        residual = band_residuals(true, self._at_thresholds(model, below))
+        residual = band_residuals(true, self._at_thresholds(below, grid))
         weight, used = share[:, np.newaxis] * given, given > 0
         return score[used] + TOLERANCE, weight[used], residual + TOLERANCE, share
 
     def _below(self, model, X):
-        """Return CDFs at all levels but the highest, or at the edges of the model."""
-        if self._sliders:
-            return model.predict_cdf(X)
-        return cdf(predict_at(model, X, self.classes_))[:, :-1]
+        """Return CDFs at all levels but the highest, or at the edges of a grid."""
+        if not self._sliders:
+            return cdf(predict_at(model, X, self.classes_))[:, :-1], None
+        last, X = last_step(model, X)
+        return last.predict_cdf(X), last.grid_
 
-    def _at_thresholds(self, model, below):
+    def _at_thresholds(self, below, grid):
         """Return CDFs at the points where bands are bounded."""
-        if self._sliders:
-            return cdf_at(self.grid_[1:-1], below, model.grid_)
-        return below
+        return cdf_at(self.grid_[1:-1], below, grid) if self._sliders else below
 
     def _folds(self, X):
-        """Yield the model of each fold, what it predicts, and what is known of it."""
+        """Yield what the model of each fold predicts, and what is known of it."""
         for model, known in zip(self.estimators_, self._known):
-            yield model, self._below(model, X), *known
+            yield *self._below(model, X), *known
 
     def _needed(self, alpha):
         """Check alpha; return the weight of training ratings that it asks for."""
@@ -369,11 +370,8 @@ class ConformalRatings(
             chosen = self._set(X, alpha)
             last = chosen.shape[1] - 1 - chosen[:, ::-1].argmax(axis=1)
             return self.classes_[chosen.argmax(axis=1)], self.classes_[last]
-        folds = [
-            (below, model.grid_, score, weight)
-            for model, below, score, weight, *_ in self._folds(X)
-        ]
-        median = self.estimator_.predict_quantile(X, 0.5)
+        folds = [fold[:4] for fold in self._folds(X)]
+        median = self.predict_quantile(X, 0.5)
         return (
             np.minimum(value_bounds(folds, needed, -1), median),
             np.maximum(value_bounds(folds, needed, 1), median),
@@ -405,10 +403,10 @@ class ConformalRatings(
         """
         needed = self._needed(alpha)
         folds = [
-            (self._at_thresholds(model, below), residual, share)
-            for model, below, _, _, residual, share in self._folds(X)
+            (self._at_thresholds(below, grid), residual, share)
+            for below, grid, _, _, residual, share in self._folds(X)
         ]
-        middle = self._at_thresholds(self.estimator_, self._below(self.estimator_, X))
+        middle = self._at_thresholds(*self._below(self.estimator_, X))
         lower, upper = monotone_band(
             np.minimum(band_bounds(folds, needed, -1), middle),
             np.maximum(band_bounds(folds, needed, 1), middle),
@@ -450,10 +448,10 @@ class ConformalRatings(
                 )
             values = check_values(values)
         reached: Any = 0
-        for model, below, score, weight, *_ in self._folds(X):
+        for below, grid, score, weight, *_ in self._folds(X):
             if self._sliders:
                 at = self.grid_ if values is None else values
-                new = value_scores(np.tile(at, (len(below), 1)), below, model.grid_)
+                new = value_scores(np.tile(at, (len(below), 1)), below, grid)
             else:
                 new = level_scores(below)
             reached = reached + weight_at_least(new, score, weight)
@@ -476,12 +474,13 @@ class ConformalRatings(
         """
         check_is_fitted(self)
         if self._sliders:
-            return self.estimator_._predict_ordered(X, {})
+            last, X = last_step(self.estimator_, X)
+            return last._predict_ordered(X, {})
         return predict_at(self.estimator_, X, self.classes_)
 
     def _ratings_at(self, proba, p):
         if self._sliders:
-            return self.estimator_._ratings_at(proba, p)
+            return last_step(self.estimator_)[0]._ratings_at(proba, p)
         return super()._ratings_at(proba, p)
 
     def predict_cdf(self, X: Trials, **params: Any) -> NDArray[np.float64]:
@@ -502,7 +501,8 @@ class ConformalRatings(
         """
         check_is_fitted(self)
         if self._sliders:
-            return self.estimator_.predict_cdf(X, **params)
+            last, X = last_step(self.estimator_, X)
+            return last.predict_cdf(X, **params)
         return super().predict_cdf(X, **params)
 
     def predict(self, X: Trials, **params: Any) -> np.ndarray:
@@ -544,5 +544,6 @@ class ConformalRatings(
         """
         check_is_fitted(self)
         if self._sliders:
-            return self.estimator_.score(X, y, sample_weight)
+            last, X = last_step(self.estimator_, X)
+            return last.score(X, y, sample_weight)
         return super().score(X, y, sample_weight)

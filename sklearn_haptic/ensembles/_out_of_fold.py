@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 from sklearn.model_selection import check_cv
-from sklearn.pipeline import Pipeline
 from sklearn.utils.parallel import Parallel, delayed
 
 from ..models._distributional import fit_linear_models, is_linear
@@ -449,9 +448,8 @@ def true_shares(y, name):
 
 
 def knows_order(estimator):
-    """Whether a fitted classifier, or the last step of a pipeline, has levels."""
-    last = estimator[-1] if isinstance(estimator, Pipeline) else estimator
-    return hasattr(last, "levels_")
+    """Whether a fitted classifier, or that at the end of a pipeline, has levels."""
+    return hasattr(last_step(estimator)[0], "levels_")
 
 
 def compared(proba, ordered):

@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator
-from sklearn.pipeline import Pipeline
 
 from ..ratings._levels import in_named_order
+from ..utils._pipeline_steps import last_step
 from ..utils._sklearn import Trials
 from ._absolute_errors import macro_mae, macro_mae_at_positions
 from ._proper_scores import ranked_probability_score
@@ -102,7 +102,7 @@ def neg_macro_mae_scorer(
     >>> round(neg_macro_mae_scorer(model, X, y), 4)
     -0.3333
     """
-    model, X = _last_step(estimator, X)
+    model, X = last_step(estimator, X)
     levels = model.classes_
     decided = ratings_decided_on(model, X)
     if decided is None:
@@ -112,18 +112,6 @@ def neg_macro_mae_scorer(
         predicted, p = decided
         score = partial(macro_mae_at_positions, p=p)
     return -_score_predicted(score, predicted, levels, y, sample_weight)
-
-
-def _last_step(estimator, X):
-    """Return the model at the end of searches and pipelines, and what it is given."""
-    while True:
-        if hasattr(estimator, "best_estimator_"):
-            estimator = estimator.best_estimator_
-        elif isinstance(estimator, Pipeline):
-            X = estimator[:-1].transform(X) if len(estimator) > 1 else X
-            estimator = estimator[-1]
-        else:
-            return estimator, X
 
 
 def _score_predicted(score, predicted, levels, y, sample_weight):

@@ -14,6 +14,7 @@ from sklearn.base import BaseEstimator, clone
 from sklearn.utils import Bunch
 from sklearn.utils.parallel import Parallel, delayed
 
+from ..ensembles import ConformalRatings
 from ..ensembles._out_of_fold import (
     FROZEN,
     POSITIONS,
@@ -249,7 +250,7 @@ def model_report(
 
 def _checked(model, targets):
     """Check the ratings of each adjective; return them, and of what kind all are."""
-    if isinstance(last_step(model)[0], ContinuousRatingsRegressor):
+    if _slider(model):
         answers = {n: check_answers(each, n) for n, each in targets.items()}
         single = {n: each[:, 0] for n, each in answers.items() if each.shape[1] == 1}
         return answers | single, _SLIDERS
@@ -263,6 +264,14 @@ def _checked(model, targets):
         if np.ndim(each) > 1:
             check_adjectives(each, name=name)
     return targets, _CLASSES if kinds.pop() else _LEVELS
+
+
+def _slider(model):
+    """Return the model of sliders at the end of a model, or None."""
+    last, _ = last_step(model)
+    if isinstance(last, ConformalRatings):
+        last, _ = last_step(last.estimator)
+    return last if isinstance(last, ContinuousRatingsRegressor) else None
 
 
 def _compare(model, targets, outcomes, folds, groups, kind):
@@ -279,7 +288,7 @@ def _compare(model, targets, outcomes, folds, groups, kind):
                 name, np.asarray(y), of_target, folds, tested
             )
         elif kind == _SLIDERS:
-            slider = last_step(model)[0]
+            slider = _slider(model)
             compared = _compare_sliders(slider, name, y, of_target, folds, tested)
         else:
             compared = _compare_ratings(name, y, of_target, folds, tested)

@@ -387,8 +387,9 @@ class _Features:
             squares[rows] = np.einsum("ij,ij->i", block, block)
             shift += trial_weight[:, rows] @ block
         shift /= trial_weight.sum(axis=1)[:, None]
-        variance = trial_weight @ squares / trial_weight.sum(axis=1)
-        variance = np.maximum(variance - np.einsum("ij,ij->i", shift, shift), 0)
+        square = trial_weight @ squares / trial_weight.sum(axis=1)
+        variance = square - np.einsum("ij,ij->i", shift, shift)
+        variance[variance < _ROUNDING * len(X) * square] = 0
         self.spread = largest * np.sqrt(variance)
         self.unit = largest
         if variance.any():

@@ -1,5 +1,6 @@
 """Steps of pipelines within pipelines."""
 
+from sklearn.frozen import FrozenEstimator
 from sklearn.pipeline import Pipeline
 
 from ._sklearn import BaseSearchCV
@@ -26,7 +27,9 @@ def flat_steps(pipeline):
 
 
 def last_step(model, X=None):
-    """Return what predicts at the end of pipelines and in searches, and its input.
+    """Return what predicts at the end of pipelines, searches and what is frozen.
+
+    Return also its input.
 
     X is what the whole model is given; if it is not None, all steps are fitted.
 
@@ -39,8 +42,8 @@ def last_step(model, X=None):
     >>> last_step(make_pipeline(None, GridSearchCV(Ridge(), {})))
     (Ridge(), None)
     """
-    while isinstance(model, (Pipeline, BaseSearchCV)):
-        if isinstance(model, BaseSearchCV):
+    while isinstance(model, (Pipeline, BaseSearchCV, FrozenEstimator)):
+        if not isinstance(model, Pipeline):
             model = getattr(model, "best_estimator_", model.estimator)
         else:
             X = model[:-1].transform(X) if X is not None and len(model) > 1 else X
