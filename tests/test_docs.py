@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,9 @@ from scipy.io import savemat
 from test_annotations import public_objects
 from test_phac2 import REST, STATES, write_trial
 
+from sklearn_haptic import NNPOM, RegressedDistribution
+from sklearn_haptic.metrics import ranked_probability_score
+
 h5py = pytest.importorskip("h5py")
 pytest.importorskip("distributed")
 pytest.importorskip("rich")
@@ -20,6 +24,9 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
 WRITTEN = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
+
+
+PEERS = {"aeon", "skpro"}  # which the tests do not install; code that needs them waits
 
 
 def read(page):
@@ -54,6 +61,9 @@ def run(tmp_path, monkeypatch, one_thread, capsys):
     def run(page):
         names = {"__name__": page.stem}
         for first_line, code, printed in code_blocks(page):
+            needed = PEERS & set(re.findall(r"^from (\w+)", code, re.M))
+            if not all(find_spec(peer) for peer in needed):
+                continue
             capsys.readouterr()
             exec(compile("\n" * first_line + code, page, "exec"), names)
             if printed is not None:
@@ -79,6 +89,34 @@ def test_code_of_the_readme(run):
 )
 def test_code_of_a_guide(page, run):
     run(page)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of skpro
+def test_a_regressor_of_skpro(run):
+    """It passes skpro's own checks, and skpro's score is that of this package."""
+    utils = pytest.importorskip("skpro.utils")
+    metrics = pytest.importorskip("skpro.metrics")
+    names = run(DOCS / "own_parts.md")
+    X, regressor = pd.DataFrame(names["X"][names["touch"]]), names["regressor"]
+    found = metrics.CRPS()(names["answers"], regressor.predict_proba(X))
+    proba = NNPOM(random_state=0).fit(names["X"], names["counts"])
+    proba = proba.predict_proba(names["X"])
+    expected = ranked_probability_score(names["counts"], proba)
+    assert found == pytest.approx(expected)
+
+    class Checked(names["RatingsRegressor"]):
+        """For a check of this docstring.
+
+        >>> 1
+        1
+        """
+
+        @classmethod
+        def get_test_params(cls, parameter_set="default"):
+            return [{"model": NNPOM()}, {"model": RegressedDistribution()}]
+
+    utils.check_estimator(Checked, raise_exceptions=True, verbose=False)
 
 
 @pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.name)

@@ -179,10 +179,10 @@ def test_given_test_trials_and_labels():
     model = clone(REGRESSOR).fit(X[train], labels[train])
     found = report.predicted["ratings"][:, : len(model.classes_)]
     np.testing.assert_allclose(found, model.predict_proba(X[test]))
-    assert report.summary.startswith(
-        f"{len(test)} trials were predicted in 1 fold, learned from at least "
+    assert (
+        f" {len(test)} trials were predicted in 1 fold, learned from at least "
         f"{len(train)} others."
-    )
+    ) in report.summary
     rows = model_report(REGRESSOR, X, labels, groups=OBJECTS, cv=[(train, test[::-1])])
     np.testing.assert_allclose(rows.predicted["ratings"], report.predicted["ratings"])
 
@@ -226,7 +226,8 @@ def test_sensors_times_and_html():
 def test_words_are_in_the_order_of_the_ratings_not_of_the_alphabet():
     """Classifiers sort their classes, and the alphabet has "9" behind "10"."""
     place = np.arange(len(X)) % 3
-    numbers = model_report(GaussianNB(), X, place, cv=3)
+    ranks = pd.Series(pd.Categorical(place, ordered=True))
+    numbers = model_report(GaussianNB(), X, ranks, cv=3)
     words = np.array(["2", "9", "10"])[place]
     y = pd.Series(pd.Categorical(words, ["2", "9", "10", "11"], ordered=True))
     named = model_report(GaussianNB(), X, y, cv=3)
@@ -334,10 +335,30 @@ def test_whole_numbers_may_be_levels_or_classes():
     levels = pd.Series(pd.Categorical(numbers, ordered=True))
     report = model_report(DummyDistribution(), X, levels, cv=3)
     assert report.gains["levels"].tolist() == ["0 to 11"]
-    report = model_report(GaussianNB(), X, numbers.astype(str), cv=3)
-    assert "accuracy" in report.scores
+    assert report.summary.startswith("36 trials")
     with pytest.raises(ValueError, match="report on them in two calls"):
-        model_report(GaussianNB(), X, {"a": numbers.astype(str), "b": numbers % 3})
+        y = {"a": numbers.astype(str), "b": numbers % 3}
+        model_report(DummyDistribution(), X, y)
+
+
+@pytest.mark.parametrize("place", ["alone", "behind", "searched"])
+def test_the_model_says_what_numbers_are(place):
+    """A classifier of scikit-learn takes them for classes, a model of ratings not."""
+    numbers = np.arange(len(X)) % 7
+    for model, score, reading in [
+        (GaussianNB(), "accuracy", "classes; an ordered pandas.Categorical has levels"),
+        (DummyDistribution(), "rps", "levels; as text (astype(str)) they are classes"),
+    ]:
+        if place != "alone":
+            model = make_pipeline(StandardScaler(), model)
+        if place == "searched":
+            model = GridSearchCV(model, {}, cv=2)
+        report = model_report(model, X, numbers, cv=3)
+        assert score in report.scores
+        assert report.summary.startswith(f"Labels were read as {reading}. ")
+    classes = model_report(GaussianNB(), X, numbers, cv=3)
+    words = model_report(GaussianNB(), X, numbers.astype(str), cv=3)
+    pd.testing.assert_frame_equal(classes.gains, words.gains)
 
 
 @pytest.mark.parametrize("columns", [[0, 1], slice(0, 2), ["a", "b"]])

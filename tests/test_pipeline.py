@@ -1,5 +1,7 @@
 """The whole system: raw recordings in, distributions for unseen objects out."""
 
+import warnings
+
 import joblib
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from sklearn import config_context
 from sklearn.base import clone
 from sklearn.callback import ProgressBar
 from sklearn.compose import ColumnTransformer
+from sklearn.exceptions import ConvergenceWarning
 from sklearn.feature_selection import VarianceThreshold
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
 from sklearn.pipeline import make_pipeline
@@ -218,3 +221,19 @@ def test_progress_bar(corpus, capsys):
     )
     np.testing.assert_array_equal(pooled, expected)
     assert "STHMPTransformer" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("n_jobs", [1, 2])
+def test_progress_of_a_search(corpus, capfd, n_jobs):
+    """Its bars are named, and warnings of other processes can be kept out of them."""
+    pytest.importorskip("rich")
+    X = np.random.default_rng(0).normal(size=(36, 3))
+    model = make_pipeline(StandardScaler(), NNPOM(max_iter=1))
+    search = GridSearchCV(model, {"nnpom__alpha": [1, 2]}, cv=3, n_jobs=n_jobs)
+    search.set_callbacks(ProgressBar(max_propagation_depth=0))
+    with warnings.catch_warnings(action="ignore", category=ConvergenceWarning):
+        search.fit(X, corpus.ratings["hard"])
+    bars, errors = capfd.readouterr()
+    lines = [line.split(" ━")[0].strip() for line in bars.splitlines()]
+    assert lines[-2:] == ["GridSearchCV - fit", "GridSearchCV - search #0"]
+    assert not errors and "Warning" not in bars

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.stats import t as student
-from sklearn.base import BaseEstimator, clone
+from sklearn.base import BaseEstimator, clone, is_classifier
 from sklearn.utils import Bunch
 from sklearn.utils.parallel import Parallel, delayed
 
@@ -28,6 +28,7 @@ from ..ensembles._out_of_fold import (
 from ..metrics import crps, dispersion, noise_ceiling
 from ..metrics._trial_scores import score_trials
 from ..models import ContinuousRatingsRegressor, DummyDistribution
+from ..models._ordinal import DistributionMixin
 from ..ratings._checks import check_adjectives, check_rated
 from ..ratings._continuous import check_answers
 from ..ratings._levels import names_levels
@@ -55,7 +56,11 @@ _METHODS = {
     _SLIDERS: "predict_quantile",
 }
 _SCORE = {_LEVELS: "RPS", _CLASSES: "accuracy", _SLIDERS: "CRPS"}
-_MOST_CLASSES = 10  # that whole numbers may have without a word of what they are
+_MOST_LEVELS = 10  # that whole numbers may be without a word of what they are
+_READING = {
+    _LEVELS: "Labels were read as levels; as text (astype(str)) they are classes. ",
+    _CLASSES: "Labels were read as classes; an ordered pandas.Categorical has levels. ",
+}
 _VERDICTS = {
     "better": "is better than guessing",
     "not shown": "is not shown to be better than guessing",
@@ -118,9 +123,10 @@ def model_report(
         Labels, how many people gave each level, or such counts of several adjectives,
         which are learned together. Of a dict, such as the ratings of a corpus, each
         entry is learned by a model of its own. Answers on sliders are as in
-        `ContinuousRatingsRegressor`. Labels that are words, or categories,
-        without an order are classes. More than ten different whole numbers are refused,
-        unless an ordered categorical, or ``levels`` of the model, makes them a scale.
+        `ContinuousRatingsRegressor`. Labels are levels if they are an ordered
+        categorical or the model has ``levels``. Otherwise words are classes, and so are
+        numbers if the model is a classifier of scikit-learn. A model of ratings takes
+        numbers for levels, but more than ten different whole numbers are refused.
     groups : array-like of shape (n_trials,), default=None
         The object of each trial. By default each trial is of another object, which
         makes scores look better than they are if that is not so.
@@ -244,7 +250,9 @@ def model_report(
         seconds_per_touch=float(seconds[1]),
     )
     unit = "group" if kind == _CLASSES else "object"
-    report["summary"] = _summary(report, folds, groups, unit, is_frozen(model))
+    unnamed = any(np.ndim(each) == 1 and not names_levels(each) for each in ratings)
+    report["summary"] = _READING.get(kind, "") if unnamed else ""
+    report["summary"] += _summary(report, folds, groups, unit, is_frozen(model))
     return report
 
 
@@ -313,7 +321,7 @@ def _compare(model, targets, outcomes, folds, groups, kind):
 
 
 def _has_classes(model, y, name):
-    """Whether ratings are labels without an order: words, or unordered categories."""
+    """Whether ratings are labels without an order, see `model_report`."""
     levels_given = any(
         key.split("__")[-1] == "levels" and value is not None
         for key, value in model.get_params().items()
@@ -323,7 +331,10 @@ def _has_classes(model, y, name):
     values = np.asarray(y)
     if is_text(values) or hasattr(getattr(y, "dtype", None), "categories"):
         return True
-    if values.dtype.kind in "iu" and len(np.unique(values)) > _MOST_CLASSES:
+    predictor = last_step(model)[0]
+    if is_classifier(predictor) and not isinstance(predictor, DistributionMixin):
+        return True
+    if values.dtype.kind in "iu" and len(np.unique(values)) > _MOST_LEVELS:
         raise ValueError(
             f"{name} has {len(np.unique(values))} different whole numbers, of classes "
             "or of levels; give text for classes (astype(str)), or an ordered "
