@@ -11,6 +11,8 @@ per level, adds a column, and prints the RPS of every method, its paired differe
 the one named, ± the standard error over objects, and the score of the populations.
 """
 
+import sys
+from itertools import product
 from pathlib import Path
 
 import data
@@ -62,10 +64,10 @@ def read(path, found):
     """Read probabilities of every target, one row per target and trial."""
     table = pd.read_csv(path).set_index(["target", "trial"])
     trials = range(len(found.groups))
-    return {
-        target: table.loc[target].loc[trials].to_numpy(float)
-        for target in found.targets
-    }
+    for target, trial in product(found.targets, trials):
+        if (target, trial) not in table.index:
+            sys.exit(f"{path} has no row of target {target} and trial {trial}; add it.")
+    return {t: table.loc[t].loc[trials].to_numpy(float) for t in found.targets}
 
 
 def score(found, proba):

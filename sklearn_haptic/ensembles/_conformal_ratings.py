@@ -227,13 +227,12 @@ class ConformalRatings(
         X, y = check_rated(X, y)
         n_trials = _num_samples(X)
         every = np.arange(n_trials), np.arange(0)
-        if self.method == "prefit":
-            check_is_fitted(base)
         if groups is None:
             warn_of_no_groups(self)
             groups = every[0]  # counts that tell too few objects would promise less
         groups = check_groups(groups, X)
         if self.method == "prefit":
+            check_is_fitted(base)
             folds, objects = [every[::-1]], number_objects(groups, n_trials)
             models = [base, base]
         else:
