@@ -162,7 +162,9 @@ PANELS = {
 
 def draw_rivals(results, path):
     """Draw how much worse than the default features and models are, with their cost."""
-    figure, axes = plt.subplots(2, 2, figsize=(9, 5.6), layout="constrained")
+    figure, axes = plt.subplots(
+        2, 2, figsize=(9, 6.6), height_ratios=(4, 5), layout="constrained"
+    )
     for ax, (name, (title, rows, cost, said)) in zip(axes.flat, PANELS.items()):
         found = results[results["set"] == name].set_index("row")
         rivals = found.reindex(rows).dropna(how="all")

@@ -68,6 +68,7 @@ sphinx_gallery_conf = {
     "reference_url": {"sklearn_haptic": None},
     "capture_repr": (),  # what examples print, and no Text(0.5, 0.99, …) of a title
     "download_all_examples": False,
+    "remove_config_comments": True,
     "write_computation_times": False,  # of a page that asks for scripts of others
 }
 
