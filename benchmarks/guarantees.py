@@ -13,8 +13,8 @@ within the set, which is computed from the population, and `band` how many crowd
 within the band; errors are over splits. Beside them are the levels between predicted
 quantiles ("naive"), sets of the true distributions ("oracle"), and APS by MAPIE 1,
 where it is installed, on a row for each rating. The last table has the margins to what
-is promised. An hour of processor time; --limits tells what is not promised, in two
-minutes.
+is promised. Half an hour of processor time;
+--limits tells what is not promised, in two minutes.
 """
 
 import warnings
@@ -24,7 +24,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 from data import films, slide_frames, tactile, wine
-from measure import command, head, machine, plus_minus, row, standard_error
+from measure import command, head, machine, plus_minus, row
 from quality import ROUGHNESS
 from sklearn.decomposition import TruncatedSVD
 
@@ -40,6 +40,7 @@ except ImportError:
 N_FIT, N_NEW, N_TOUCHES, ALPHAS = 50, 100, 3, (0.2, 0.1)
 KEYS = ["data", "n", "raters", "way", "alpha"]
 JUDGED = ["set", "levels", "band", "width"]
+ERRORS = [f"{name}_error" for name in JUDGED]
 
 # Data, as features of shape (n_objects, n_touches, n_features), and for each rating the
 # people who gave each level, of shape (n_objects, n_levels).
@@ -73,18 +74,6 @@ SETS = {  # with the numbers of objects where there are few
 }
 
 
-class Linear(NNPOM):
-    """A linear model that predicts the same touches once, not for each alpha."""
-
-    def __init__(self):
-        super().__init__(0)
-
-    def predict_proba(self, X):
-        if getattr(self, "_felt", None) is not X:
-            self._felt, self._predicted = X, super().predict_proba(X)
-        return self._predicted
-
-
 def between_quantiles(model, X, alpha):
     proba = model.predict_proba(X)
     below = np.cumsum(proba, axis=1)
@@ -104,19 +93,19 @@ def by_mapie(model, X, counts, new, alpha):
     trial, level = np.nonzero(counts)
     times = counts[trial, level].astype(int)
     mapie = SplitConformalClassifier(
-        model, confidence_level=1 - alpha, conformity_score="aps", prefit=True
+        model, confidence_level=1 - alpha, conformity_score="aps", random_state=0
     ).conformalize(X[trial.repeat(times)], model.classes_[level.repeat(times)])
     return mapie.predict_set(new)[1][..., 0]
 
 
 def fit_sets(X, y, objects, base=None):
     """Return sets of a fitted model, or of models of folds if there is none."""
-    base, method = (Linear(), "cv+") if base is None else (base, "prefit")
+    base, method = (NNPOM(0), "cv+") if base is None else (base, "prefit")
     return ConformalRatings(base, method=method).fit(X, y, groups=objects)
 
 
 def one_split(X, P, n_objects, n_raters, rng):
-    """Return what is `JUDGED`, by the way that makes sets and by alpha."""
+    """Yield the way that makes sets, alpha, and what is `JUDGED`."""
     n_fit = min(N_FIT, len(P) - n_objects - 1)
     old, fit, new = np.split(rng.permutation(len(P)), [n_objects, n_objects + n_fit])
     crowd = rng.multinomial(n_raters, P)
@@ -126,7 +115,7 @@ def one_split(X, P, n_objects, n_raters, rng):
         return np.concatenate(X[objects]), crowd[touched], touched
 
     def fitted(objects):
-        return Linear().fit(*touches(objects)[:2])
+        return NNPOM(0).fit(*touches(objects)[:2])
 
     half = n_objects // 2
     ways = {
@@ -138,31 +127,30 @@ def one_split(X, P, n_objects, n_raters, rng):
     if n_fit > 2:
         known = fitted(fit)
         ways["prefit"] = fit_sets(*touches(old), known)
-        sets["naive"] = partial(between_quantiles, known, felt)
-        sets["oracle"] = lambda alpha: of_true_distributions(P, alpha)[touched]
+        sets["naive"] = partial(between_quantiles, known)
+        sets["oracle"] = lambda _, alpha: of_true_distributions(P, alpha)[touched]
         if SplitConformalClassifier is not None and (n_objects, n_raters) == (50, 12):
-            sets["MAPIE"] = partial(by_mapie, known, *touches(old)[:2], felt)
-    found = {}
+            sets["MAPIE"] = partial(by_mapie, known, *touches(old)[:2])
+    sets = {way: model.predict_set for way, model in ways.items()} | sets
     below = np.cumsum(answers, axis=1) / n_raters
-    for way, alpha in product([*ways, *sets], ALPHAS):
-        chosen = (sets.get(way) or partial(ways[way].predict_set, felt))(alpha)
-        covered = (P[touched] * chosen).sum(axis=1)
-        found[way, alpha] = [covered.mean(), chosen.sum(axis=1).mean(), np.nan, np.nan]
+    for (way, choose), alpha in product(sets.items(), ALPHAS):
+        chosen, inside, width = choose(felt, alpha), np.nan, np.nan
         if way in ways:
             lower, upper = ways[way].predict_band(felt, alpha)
             inside = ((lower <= below + 1e-9) & (below <= upper + 1e-9)).all(axis=1)
-            found[way, alpha][2:] = inside.mean(), (upper - lower)[:, :-1].mean()
-    return found
+            inside, width = inside.mean(), (upper - lower)[:, :-1].mean()
+        covered = (P[touched] * chosen).sum(axis=1).mean()
+        yield way, alpha, covered, chosen.sum(axis=1).mean(), inside, width
 
 
-def limits(X, populations, folder, n_splits, rng, alpha=0.2):
+def limits(X, populations, folder, n_splits, alpha=0.2):
     """Print what is covered where people or touches are not drawn as in training."""
+    rng, levels, X = np.random.default_rng(0), np.arange(5), X[:, 0]
     head("", "coverage", title=f"What is not promised, for {1 - alpha:.0%}")
 
     def show(name, covered):
         row(name, plus_minus(covered, 3, ""))
 
-    levels = np.arange(5)
     for n_raters in (1, 12):
         members, others, kinds = [], [], []
         for _ in range(n_splits):
@@ -189,9 +177,8 @@ def limits(X, populations, folder, n_splits, rng, alpha=0.2):
     y, early, later = y[material - 1], np.flatnonzero(run <= 5), np.flatnonzero(run > 5)
 
     def slides(old, new):
-        return (fit_sets(X[old], y[old], old).predict_set(X[new], alpha) * y[new]).sum(
-            1
-        )
+        chosen = fit_sets(X[old], y[old], old).predict_set(X[new], alpha)
+        return (chosen * y[new]).sum(axis=1)
 
     show("slides of runs 6 to 15, from 1 to 5", slides(early, later))
     drawn = [np.split(rng.permutation(early), [80]) for _ in range(20)]
@@ -214,14 +201,8 @@ def show_margins(table):
         "cv+, levels fewer than of a half": fewer,
     }.items():
         if len(margin):
-            worst, missed = margin.idxmin(), (margin < 0).sum()
-            row(
-                name,
-                len(margin),
-                missed,
-                f"{margin.min():+.4f}",
-                *table.loc[worst, KEYS],
-            )
+            worst = [f"{margin.min():+.4f}", *table.loc[margin.idxmin(), KEYS]]
+            row(name, len(margin), (margin < 0).sum(), *worst)
 
 
 def main():
@@ -234,29 +215,27 @@ def main():
     options = parser.parse_args()
     warnings.filterwarnings("ignore", "alpha=")
     machine("mapie")
-    columns = [*KEYS, *JUDGED, "set_error", "band_error"]
-    rows = []
     if options.limits:
-        X, populations = of_generated(options.folder)
-        rng = np.random.default_rng(0)
-        return limits(X, populations, options.folder, options.splits, rng)
-    head(*columns)
+        return limits(*of_generated(None), options.folder, options.splits)
+    head(*KEYS, *JUDGED, *ERRORS)
+    table = []
     for name in options.sets:
         load, sizes = SETS[name]
         X, populations = load(options.folder)
         populations = [y / y.sum(axis=1, keepdims=True) for y in populations]
         for n, raters in product(sizes or options.objects, options.raters):
-            rng = np.random.default_rng([n, raters])
-            splits = []
+            rng, splits = np.random.default_rng([n, raters]), []
             for _ in range(options.splits):
                 P = populations[rng.integers(len(populations))]
-                splits.append(one_split(X, P, n, raters, rng))
-            for way, alpha in splits[0]:
-                values = np.array([found[way, alpha] for found in splits])
-                mean, error = values.mean(axis=0), standard_error(values)[[0, 2]]
-                rows.append((name, n, raters, way, alpha, *mean, *error))
-                row(*rows[-1][:5], *(f"{value:.4f}" for value in rows[-1][5:]))
-    show_margins(pd.DataFrame(rows, columns=columns))
+                splits.extend(one_split(X, P, n, raters, rng))
+            splits = pd.DataFrame(splits, columns=["way", "alpha", *JUDGED])
+            splits = splits.groupby(["way", "alpha"], sort=False)
+            cell = splits.mean().join(splits.sem().add_suffix("_error")).reset_index()
+            cell = cell.assign(data=name, n=n, raters=raters)[[*KEYS, *JUDGED, *ERRORS]]
+            for key, figures in cell.set_index(KEYS).iterrows():
+                row(*key, *figures.map("{:.4f}".format))
+            table.append(cell)
+    show_margins(pd.concat(table, ignore_index=True))
 
 
 if __name__ == "__main__":
