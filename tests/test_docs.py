@@ -1,6 +1,7 @@
 """The README and the guides: their code runs, what they name and link to exists."""
 
 import re
+import sys
 import tomllib
 from importlib.util import find_spec
 from pathlib import Path
@@ -89,6 +90,20 @@ def test_code_of_the_readme(run):
 )
 def test_code_of_a_guide(page, run):
     run(page)
+
+
+@pytest.mark.slow
+def test_code_that_needs_recordings(shared_data, monkeypatch, capsys):
+    """The comparison prints the figures that its page has."""
+    page = read(DOCS / "compare.md")
+    code = re.search(r"^```\{code-block\} python\n(.*?)^```", page, re.M | re.S)[1]
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr("sys.path", [*sys.path])
+    exec(code.replace('"FOLDER"', repr(str(shared_data))), {})
+    printed = capsys.readouterr().out.replace("0.", ".").replace("+", "")
+    for method in ("default", "marginal"):
+        worse = re.search(rf"^\| {method} .* \| (.*) \|$", printed, re.M)[1]
+        assert f"{worse} the {method}" in page
 
 
 @pytest.mark.slow
