@@ -75,7 +75,7 @@ plt.show()
 # --------------------------------------------
 # Each step changes one setting, and keeps the earlier changes. `PAPER_2020` is one
 # setting of the grid that the paper searches: ten hidden units and a penalty of 1. It
-# is compared with the paper's search over five penalties, by MAE^M on validation
+# is compared with the paper's search over five penalties, by MAEᴹ on validation
 # objects. The paper also searches five numbers of hidden units, which is left out here.
 #
 # The paper's network stops early, by its error on validation objects. `set_config`
@@ -158,7 +158,7 @@ for name, rows in table.items():
     )
 
 # %%
-# The mean absolute error MAE^M and the earth mover's distance (EMD) reward the
+# The mean absolute error MAEᴹ and the earth mover's distance (EMD) reward the
 # barycentre of the possible distributions; the ranked probability score (RPS) and the
 # log score reward their mean. The dispersion is 1 if predictions are as wide as they
 # should be, and less if they are narrower.
@@ -169,7 +169,7 @@ for name, rows in table.items():
 # stopping and hidden units hardly matter here, except for the time: the linear model is
 # the fastest. The mixture reads the same fit in another way. It averages probabilities,
 # while the paper decides on one rating per position, so no rating has probability 0.
-# The mixture has the best RPS and the best log score, but a worse MAE^M and EMD.
+# The mixture has the best RPS and the best log score, but a worse MAEᴹ and EMD.
 figure, panels = plt.subplots(
     1, 2, figsize=(6.4, 4), sharex=True, sharey=True, layout="constrained"
 )
@@ -188,7 +188,7 @@ plt.show()
 # %%
 # “Rough” is hard to feel. Here the paper's settings are worse than both guesses by both
 # scores, with or without the search. The defaults are no better than the marginal by
-# RPS, and worse than the barycentre by MAE^M.
+# RPS, and worse than the barycentre by MAEᴹ.
 first_and_last = [*table][:4] + [*table][-1:]
 for name in first_and_last:
     maem, _, rps, *_ = table[name]

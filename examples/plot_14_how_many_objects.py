@@ -71,9 +71,9 @@ def gains(counts):
 first = np.unique(which, return_index=True)[1]
 dealt = np.random.default_rng(1).permutation(first)[which]
 curves = {"ratings": gains(counts), "ratings dealt anew": gains(counts[dealt])}
-for name, gain in curves.items():
+for (name, gain), marker in zip(curves.items(), "os"):
     error = gain.std(axis=1, ddof=1) / np.sqrt(len(names))
-    plt.errorbar(numbers, gain.mean(axis=1), 2 * error, marker="o", label=name)
+    plt.errorbar(numbers, gain.mean(axis=1), 2 * error, marker=marker, label=name)
 plt.axhline(0, color="black", linewidth=0.8)
 plt.xlabel("objects that the model learns from")
 plt.ylabel("RPS of guessing minus RPS of the model")
