@@ -59,9 +59,10 @@ def outlying_raters(
 
         - ``agreement``, the correlation, over all objects and adjectives; NaN for
           people whose objects nobody else rated, 0 for those who always answer alike;
-        - ``score``, how far Fisher's transform of the agreement lies below the median
-          of all people, in median absolute deviations; people who rated fewer objects
-          may lie further below;
+        - ``score``, how far Fisher's transform of 0.9 times the agreement lies below
+          the median of all people, in median absolute deviations, or half standard
+          errors if these are larger; people who rated fewer objects may lie further
+          below;
         - ``pvalue``, the probability that the lowest of as many people who all differ
           by chance lies as far below;
         - ``outlying``, whether this is at most the level of significance.
@@ -76,8 +77,8 @@ def outlying_raters(
     Notes
     -----
     The p-values are those of normal deviates, drawn with a fixed seed, in place of
-    Fisher's transforms. In simulations one study in twenty has a false alarm, up to one
-    in ten where people differ much in how surely they feel.
+    Fisher's transforms. In simulations at most one study in twenty has a false alarm,
+    up to one in seven where people differ much in how surely they feel.
 
     Leave out people, not single ratings: the ratings that lie furthest from others are
     mostly honest, and without them predicted distributions are too narrow.
@@ -123,12 +124,12 @@ def outlying_raters(
     norm = np.sqrt(own * others)
     agreement = np.divide(covariance, norm, out=np.zeros(len(people)), where=norm > 0)
     agreement[number == 0] = np.nan
-    below = np.arctanh(np.clip(agreement, -0.999, 0.999))
+    # Where people nearly agree, a single answer would change Fisher's transform much.
+    below = np.arctanh(0.9 * agreement)
     below = (np.nanmedian(below) - below) * np.sqrt(number / number.max())
     below[np.abs(below) <= _ROUNDING] = 0
-    unit = np.nanmedian(np.abs(below))
-    with np.errstate(divide="ignore"):  # people who differ from many who are all equal
-        score = np.divide(below, unit, out=np.zeros(len(people)), where=below != 0)
+    # Half a standard error at least: few objects or levels make equal agreements.
+    score = below / max(np.nanmedian(np.abs(below)), 0.5 / np.sqrt(number.max()))
     reference = _largest_of(int((number > 0).sum()))
     pvalue = 1 - np.searchsorted(reference, score) / _N_DRAWS
     pvalue[number == 0] = np.nan
