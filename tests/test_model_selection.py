@@ -89,6 +89,18 @@ def test_table_by_hand():
     assert_allclose(table["score_se"], [0.5, 0.5, 1])
 
 
+def test_a_table_that_was_sorted_or_filtered():
+    """Rows are told by their position, whatever the index of the table."""
+    results = make_results([3, 1, 2, 1.5], [[5, 7], [1, 2], [3, 4], [1, 1]])
+    for rows in ([1, 2, 3, 0], [2, 0]):
+        table = pd.DataFrame(results).iloc[rows]
+        frontier = speed_accuracy_frontier(table)
+        size = frontier["param_size"].tolist()
+        assert size == ([1, 2, 0] if len(rows) == 4 else rows)
+        assert [rows[i] for i in frontier.index] == size
+        assert rows[cheapest_within_one_se(table)] == 0  # as of the table by hand
+
+
 def test_candidates_equal_in_both_are_all_kept():
     results = make_results([2, 1, 2, 2], [[3, 3], [1, 1], [3, 3], [2, 2]])
     assert speed_accuracy_frontier(results).index.tolist() == [1, 0, 2]

@@ -91,6 +91,18 @@ def test_the_barycentre_is_the_median_of_cdfs():
         np.testing.assert_allclose(np.cumsum(proba), median / median[-1], atol=1e-12)
 
 
+def test_the_barycentre_of_objects_touched_unequally_often():
+    """Weights 1 / touches make each object count once, also where two are middle."""
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        touches = rng.integers(1, 7, size=40)
+        objects = np.repeat(np.arange(40), touches)
+        model = DummyDistribution("barycentre")
+        proba = model.fit(X, COUNTS).proba_
+        rows = X[objects], COUNTS[objects], 1 / touches[objects]
+        np.testing.assert_allclose(model.fit(*rows).proba_, proba, atol=1e-12)
+
+
 def test_a_regressor_without_weights_is_refused_only_if_they_differ():
     model = RegressedDistribution(KNeighborsRegressor())
     model.fit(X, COUNTS, np.full(40, 3.0))

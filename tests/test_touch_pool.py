@@ -15,7 +15,13 @@ from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import make_pipeline
 from told_groups import Told
 
-from sklearn_haptic import NNPOM, DummyDistribution, TouchPool, make_haptic_pipeline
+from sklearn_haptic import (
+    NNPOM,
+    DistributionalOrdinalRegressor,
+    DummyDistribution,
+    TouchPool,
+    make_haptic_pipeline,
+)
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.ensembles._pool_moments import (
     blur_share,
@@ -305,6 +311,22 @@ def test_predictions_out_of_fold_are_of_models_without_the_object():
             assert_array_equal(
                 pool.oof_proba_[test, i], fitted.predict_proba(X[columns].iloc[test])
             )
+
+
+def test_linear_members_learn_from_the_rows_that_they_have():
+    """Fitted together, they are what they are behind a step that does nothing."""
+    X, counts, objects = made()
+    X = lacking(X)
+    bare, behind = (
+        TouchPool([("a", each, ["a0", "a1"]), ("b", each, ["b"])])
+        .fit(X, counts, groups=objects)
+        .predict_proba(X)
+        for each in (
+            DistributionalOrdinalRegressor(),
+            make_pipeline("passthrough", DistributionalOrdinalRegressor()),
+        )
+    )
+    assert_allclose(bare, behind, atol=1e-5)
 
 
 @pytest.mark.parametrize("routing", [False, True])

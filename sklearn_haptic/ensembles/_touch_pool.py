@@ -243,16 +243,18 @@ class TouchPool(
         for i, (name, estimator, columns) in enumerate(self.estimators):
             part = _columns(X, columns)
             there = _has_values(part)
-            params = groups_for(estimator, objects)
+            rows, place = np.flatnonzero(there), np.cumsum(there) - 1
+            own = _safe_indexing(part, rows), _safe_indexing(y, rows)
+            params = groups_for(estimator, objects[rows])
             for fold in [*folds, every]:
-                train, test = (rows[there[rows]] for rows in fold)
+                train, test = (place[each[there[each]]] for each in fold)
                 if len(train) == 0:
                     raise ValueError(
                         f"No training row has all columns of the member {name!r}; give "
                         "rows that have them, in every fold, or leave the member out."
                     )
-                tasks.append(Task(name, estimator, part, y, (train, test), params))
-                places.append((test, i))
+                tasks.append(Task(name, estimator, *own, (train, test), params))
+                places.append((rows[test], i))
         done = run_tasks(tasks, classes, n_jobs=self.n_jobs)
         oof = np.full((len(objects), len(self.estimators), len(classes)), np.nan)
         for place, (_, proba) in zip(places, done):

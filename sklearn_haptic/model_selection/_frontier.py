@@ -89,7 +89,7 @@ def speed_accuracy_frontier(
     1              10     0.03  -0.25      0.00
     """
     candidates = read_candidates(search, metric)
-    params = getattr(search, "cv_results_", search)["params"]
+    params = list(getattr(search, "cv_results_", search)["params"])
     on_frontier = np.flatnonzero(is_non_dominated(candidates.seconds, candidates.score))
     rows = on_frontier[np.argsort(candidates.seconds[on_frontier], kind="stable")]
     index = candidates.index[rows]
