@@ -1,5 +1,7 @@
 """Every fault of real recordings: what is found, what is done, what is said."""
 
+from itertools import groupby
+
 import numpy as np
 import pandas as pd
 import polars as pl
@@ -15,6 +17,7 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     RepairTrials,
     Signal,
+    SignalStatistics,
     make_haptic_pipeline,
 )
 from sklearn_haptic.recordings._repair import estimate_moments
@@ -109,8 +112,10 @@ def test_a_trial_that_is_saturated_throughout_is_kept_at_the_limit(channels):
         "dropped frames",
         "missing samples",
     }
-    pressed[:, 0] = 3.0  # at no limit, as are the others if there are any
-    assert faults_of(repair, [pressed]) == [(0, "all", "dead sensor", 40)]
+    pressed[:, 0] = 3.0  # at no limit
+    found = faults_of(repair, [pressed])
+    dead = (0, "all", "dead sensor", 40) if len(channels) == 1 else (0, 0, "dead", 40)
+    assert [row for row in found if "dead" in row[2]] == [dead]
 
 
 @pytest.mark.parametrize("factor", [1e-155, 1, 1e155, 1e300])
@@ -263,7 +268,7 @@ def test_a_channel_without_any_sample_is_zero():
 
 def test_a_dead_channel_is_reported_once():
     trials = recordings()
-    trials[2][:, 1] = 9.0  # stuck at the limit, with a gap
+    trials[2][:, 1] = 8.0  # stuck, with a gap
     trials[2][4, 1] = np.nan
     repair = RepairTrials(limits=(-9.0, 9.0), rest=5).fit(trials)
     found = repair.faults_.query("trial == 2")
@@ -295,13 +300,89 @@ def test_a_dead_sensor_has_the_most_typical_trial(channels):
     trials = [trial[:, channels] for trial in recordings()]
     repair = RepairTrials().fit([*trials, None])
     typical = repair.transform([None])[0]
-    dead = np.full((7, len(channels)), 3.0)
-    with_gaps = dead.copy()
-    with_gaps[2, 0] = np.nan
-    for touch in (dead, with_gaps):
-        assert_array_equal(repair.transform([touch])[0], typical)
-        assert faults_of(repair, [touch]) == [(0, "all", "dead sensor", 7)]
+    held = np.vstack([typical, np.tile(typical[-1], (90, 1))])
+    for n_times in (7, 90):  # as long as the touch is
+        dead = np.full((n_times, len(channels)), 3.0)
+        with_gaps = dead.copy()
+        with_gaps[2, 0] = np.nan
+        for touch in (dead, with_gaps):
+            assert_array_equal(repair.transform([touch])[0], held[:n_times])
+            assert faults_of(repair, [touch]) == [(0, "all", "dead sensor", n_times)]
     assert faults_of(repair, [None]) == [(0, "all", "missing sensor", 0)]
+
+
+@pytest.mark.parametrize("gone", ["slow", "fast"])
+def test_a_missing_sensor_lasts_as_long_as_the_others(gone):
+    """Of 100 and 2200 samples per second, in touches of other seconds than in fit."""
+
+    def touches(lengths):
+        data = np.random.default_rng(0).normal(size=(max(lengths) * 22, 1))
+        X = {"slow": [data[:n] for n in lengths]}
+        X["fast"] = [data[: 22 * n] for n in lengths]
+        return pd.DataFrame(X, dtype=object)
+
+    X = touches([50, 60, 70, 80])
+    X.loc[1, "slow"], X.loc[2, "fast"] = None, None
+    repair = RepairTrials().fit(X)
+    typical = repair.transform(touches([1]).assign(**{gone: None}))[gone][0]
+    assert len(typical) == len(touches([1])[gone][0])
+    new = touches([7, 300]).assign(**{gone: None})
+    for trial, whole in zip(repair.transform(new)[gone], touches([7, 300])[gone]):
+        assert trial.shape == whole.shape
+
+
+def test_a_short_touch_may_rest_as_long_as_others_do():
+    """Of a slow channel of whole numbers, as a temperature has."""
+    rng = np.random.default_rng(0)
+    level = [np.round(rng.normal(size=(400, 2)).cumsum(0) / 20) for _ in range(40)]
+    longest = [
+        [max(len([*run]) for _, run in groupby(channel)) for channel in trial.T]
+        for trial in level
+    ]
+    usual = np.sort(longest, axis=0)[35]  # that of nine trials of ten
+    repair = RepairTrials().fit(level)
+    for n_times in range(1, 400):
+        found = faults_of(repair, [np.full((n_times, 2), 7.0)])
+        dead = np.flatnonzero(n_times > usual)
+        every = [(0, "all", "dead sensor", n_times)]
+        one = [(0, i, "dead", n_times) for i in dead]
+        assert found == (every if len(dead) == 2 else one)
+
+
+def test_contact_is_not_taken_for_rest():
+    """Where the samples at rest are lost, of one channel or all, or but for some."""
+    rng = np.random.default_rng(0)
+    shape = np.repeat([0, 800.0], [50, 150])[:, np.newaxis]
+    force = [100 + shape + rng.normal(size=(200, 2)) for _ in range(8)]
+    force[3][:50] = np.nan
+    force[4][:50, 1] = np.nan
+    force[5][10:60] = np.nan
+    repair = RepairTrials(rest=50).fit(force)
+    for trial in repair.transform(force):
+        assert np.abs(trial - shape)[60:].max() < 6
+    found = repair.faults_.set_index("trial").query("fault != 'rest level'")
+    assert found["fault"].tolist() == ["dead sensor", "dead", "dropped frames"]
+
+
+def test_trials_keep_their_time_stamps():
+    """So that the next step refuses those that contradict its rate."""
+    stamps = [pd.to_timedelta(np.arange(len(t)) / 50, unit="s") for t in recordings()]
+    trials = [
+        pd.DataFrame(trial, at, list("wxyz")) for trial, at in zip(recordings(), stamps)
+    ]
+    trials[2].iloc[4:6] = np.nan
+    trials[3] = None
+    repaired = RepairTrials().fit_transform(trials)
+    assert isinstance(repaired.pop(3), np.ndarray)
+    for trial, before in zip(repaired, [t for t in trials if t is not None]):
+        pd.testing.assert_frame_equal(trial, before.interpolate(), check_freq=False)
+    for rate in (50, 100):
+        model = make_pipeline(RepairTrials(), SignalStatistics(rate=rate))
+        if rate == 50:
+            assert len(model.fit_transform(trials)) == len(trials)
+        else:
+            with pytest.raises(ValueError, match="sampled at 50 Hz by its index"):
+                model.fit(trials)
 
 
 def test_a_sensor_of_which_one_channel_lives_is_not_dead():
@@ -374,14 +455,13 @@ def test_several_sensors_in_a_data_frame():
     ]
     alone = RepairTrials(rest=3).fit(list(trials["force"]))
     for one, other in zip(alone.transform(trials["force"]), repaired["force"]):
-        assert_array_equal(one, other)
+        n_times = min(len(one), len(other))  # of the missing one, as of the skin
+        assert_array_equal(one[:n_times], other[:n_times])
     assert trials["force"]["touch2"] is None and trials["skin"] is not None
     assert trials["skin"]["touch3"] is before["skin"]["touch3"]
     # A sensor that is missing in all of the trials to predict.
-    none = trials.iloc[:2].assign(force=None)
-    assert [len(t) for t in repair.transform(none)["force"]] == [
-        len(repair.transform(trials.iloc[[2]])["force"].iloc[0])
-    ] * 2
+    none = repair.transform(trials.iloc[:2].assign(force=None))["force"]
+    assert len(none) == 2 and np.isfinite(np.concatenate([*none])).all()
 
 
 def test_frames_of_polars_hold_no_trials():

@@ -15,7 +15,14 @@ from sklearn.utils.validation import check_consistent_length
 from ..ratings import interrater_agreement
 from ..ratings._checks import check_counts, match_levels
 from ..ratings._distributions import shares
-from ..recordings._repair import USUAL, by_sensor, check_limits, read_faulty
+from ..recordings._repair import (
+    by_sensor,
+    check_limits,
+    dead_channels,
+    longest_rests,
+    read_faulty,
+    usual_rests,
+)
 from ..recordings._trials import trial_columns
 from ..utils._report import Report
 from ..utils._sklearn import Trials, validate_params
@@ -103,8 +110,8 @@ def describe_corpus(
             which are NaN, infinite or masked. Of ``saturated``, ``dead`` and
             ``constant``, the first counts the channels of single trials that reach
             ``limits``, NaN if these are not given; the second those that are constant
-            in the trial, but not in nine trials of ten; the third the channels that no
-            trial moves.
+            in the trial within ``limits``, for longer than in nine trials of ten; the
+            third the channels that no trial moves.
         objects : DataFrame or None
             One row per object: its ``name`` if known, and its ``trials``, their number.
             None without objects.
@@ -191,35 +198,34 @@ def describe_corpus(
 
 def _sensor_row(column, name, limits):
     """Return a row of the table of sensors, but its rate."""
-    ends = check_limits(limits) or (-np.inf, np.inf)
-    n_times, varies, unknown, n_missing, saturated = [], [], [], 0, 0
-    for trial in read_faulty(column, name)[0]:
-        n_times.append(0 if trial is None else len(trial))
-        if trial is not None:
-            lowest, highest = np.fmin.reduce(trial), np.fmax.reduce(trial)
-            varies.append(highest > lowest)
-            unknown.append(np.isnan(lowest))
-            n_missing += np.isnan(trial).sum()
-            saturated += ((lowest <= ends[0]) | (highest >= ends[1])).sum()
-    recorded = np.array([n for n in n_times if n], dtype=int)
-    varies, unknown = np.array(varies, bool, ndmin=2), np.array(unknown, bool, ndmin=2)
-    usual = varies.mean(axis=0) >= USUAL
-    dead = (usual & ~varies & (recorded > 1)[:, None]) | unknown
+    limits = check_limits(limits)
+    ends = (-np.inf, np.inf) if limits is None else limits
+    cells = read_faulty(column, name)[0]
+    there = [trial for trial in cells if trial is not None]
+    n_missing, saturated = 0, 0
+    for trial in there:
+        lowest, highest = np.fmin.reduce(trial), np.fmax.reduce(trial)
+        n_missing += np.isnan(trial).sum()
+        saturated += ((lowest <= ends[0]) | (highest >= ends[1])).sum()
+    recorded = np.array([len(trial) for trial in there], dtype=int)
+    each = np.array([longest_rests(trial) for trial in there], ndmin=2)
+    rests = usual_rests(each)
+    dead = [dead_channels(trial, rests, limits).sum() for trial in there]
     shortest, median, longest = (
         np.quantile(recorded, [0, 0.5, 1]) if len(recorded) else [np.nan] * 3
     )
     return {
         "n_trials": len(recorded),
-        "n_missing_trials": len(n_times) - len(recorded),
-        "n_channels": varies.shape[1],
+        "n_missing_trials": len(cells) - len(recorded),
+        "n_channels": each.shape[1],
         "shortest": shortest,
         "median": median,
         "longest": longest,
-        "n_samples": int(recorded.sum()) * varies.shape[1],
+        "n_samples": int(recorded.sum()) * each.shape[1],
         "n_missing_samples": int(n_missing),
         "saturated": np.nan if limits is None else float(saturated),
-        "dead": int(dead.sum()),
-        "constant": int((~varies.any(axis=0)).sum()),
+        "dead": int(sum(dead)),
+        "constant": int(np.isinf(each).all(axis=0).sum()),
     }
 
 

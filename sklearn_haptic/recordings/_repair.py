@@ -8,7 +8,6 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
@@ -20,9 +19,17 @@ from ..utils._sklearn import (
     _wrap_data_with_container,
 )
 from ..utils._validation import check_table, is_missing
-from ._trials import ALONE, channel_names, check_trials, is_table, trial_columns
+from ._trials import (
+    ALONE,
+    cells_of,
+    channel_names,
+    check_trials,
+    has_time_index,
+    is_table,
+    trial_columns,
+)
 
-USUAL = 0.9  # share of trials in which a channel that works varies
+_USUAL = 0.9  # share of trials in which a channel that works varies
 _ALL = "all"  # the channel of a fault of them all
 _COLUMNS = ["trial", "sensor", "channel", "fault", "n_samples", "answer", "offset"]
 
@@ -39,8 +46,8 @@ class Usual(NamedTuple):
     ----------
     samples : tuple of (tuple of int, list or None)
         Shape of one time sample, and names of the channels if they have any.
-    varies : ndarray of bool of shape (n_channels,)
-        Whether a channel varies within nine trials of ten or more.
+    rests : ndarray of shape (n_channels,)
+        Samples in a row beyond which a channel varies, as of :func:`usual_rests`.
     mean, scale : ndarray of shape (n_channels,)
     correlation : ndarray of shape (n_channels, n_channels)
         Of the samples of all trials, as of :func:`estimate_moments`.
@@ -49,7 +56,7 @@ class Usual(NamedTuple):
     """
 
     samples: tuple[tuple[int, ...], list[Any] | None]
-    varies: NDArray[np.bool_]
+    rests: FloatArray
     mean: FloatArray
     scale: FloatArray
     correlation: FloatArray
@@ -196,7 +203,7 @@ def _filled(gone, n, total, products, shift, precision):
     return total, products
 
 
-def repair_trial(cell, usual, limits, rest):
+def repair_trial(cell, usual, limits, rest, length=np.nan):
     """Repair a trial; return it and its faults.
 
     Parameters
@@ -207,6 +214,8 @@ def repair_trial(cell, usual, limits, rest):
         What other trials are like.
     limits, rest
         See :class:`RepairTrials`.
+    length : float, default=nan
+        How many samples a missing sensor would have; NaN if that is not known.
 
     Returns
     -------
@@ -216,10 +225,11 @@ def repair_trial(cell, usual, limits, rest):
         What was wrong, and what was done about it.
     """
     if cell is None:
-        return _typical(usual, "missing sensor", 0)
-    dead = dead_channels(cell, usual.varies, limits)
-    if (dead & usual.varies).any() and dead[usual.varies].all():
-        return _typical(usual, "dead sensor", len(cell))
+        length = len(usual.trial) if np.isnan(length) else np.ceil(round(length, 6))
+        return _typical(usual, "missing sensor", 0, length)
+    dead, varying = dead_channels(cell, usual.rests, limits, rest), usual.rests < np.inf
+    if varying.any() and dead[varying].all():
+        return _typical(usual, "dead sensor", len(cell), len(cell))
     repaired, faults = repair_channels(cell, limits, rest)
     if dead.any():
         repaired[:, dead] = estimate_channels(
@@ -234,23 +244,50 @@ def repair_trial(cell, usual, limits, rest):
     return repaired, faults
 
 
-def dead_channels(cell, usually, limits=None):
-    """Whether each channel has no sample, or is constant and `usually` varies.
+def longest_rests(cell):
+    """Return how many samples in a row each channel rests, infinity if throughout.
 
-    A sensor that is saturated throughout is not dead.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.recordings._repair import longest_rests
+    >>> longest_rests(np.array([[1, 1, np.nan, 1, 2, 2], [3, 3, 3, 3, 3, 3]]).T)
+    array([ 4., inf])
     """
-    rests = usually & ~_varies(cell) & (len(cell) > 1)
-    gone = np.isnan(cell).all(axis=0)
-    if limits is not None and (rests | gone)[usually].all():
-        within = (cell > limits[0]) & (cell < limits[1])
-        rests &= within[:, rests].any()
-    return rests | gone
+    moves = np.diff(fill_samples(cell), axis=0) != 0
+    times = np.arange(1, len(cell))[:, np.newaxis]
+    begins = np.maximum.accumulate(np.where(moves, times, 0), axis=0)
+    longest = (times - begins + 1).max(axis=0, initial=1)
+    return np.where(moves.any(axis=0), longest, np.inf)
 
 
-def _typical(usual, fault, n_samples):
-    """Return the most typical trial, and what it stands for."""
+def usual_rests(rests):
+    """Return the samples in a row that each channel rests in nine trials of ten.
+
+    Parameters
+    ----------
+    rests : array-like of shape (n_trials, n_channels)
+        Of :func:`longest_rests`.
+    """
+    return np.quantile(rests, _USUAL, axis=0, method="inverted_cdf")
+
+
+def dead_channels(cell, rests, limits=None, rest=None):
+    """Whether each channel rests longer than `rests`, or has no sample where it must.
+
+    That is at its begin if `rest` is given. One at its limit throughout is not dead.
+    """
+    still = np.isinf(longest_rests(cell)) & (len(cell) > rests)
+    if limits is not None:
+        still &= ((cell > limits[0]) & (cell < limits[1])).any(axis=0)
+    return still | np.isnan(cell[:rest]).all(axis=0)
+
+
+def _typical(usual, fault, n_samples, length):
+    """Return the most typical trial, cut or held, and what it stands for."""
     faults = [(_ALL, fault, n_samples, "typical trial", np.nan)]
-    return usual.trial.copy(), faults
+    times = np.arange(int(length)).clip(max=len(usual.trial) - 1)
+    return usual.trial[times], faults
 
 
 def repair_channels(cell, limits, rest):
@@ -269,7 +306,8 @@ def repair_channels(cell, limits, rest):
         repaired = repaired.clip(*limits)
     faults = [(*fault, np.nan) for fault in faults]
     if rest is not None:
-        offsets = np.median(repaired[:rest], axis=0)
+        resting = pd.DataFrame(np.where(np.isnan(cell), np.nan, repaired)[:rest])
+        offsets = resting.median().fillna(0).to_numpy(repaired.dtype)
         repaired -= offsets
         n_samples = min(rest, len(cell))
         faults += [
@@ -282,9 +320,9 @@ def repair_channels(cell, limits, rest):
 def usual_trials(cells, samples, limits, rest):
     """Learn what the trials of a sensor are like, from those that have it."""
     cells = [cell for cell in cells if cell is not None]
-    usually = np.mean([_varies(cell) for cell in cells], axis=0) >= USUAL
+    rests = usual_rests([longest_rests(cell) for cell in cells])
     repaired = [repair_channels(cell, limits, rest)[0] for cell in cells]
-    dead = np.array([dead_channels(cell, usually, limits) for cell in cells])
+    dead = np.array([dead_channels(cell, rests, limits, rest) for cell in cells])
     some = np.flatnonzero(~dead.all(axis=1))  # the others tell nothing
     repaired, dead = [repaired[i] for i in some], dead[some]
     moments = estimate_moments(repaired, dead)
@@ -302,14 +340,7 @@ def usual_trials(cells, samples, limits, rest):
     spread[spread == 0] = 1
     distances = np.abs((levels - np.median(levels, axis=0)) / spread).sum(axis=1)
     typical = repaired[distances.argmin()]
-    return Usual(samples, usually, *moments, typical)
-
-
-def _varies(cell):
-    """Whether each channel has two different known samples."""
-    high = np.where(np.isnan(cell), -np.inf, cell).max(axis=0)
-    low = np.where(np.isnan(cell), np.inf, cell).min(axis=0)
-    return high > low
+    return Usual(samples, rests, *moments, typical)
 
 
 def _each(counts, fault, answer):
@@ -324,9 +355,49 @@ def _with_columns(X, columns):
     return X
 
 
+def as_given(trial, cell, shape, names):
+    """Return a repaired trial in the shape of its samples, with the stamps it had."""
+    trial = trial.reshape(-1, *shape)
+    if has_time_index(cell) and len(cell) == len(trial):
+        return pd.DataFrame(trial, cell.index, names)
+    return trial
+
+
 def _all_missing(X):
     """Whether every entry of a collection is None, NaN or NA; a table has rows."""
     return hasattr(X, "__len__") and len(X) > 0 and all(map(is_missing, X))
+
+
+def lengths_of(cells):
+    """Return the samples of each trial by sensor, NaN where one is missing."""
+    return pd.DataFrame(
+        {
+            name: [np.nan if cell is None else len(cell) for cell in each]
+            for name, each in cells.items()
+        }
+    )
+
+
+def paces_of(lengths):
+    """Return how many samples each sensor usually has for one of each other.
+
+    Parameters
+    ----------
+    lengths : DataFrame of shape (n_trials, n_sensors)
+        Of :func:`lengths_of`.
+
+    Returns
+    -------
+    paces : ndarray of shape (n_sensors, n_sensors)
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from sklearn_haptic.recordings._repair import paces_of
+    >>> paces_of(pd.DataFrame({"pac": [220.0, 440.0], "pdc": [10.0, 20.0]}))[0]
+    array([ 1., 22.])
+    """
+    return np.array([lengths.rdiv(lengths[s], axis=0).median() for s in lengths])
 
 
 def read_faulty(column, name, shape=None, names=None):
@@ -434,6 +505,7 @@ class TrialRepair:
             else:
                 self.n_features_in_ = len(usual[ALONE].mean)
         self.takes_trials_, self._settings, self._usual = takes_trials, settings, usual
+        self._paces = paces_of(lengths_of({name: read[name][0] for name in read}))
         self._faults = self._rows_of_faults(X)
         return self
 
@@ -478,9 +550,11 @@ class TrialRepair:
         if not self.takes_trials_:
             rows = [trial.ravel() for trial, _ in self._repair(X)[ALONE]]
             return _wrap_data_with_container("transform", np.array(rows), X, self)
+        given = trial_columns(X, list(self._usual))
         repaired = {
             name: [
-                trial.reshape(-1, *self._usual[name].samples[0]) for trial, _ in pairs
+                as_given(trial, cell, *self._usual[name].samples)
+                for (trial, _), cell in zip(pairs, cells_of(given[name]))
             ]
             for name, pairs in self._repair(X).items()
         }
@@ -534,13 +608,15 @@ class TrialRepair:
             }
         else:
             cells = {ALONE: self._rows(X)}
-        return {
-            name: [
-                repair_trial(cell, self._usual[name], *self._settings[name])
-                for cell in each
+        lengths, repaired = lengths_of(cells), {}
+        for (name, each), paces in zip(cells.items(), self._paces):
+            usual, settings = self._usual[name], self._settings[name]
+            expected = (lengths * paces).median(axis=1)
+            repaired[name] = [
+                repair_trial(cell, usual, *settings, length)
+                for cell, length in zip(each, expected)
             ]
-            for name, each in cells.items()
-        }
+        return repaired
 
     def _rows(self, X, *, reset=False):
         """Validate a table, whose rows are trials with one channel."""
@@ -577,12 +653,13 @@ class RepairTrials(TrialRepair, OneToOneFeatureMixin, TransformerMixin, BaseEsti
     dropped frames   NaN in all channels at a time    interpolated in time
     saturated        at or beyond `limits`            kept at the limit, the nearest
                                                       value that is known
-    dead             no sample in the trial; or       estimated from the other channels
-                     constant in it, in a channel     by linear regression
-                     that varies in nine trials of
-                     ten
-    dead sensor      all such channels are dead, not  the most typical trial of `fit`
-                     saturated throughout
+    dead             no sample in the trial or, if    estimated from the other channels
+                     `rest` is given, at rest; or     by linear regression
+                     constant in it within `limits`,
+                     for longer than in nine trials
+                     of ten
+    dead sensor      all channels are dead, but       the most typical trial of `fit`
+                     those that are often constant
     missing sensor   None, NaN or no samples in       the most typical trial of `fit`
                      place of the trial
     rest level       `rest` is given                  the median of the first `rest`
@@ -617,7 +694,8 @@ class RepairTrials(TrialRepair, OneToOneFeatureMixin, TransformerMixin, BaseEsti
     -----
     `X` may be a DataFrame of trials with one column per sensor, of which columns
     without trials stay as they are, the trials of one sensor, or a table, each row of
-    which is a trial with one channel. Trials keep their container. To leave faulty
+    which is a trial with one channel. Trials keep their container, and those of pandas
+    with an index of time stamps keep it. To leave faulty
     trials out instead, take those whose position is not in ``faults_["trial"]``.
 
     What is estimated is learned from the trials of `fit` alone, and of each channel
@@ -625,8 +703,8 @@ class RepairTrials(TrialRepair, OneToOneFeatureMixin, TransformerMixin, BaseEsti
     in all of them is 0. No more than repairs the faults is changed: a trial without
     faults comes out as it went in.
 
-    The most typical trial keeps its own length, so that its frequencies and phases stay
-    what they are: a dead sensor has then not as many samples as before.
+    The most typical trial is cut, or held at its end, to be as long as the touch: that
+    of a missing sensor by the samples that the others have, in the usual proportion.
 
     Examples
     --------
