@@ -192,6 +192,7 @@ def test_copies_of_touches_change_nothing():
     X, counts, objects = made()
     rows = np.repeat(np.arange(len(X)), 4)
     strict = [("linear", NNPOM(0, tol=1e-10)), members()[1]]
+    strict.append(("piped", make_pipeline("passthrough", NNPOM(0, tol=1e-10))))
     one, many = (
         DistributionBlend(strict, cv=3).fit(X[i], counts[i], groups=objects[i])
         for i in (slice(None), rows)
@@ -209,6 +210,14 @@ def test_how_many_people_rated_a_touch_changes_nothing():
         for each in (counts, counts * people)
     )
     assert_allclose(many.predict_proba(X), one.predict_proba(X), atol=1e-9)
+
+
+def test_touches_that_people_rated_apart_tell_no_objects():
+    X, _, _ = made()
+    people = np.random.default_rng(0)
+    counts = people.multinomial(6, np.full(5, 0.2), size=len(X))
+    with pytest.warns(UserWarning, match="takes each trial for another object"):
+        DistributionBlend(members()).fit(X, counts)
 
 
 def test_counts_tell_the_objects_where_these_are_not_told():
@@ -408,6 +417,6 @@ def test_sample_weight_goes_to_members_that_request_it():
     of_objects = np.bincount(objects, weight)
     alone = NNPOM(0).fit(X, counts, weight / of_objects[objects])
     assert_array_equal(blend.estimators_["linear"].coefs_[0], alone.coefs_[0])
-    in_pipeline = [("scaled", make_pipeline(StandardScaler(), NNPOM(0)))]
-    with pytest.raises(ValueError, match="The member 'scaled' takes no sample_weight"):
+    in_pipeline = [("near", make_pipeline(StandardScaler(), neighbours))]
+    with pytest.raises(ValueError, match="The member 'near' takes no sample_weight"):
         DistributionBlend(in_pipeline).fit(X, counts, weight, groups=objects)

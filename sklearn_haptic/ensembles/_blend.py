@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn import get_config
 from sklearn.base import BaseEstimator, MetaEstimatorMixin
+from sklearn.pipeline import Pipeline
 from sklearn.utils import indexable
 from sklearn.utils.metadata_routing import (
     MetadataRouter,
@@ -193,8 +194,8 @@ class DistributionBlend(
         groups : array-like of shape (n_trials,), default=None
             The object of each trial; objects weigh the same. Without them, trials of
             equal counts are taken to be of one object, or of several if they are many,
-            and trials weigh the same. If ``y`` has no counts, `fit` warns, and takes
-            each trial for an object.
+            and trials weigh the same. If counts do not repeat, or there are none, `fit`
+            warns, and takes each trial for an object.
 
         Returns
         -------
@@ -289,11 +290,13 @@ class DistributionBlend(
         routing = get_config()["enable_metadata_routing"]
         routed = process_routing(self, "fit", groups=groups, **given) if routing else {}
         for name, member in self.estimators:
-            takes_weights = _takes_weights(member)
+            argument = _weight_argument(member)
             if routing:
                 params[name] = dict(routed[name].fit)
-                takes_weights &= params[name].keys() >= given.keys()
-            elif given and not has_fit_parameter(member, "sample_weight"):
+                requested = given.keys() <= params[name].keys()
+                if not requested or argument != "sample_weight":
+                    argument = None
+            elif given and argument is None:
                 raise ValueError(
                     f"The member {name!r} takes no sample_weight; give none, or enable "
                     "metadata routing and say by set_fit_request which members request "
@@ -301,8 +304,8 @@ class DistributionBlend(
                 )
             else:
                 params[name] = groups_for(member, groups)
-            if takes_weights:
-                params[name]["sample_weight"] = weight
+            if argument is not None:
+                params[name][argument] = weight
         return params | {MARGINAL: {"sample_weight": weight}}
 
 
@@ -313,11 +316,16 @@ def _are_of_objects(counts, objects):
     return np.allclose(below, below[first][objects], rtol=0, atol=1e-9)
 
 
-def _takes_weights(member):
-    """Whether trials of a member may differ in weight."""
+def _weight_argument(member):
+    """Return the argument of a member's ``fit`` by which trials weigh, None of none."""
+    if isinstance(member, Pipeline):
+        name, last = member.steps[-1]
+        argument = _weight_argument(last)
+        return argument and f"{name}__{argument}"
     inner = getattr(member, "estimator", None)
     known = [member] if inner is None else [member, inner]
-    return all(has_fit_parameter(each, "sample_weight") for each in known)
+    takes = all(has_fit_parameter(each, "sample_weight") for each in known)
+    return "sample_weight" if takes else None
 
 
 def _learn(proba, counts, weight):

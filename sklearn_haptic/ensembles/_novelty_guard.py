@@ -337,9 +337,10 @@ class NoveltyGuard(
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
             Counts of ratings or labels, whatever the estimator takes.
         groups : array-like of shape (n_trials,), default=None
-            The object, or the family of objects, of each touch. Without them `fit`
-            warns, and takes each touch for another object. If `y` names the objects
-            themselves, give what divides their touches, such as runs.
+            The object, or the family of objects, of each touch. Without them,
+            touches of equal counts are of one object. If counts do not repeat, or there
+            are none, `fit` warns, and takes each touch for another object. If `y` names
+            the objects themselves, give what divides their touches, such as runs.
 
         Returns
         -------

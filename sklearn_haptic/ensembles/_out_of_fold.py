@@ -49,17 +49,20 @@ def infer_objects(y):
     Trials of one object have the same counts of its ratings, so trials of equal counts
     are taken to be of one object. Counts of more than a fifth of the trials are taken
     to be shared by several objects of median size, whose trials stand together: else
-    most objects would be held out at once where people agree about most. Labels, and
-    counts of a single rating each, tell nothing.
+    most objects would be held out at once where people agree about most. Labels and
+    counts of a single rating each tell nothing, nor do counts of which more than a
+    tenth are of one trial alone.
 
     Examples
     --------
     >>> from sklearn_haptic.ensembles._out_of_fold import infer_objects
-    >>> infer_objects([[4, 1], [4, 1], [2, 3]])
-    array([0, 0, 1])
-    >>> infer_objects([[5, 0], [5, 0], [5, 0], [4, 1], [2, 3]])
-    array([0, 1, 2, 3, 4])
+    >>> infer_objects([[4, 1], [2, 3], [4, 1], [2, 3]])
+    array([0, 1, 0, 1])
+    >>> infer_objects([[5, 0]] * 4 + [[4, 1]] * 2 + [[2, 3]] * 2)
+    array([0, 0, 1, 1, 2, 2, 3, 3])
     >>> infer_objects([[1, 0], [1, 0], [0, 1]]) is None
+    True
+    >>> infer_objects([[4, 1], [3, 2], [2, 3]]) is None
     True
     """
     if np.ndim(y) < 2:
@@ -69,6 +72,8 @@ def infer_objects(y):
         return None
     same = number_objects([row.tobytes() for row in counts], len(counts))
     size = np.bincount(same)
+    if np.sum(size == 1) > len(counts) / 10:
+        return None
     sharing = np.maximum(size // np.median(size), 1).astype(np.intp)
     sharing[size <= len(counts) / 5] = 1
     place = pd.Series(same).groupby(same).cumcount().to_numpy()

@@ -197,9 +197,10 @@ class TouchPool(
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
             Counts of ratings or labels, whatever the members take.
         groups : array-like of shape (n_trials,), default=None
-            The object of each row. Rows of one object are touches of it. Without them
-            `fit` warns, and takes each row for another object. If `y` names the objects
-            themselves, give what divides their touches, such as runs.
+            The object of each row. Rows of one object are touches of it. Without
+            them, rows of equal counts are of one object. If counts do not repeat, or
+            there are none, `fit` warns, and takes each row for another object. If `y`
+            names the objects themselves, give what divides their touches, such as runs.
 
         Returns
         -------
