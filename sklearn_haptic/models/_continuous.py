@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from numbers import Integral
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,36 +23,42 @@ from ..ratings._checks import check_rated
 from ..ratings._continuous import cdf_at, check_answers, check_values, quantile_at
 from ..ratings._distributions import cdf, shares
 from ..utils._folds import TakesGroups, groups_for
-from ..utils._sklearn import HasMethods, Interval, StrOptions, Trials, _fit_context
+from ..utils._sklearn import HasMethods, Interval, Trials, _fit_context
 from ..utils._validation import check_groups, check_numbers, check_weights
 from ._distributional import DistributionalOrdinalRegressor
 from ._ordinal import DistributionMixin
 
 
-def make_grid(answers, weight, grid, n_cells):
+def make_grid(answers, weight, n_cells):
     """Choose the edges of cells from the lowest answer to the highest, ascending.
 
-    A trial's weight is shared by its answers. Equal quantiles make one edge; if an
-    answer at one is twice as frequent as answers mostly are, it has a cell of its own,
-    a thousandth as wide as the way to the next answer.
+    A trial's weight is shared by its answers. Of the gaps between neighbouring answers,
+    those nearest to quantiles hold an edge. It divides the gap inversely to the weights
+    of the two answers: a heap of equal answers has a narrow cell, and where each answer
+    has a cell, the mean of the cells' middles is that of the answers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.models._continuous import make_grid
+    >>> make_grid(np.array([[0, 0, 0, 1, 2]]), np.ones(1), 30).tolist()
+    [0.0, 0.25, 1.5, 2.0]
     """
     given = ~np.isnan(answers) & (weight > 0)[:, None]
     each = np.broadcast_to((weight / given.sum(axis=1).clip(1))[:, None], given.shape)
-    values, weight = answers[given], each[given]
-    if grid == "even":
-        return np.linspace(values.min(), values.max(), n_cells + 1)
-    order = np.argsort(values, kind="stable")
-    values, below = values[order], np.cumsum(weight[order])
-    rank = np.arange(1, n_cells) / n_cells * below[-1] * (1 - 1e-12)
-    inner = values[np.searchsorted(below, rank)]
-    quantiles = np.concatenate((values[:1], inner, values[-1:]))
-    distinct, which = np.unique(values, return_inverse=True)
-    share = np.bincount(which, weight[order])
-    place = np.searchsorted(distinct, quantiles[1:][quantiles[1:] == quantiles[:-1]])
-    place = np.unique(place[share[place] > 2 * np.median(share)])
-    heaps, beside = distinct[place], distinct[np.where(place > 0, place - 1, 1)]
-    edges = np.unique([*quantiles, *(heaps + (beside - heaps) / 1000)])
-    return edges if len(edges) > 2 else np.linspace(edges[0], edges[1], 3)
+    values, which = np.unique(answers[given], return_inverse=True)
+    share = np.bincount(which, each[given])
+    below = np.cumsum(share)[:-1] / share.sum()
+    nearest = np.searchsorted(
+        (below[:-1] + below[1:]) / 2, np.arange(1, n_cells) / n_cells
+    )
+    gap = np.unique(nearest)
+    lower, upper = values[gap], values[gap + 1]
+    part = share[gap + 1] / (share[gap] + share[gap + 1])
+    inner = np.clip(
+        (1 - part) * lower + part * upper, lower, np.nextafter(upper, lower)
+    )
+    return np.concatenate((values[:1], inner, values[-1:]))
 
 
 def count_in_cells(answers, edges):
@@ -88,13 +94,13 @@ class ContinuousRatingsRegressor(
     estimator : estimator object, default=None
         The ordinal model of the cells, which takes counts and has ``predict_proba``; by
         default ``DistributionalOrdinalRegressor()``. It may be a pipeline.
-    grid : {"quantile", "even"} or array-like of shape (n_edges,), default="quantile"
-        The edges of the cells: those between which equally many training ratings lie,
-        evenly spaced ones from the lowest rating to the highest, or the edges
-        themselves, ascending, such as ``numpy.linspace(0, 100, 31)``.
+    grid : array-like of shape (n_edges,), default=None
+        The edges of the cells, ascending, such as ``numpy.linspace(0, 100, 31)``. A
+        rating on an edge counts in the cell below it. By default equally many training
+        ratings lie between two edges, and the edges between different ratings.
     n_cells : int, default=30
-        Number of cells, if the grid is not given. Where many ratings are equal,
-        "quantile" makes fewer.
+        Number of cells, if the grid is not given. Where many ratings are equal, there
+        are fewer.
 
     Attributes
     ----------
@@ -116,10 +122,12 @@ class ContinuousRatingsRegressor(
     -----
     The CDF at the edges is that of an ordinal model whose levels are the cells. Between
     two edges it is off by less than the probability of the cell, which is about
-    ``1 / n_cells`` on average. A heap of equal ratings, such as people who left the
-    slider at its end, has a narrow cell of its own on a grid of quantiles; on another
-    it is spread over the cell below it. The predicted distribution never leaves the
-    grid.
+    ``1 / n_cells`` on average. The predicted distribution never leaves the grid.
+
+    Equal ratings are spread over their cell, which the default makes the narrower the
+    more there are. People who left the slider at its lowest end are therefore in the
+    CDF from the second edge on; of ratings in whole numbers, ask for the CDF halfway to
+    the next number.
 
     Examples
     --------
@@ -141,7 +149,7 @@ class ContinuousRatingsRegressor(
 
     _parameter_constraints = {  # noqa: RUF012
         "estimator": [HasMethods(["fit", "predict_proba"]), None],
-        "grid": [StrOptions({"quantile", "even"}), "array-like"],
+        "grid": ["array-like", None],
         "n_cells": [Interval(Integral, 2, None, closed="left")],
     }
 
@@ -149,7 +157,7 @@ class ContinuousRatingsRegressor(
         self,
         estimator: BaseEstimator | None = None,
         *,
-        grid: Literal["quantile", "even"] | ArrayLike = "quantile",
+        grid: ArrayLike | None = None,
         n_cells: int = 30,
     ) -> None:
         self.estimator = estimator
@@ -221,8 +229,8 @@ class ContinuousRatingsRegressor(
                 f"All ratings in y are {lowest} (n_samples={len(used)}); a grid needs "
                 "at least two different ones."
             )
-        if isinstance(self.grid, str):
-            return make_grid(answers, weight, self.grid, self.n_cells)
+        if self.grid is None:
+            return make_grid(answers, weight, self.n_cells)
         check_numbers(self.grid, "grid")
         edges = column_or_1d(check_array(self.grid, ensure_2d=False, dtype=np.float64))
         if len(edges) < 3 or not (np.diff(edges) > 0).all():
