@@ -158,6 +158,36 @@ def test_blocks_of_any_unit_have_equal_variance(shift):
     assert_allclose(single, scaled, atol=1e-5 + 1e-6 * shift)
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize(
+    "sensor",
+    [Signal(), Signal(100), TaxelGrid((2, 2))],
+    ids=["levels", "codes", "grid"],
+)
+@pytest.mark.parametrize("value", [0.1, 2047.3])
+def test_a_channel_that_is_always_the_same_tells_nothing(sensor, dtype, value):
+    """However long the touches are: no feature of it varies by rounding alone."""
+    rng = np.random.default_rng(0)
+    X = [rng.normal(size=(n, 4)).astype(dtype) for n in rng.integers(40, 3000, 20)]
+    for trial in X:
+        trial[:, 3] = value
+    features = make_haptic_pipeline(sensor, random_state=0)[:-1].fit(X)
+    of_constant = ["ch3" in name for name in features.get_feature_names_out()]
+    assert np.abs(features.transform(X)[:, of_constant]).max() < 1e-5
+    for trial in X:
+        trial[:, 3] *= 1.1
+    assert np.abs(features.transform(X)[:, of_constant]).max() < max(value, 0.5)
+
+
+def test_rounding_is_no_variance():
+    rows = np.full((30, 2), 0.1, np.float32)
+    rows[::3, 0] = np.nextafter(rows[0, 0], np.float32(1))
+    rows[:, 1] += np.linspace(0, 1e-5, 30)
+    scaled = BlockScaler().fit_transform(rows)
+    assert np.abs(scaled[:, 0]).max() < 1e-7
+    assert scaled[:, 1].std() == pytest.approx(1, rel=1e-3)
+
+
 def test_names_of_a_biotac_are_not_described_twice():
     named = make_haptic_pipeline(["pac", "acc"])[0].transformers
     coder = named[0][1]["codes"][0]

@@ -135,22 +135,27 @@ def temporal_max_pool(
         # One pass over time suffices, since every cell of any level joins segments.
         edges, first = np.unique(np.concatenate(starts), return_inverse=True)
         for statistic, out in zip(statistics, pooled[i]):
-            reduce = np.maximum if statistic == "max" else np.add
-            values = sequence
-            if statistic == "share":
-                values = (sequence != 0).astype(sequence.dtype)
+            values, reduce, dtype = sequence, np.maximum, None
+            if statistic != "max":  # the mean of a constant is that constant
+                values = sequence if statistic == "mean" else sequence != 0
+                reduce, dtype = np.add, np.float64
             with np.errstate(over="ignore"):
-                segments = reduce.reduceat(values, edges, axis=0)
+                segments = reduce.reduceat(values, edges, axis=0, dtype=dtype)
                 for n, end in zip(cells, level_ends):
                     level = slice(end - n, end)
                     begin, stop = cell_bounds(n_times, n, split)
                     if n <= n_times:
-                        reduce.reduceat(segments, first[level], axis=0, out=out[level])
+                        rows = reduce.reduceat(segments, first[level], axis=0)
                     else:  # cells overlap, with at most three rows each
-                        for row, a, b in zip(out[level], begin, stop):
-                            reduce.reduce(values[a:b], axis=0, out=row)
+                        rows = np.stack(
+                            [
+                                reduce.reduce(values[a:b], axis=0, dtype=dtype)
+                                for a, b in zip(begin, stop)
+                            ]
+                        )
                     if reduce is np.add:
-                        out[level] /= (stop - begin)[:, np.newaxis]
+                        rows /= (stop - begin)[:, np.newaxis]
+                    out[level] = rows
     if not np.isfinite(pooled).all():
         raise ValueError(
             f"X holds values so large that their sums overflow {pooled.dtype}; divide "

@@ -93,10 +93,13 @@ class BlockScaler(StandardScaler):
     def partial_fit(self, X: Any, y: Any = None, sample_weight: Any = None) -> Self:
         """Learn means and variances, as `fit` does by this method."""
         super().partial_fit(X, y, sample_weight)
+        # A feature that varies by no more than rounding is constant: its scale is 1.
+        level = 4 * np.finfo(np.result_type(X, np.float32)).eps
+        deviation = np.sqrt(self.var_)
+        varies = (self.scale_ == deviation) & (deviation > level * np.abs(self.mean_))
+        self.scale_ = np.where(varies, deviation, 1)
         if self.blocks is not None:
-            # Of a constant feature the scale is 1, not the root of its variance.
-            varies = self.scale_ == np.sqrt(self.var_)
-            self.scale_ = self.scale_ / block_weights(varies, self.blocks)
+            self.scale_ /= block_weights(varies, self.blocks)
         return self
 
 

@@ -144,7 +144,8 @@ def signal_statistics(signals, statistics, edges, scale):
     )
     # Sums are rounded alike, however the recording lies in memory.
     signals = np.multiply(signals, (1 / units)[:, np.newaxis], order="C")
-    mean = signals.mean(axis=1)
+    # Of a constant it is that constant, whatever rounding does.
+    mean = signals.mean(axis=1).clip(lowest / units, highest / units)
     centred = signals - mean[:, np.newaxis]
 
     def slope():
