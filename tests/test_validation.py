@@ -107,12 +107,25 @@ def test_columns_that_are_not_those_of_the_first_trial_or_of_fit():
             check_trials([bad], n_channels=3, names=channel_names([FRAME]))
 
 
-def test_trials_without_names_are_taken_as_they_are():
-    plain = FRAME.set_axis(range(3), axis=1)
-    assert channel_names([plain, FRAME.to_numpy()]) is None
-    for X in ([plain], [FRAME.to_numpy()]):
-        trials = check_trials(X, n_channels=3, names=channel_names([FRAME]))
-        np.testing.assert_array_equal(trials[0], FRAME.to_numpy())
+@pytest.mark.parametrize("order", list(permutations(range(3))))
+def test_numbers_are_names(order):
+    """Columns of a file without a header stay in the order in which they are given."""
+    wired = FRAME.set_axis(range(3), axis=1)[list(order)]
+    back = wired[[0, 1, 2]]
+    for X in ([wired, back], [wired.to_numpy(), back, wired]):
+        for trial in check_trials(X, names=list(order)):
+            np.testing.assert_array_equal(trial, wired.to_numpy())
+    np.testing.assert_array_equal(check_trials([wired, back])[1], wired)
+    np.testing.assert_array_equal(check_trials([back, wired])[1], back)
+
+
+def test_trials_without_columns_are_taken_as_they_are():
+    array = FRAME.to_numpy()
+    assert channel_names([array, array]) is None
+    for X, names in (([array], channel_names([FRAME])), ([FRAME], None)):
+        np.testing.assert_array_equal(check_trials(X, names=names)[0], array)
+    with pytest.raises(ValueError, match="differ in the column 'x'"):
+        check_trials([FRAME, FRAME.set_axis(range(3), axis=1)])
 
 
 @pytest.mark.parametrize("library", ["pandas", "polars"])

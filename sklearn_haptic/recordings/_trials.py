@@ -56,10 +56,10 @@ def is_table(X):
 
 
 def channel_names(X):
-    """Return the column names of trials that are data frames, None if none has any."""
+    """Return the columns of the first trial that is a data frame, None if none is."""
     if isinstance(X, Sequences) or is_table(X):
         return None
-    return next(filter(None, map(_names, cells_of(X))), None)
+    return next((list(t.columns) for t in cells_of(X) if hasattr(t, "columns")), None)
 
 
 def transposed_hint(shape):
@@ -315,24 +315,13 @@ def rate_of(X, rate=None, *, name="X"):
     return float(rate)
 
 
-def _names(trial):
-    """Return the column names of a data frame, None if it has none of its own."""
-    if not hasattr(trial, "columns"):
-        return None
-    names = list(trial.columns)
-    return None if {*names} == {*range(len(names))} else names
-
-
 def in_order(trial, what, names, where):
-    """Return a trial with its named columns in the order of `names`.
+    """Return a trial with its columns, if it has any, in the order of `names`.
 
     The error says that `what` and `where` differ.
     """
-    own = _names(trial)
-    if own is None and hasattr(trial, "columns"):
-        numbers = list(range(len(trial.columns)))
-        return trial if list(trial.columns) == numbers else trial[numbers]
-    if own is None or names is None or own == names:
+    own = list(getattr(trial, "columns", names or []))
+    if names is None or own == names:
         return trial
     odd = [name for name in [*names, *own] if own.count(name) != names.count(name)]
     if odd:
