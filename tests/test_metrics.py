@@ -15,6 +15,7 @@ from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from sklearn_haptic import DummyDistribution
 from sklearn_haptic.metrics import (
     dispersion,
     earth_movers_distance,
@@ -436,9 +437,12 @@ def test_scorers_order_words_as_the_ratings_do_not_by_the_alphabet(scorer):
     levels = ["low", "mid", "high"]
     words = pd.Series(pd.Categorical.from_codes(place, levels, ordered=True))
     numbered = scorer(LogisticRegression().fit(X, place), X, place)
-    assert scorer(LogisticRegression().fit(X, words), X, words) == pytest.approx(
-        numbered
-    )
+    model = LogisticRegression().fit(X, words)
+    assert scorer(model, X, words) == pytest.approx(numbered)
+    with pytest.warns(UserWarning, match="y has words, .* 'high' < 'low' < 'mid'"):
+        assert scorer(model, X, words.astype(object)) != pytest.approx(numbered)
+    told = DummyDistribution(levels=sorted(levels)).fit(X, words.astype(object))
+    scorer(told, X, words.astype(object))  # no warning, which would be an error
 
 
 @pytest.mark.parametrize("score", [macro_mae, earth_movers_distance, dispersion])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator
 
-from ..ratings._levels import in_named_order
+from ..ratings._levels import predict_in_named_order
 from ..utils._pipeline_steps import last_step
 from ..utils._sklearn import Trials
 from ._absolute_errors import macro_mae, macro_mae_at_positions
@@ -54,8 +54,7 @@ def neg_rps_scorer(
     >>> neg_rps_scorer(DummyClassifier(strategy="prior").fit(X, y), X, y)
     -0.25
     """
-    proba = estimator.predict_proba(X)
-    proba, levels = in_named_order(proba, estimator.classes_, y)
+    proba, levels = predict_in_named_order(estimator, X, y)
     return -_score_predicted(ranked_probability_score, proba, levels, y, sample_weight)
 
 
@@ -103,13 +102,12 @@ def neg_macro_mae_scorer(
     -0.3333
     """
     model, X = last_step(estimator, X)
-    levels = model.classes_
     decided = ratings_decided_on(model, X)
     if decided is None:
         score = macro_mae
-        predicted, levels = in_named_order(model.predict_proba(X), levels, y)
+        predicted, levels = predict_in_named_order(model, X, y)
     else:
-        predicted, p = decided
+        (predicted, p), levels = decided, model.classes_
         score = partial(macro_mae_at_positions, p=p)
     return -_score_predicted(score, predicted, levels, y, sample_weight)
 

@@ -16,7 +16,7 @@ from sklearn.utils import check_scalar
 from ..metrics import pit_histogram
 from ..ratings._checks import check_distributions
 from ..ratings._distributions import cdf, shares
-from ..ratings._levels import in_named_order
+from ..ratings._levels import predict_in_named_order
 from ..utils._sklearn import Trials
 from ..utils._validation import check_groups
 from ._display import Display
@@ -75,9 +75,7 @@ class _CalibrationDisplay(Display):
         ValueError
             If ``y`` does not fit the estimator's levels, or ``groups`` the trials.
         """
-        proba, levels = in_named_order(
-            estimator.predict_proba(X), estimator.classes_, y
-        )
+        proba, levels = predict_in_named_order(estimator, X, y)
         return cls.from_predictions(
             y, proba, n_bins=n_bins, groups=groups, levels=levels, ax=ax
         )

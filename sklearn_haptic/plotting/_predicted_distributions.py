@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator
 from ..metrics import macro_mae, macro_mae_at_positions
 from ..ratings._checks import check_distributions, check_ratings
 from ..ratings._distributions import cdf, shares
-from ..ratings._levels import in_named_order
+from ..ratings._levels import predict_in_named_order
 from ..utils._sklearn import Trials, _safe_indexing
 from ..utils._validation import check_regular
 from ._display import Display
@@ -69,9 +69,7 @@ class _OneObjectDisplay(Display):
         ValueError
             If the rows of ``y`` differ, or do not fit the estimator's levels.
         """
-        proba, levels = in_named_order(
-            estimator.predict_proba(X), estimator.classes_, y
-        )
+        proba, levels = predict_in_named_order(estimator, X, y)
         return cls.from_predictions(y, proba, levels=levels, ax=ax)
 
     @classmethod
@@ -381,9 +379,7 @@ class DistributionDisplay(_OneObjectDisplay):
         ValueError
             If the rows of ``y`` differ, or do not fit the estimator's levels.
         """
-        proba, levels = in_named_order(
-            estimator.predict_proba(X), estimator.classes_, y
-        )
+        proba, levels = predict_in_named_order(estimator, X, y)
         counts, proba, levels = _check_trials_of_one(y, proba, levels)
         chosen = None if alpha is None else estimator.predict_set(X, alpha)
         return cls(counts[0], proba, levels=levels, chosen=chosen).plot(ax)

@@ -19,6 +19,7 @@ from numbers import Real
 
 import numpy as np
 
+from ..utils._pipeline_steps import last_step
 from ..utils._validation import is_text, lossless_array
 
 _DIGITS = r"\d+(?:\.\d+)?"
@@ -127,6 +128,20 @@ def _in_order(labels, name):
             "them an ordered pandas.CategoricalIndex",
         )
     return lossless_array(labels)
+
+
+def predict_in_named_order(estimator, X, ratings):
+    """Predict probabilities, and their levels, in the order that the ratings name.
+
+    Ratings are those of `in_named_order`. A UserWarning says that nothing tells the
+    order of words, neither the ratings nor a model of levels.
+    """
+    proba, levels = estimator.predict_proba(X), estimator.classes_
+    model, _ = last_step(estimator)
+    ordered = getattr(model, "_ordered", hasattr(model, "levels_"))
+    if np.ndim(ratings) == 1 and not ordered:
+        levels_of_ratings(levels, ratings, None, "y")
+    return in_named_order(proba, levels, ratings)
 
 
 def in_named_order(proba, levels, ratings):

@@ -357,6 +357,11 @@ def run_study(
             "NNPOM."
         )
     check_scoring(study.regressor, study.scoring)
+    for name in {"combined", "marginal", "barycentre"}.intersection(study.sensors):
+        raise ValueError(
+            f"A sensor is called {name!r}, as is another column of the tables of a "
+            "study; rename it."
+        )
     procedures = check_names(procedures, known_procedures, "procedure", "the corpus")
     open_study(study.folder, study.settings)
 
