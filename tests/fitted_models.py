@@ -222,6 +222,4 @@ def methods_of(model, X, y):
         calls["get_feature_names_out"] = lambda: model.get_feature_names_out()
     if is_regressor(model):  # sliders have no levels
         calls.pop("predict_set", None)
-    if isinstance(getattr(model, "weights", None), str):  # a choice of a blend
-        del calls["weights"]
     return {name: call for name, call in calls.items() if hasattr(model, name)}

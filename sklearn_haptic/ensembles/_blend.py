@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from numbers import Integral
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,7 +31,6 @@ from ..ratings._distributions import cdf, raised
 from ..utils._folds import TakesGroups, groups_for, number_objects
 from ..utils._sklearn import (
     CrossValidator,
-    StrOptions,
     Trials,
     _BaseComposition,
     _fit_context,
@@ -53,7 +52,9 @@ class DistributionBlend(
     the models. The marginal, which ignores the features, is always a member: where
     there is nothing to learn it gets the weight. A mean is broader than its members;
     where held-out ratings show that it is too broad or too sharp, its probabilities are
-    raised to a power.
+    raised to a power. The weights minimise the ranked probability score of predictions
+    by models that were fitted without a trial's object; they are drawn towards the
+    marginal by what two objects would say against the others, and the power towards 1.
 
     Where all trials of each object have the same ratings, these are one observation,
     however often the object was touched: its trials share a weight of 1. Ratings that
@@ -65,12 +66,6 @@ class DistributionBlend(
     estimators : list of (str, estimator) tuples
         The members, beside the marginal: classifiers that take counts per level, such
         as those of this package and pipelines that end in one.
-    weights : {"learned", "equal"}, default="learned"
-        "learned": by predictions of trials, each from models that were fitted without
-        their object; those that minimise the ranked probability score. They are drawn
-        towards the marginal by what two objects would say against the others, and the
-        exponent towards 1. "equal": the mean of the members given,
-        without the marginal; nothing is held out then.
     cv : int, splitter or iterable of (train, test), default=None
         The folds on which the weights are learned, whole objects in each; by default 5,
         or as many as there are objects.
@@ -88,10 +83,10 @@ class DistributionBlend(
         The weight of each member.
     exponent_ : float
         The power to which the probabilities of the mean are raised; above 1 it makes
-        them sharper. It is 1 if the weights are not learned.
+        them sharper.
     rps_ : dict of str to float
         Ranked probability score of each member on held-out trials, averaged over
-        objects; lower is better. Empty if the weights are not learned.
+        objects; lower is better.
     levels_, classes_ : ndarray of shape (n_levels,)
         The ordered levels.
     n_features_in_ : int
@@ -135,7 +130,6 @@ class DistributionBlend(
 
     _parameter_constraints = {  # noqa: RUF012
         "estimators": [list],
-        "weights": [StrOptions({"learned", "equal"})],
         "cv": ["cv_object"],
         "levels": ["array-like", None],
         "n_jobs": [Integral, None],
@@ -145,13 +139,11 @@ class DistributionBlend(
         self,
         estimators: Sequence[tuple[str, BaseEstimator]],
         *,
-        weights: Literal["learned", "equal"] = "learned",
         cv: CrossValidator = None,
         levels: ArrayLike | None = None,
         n_jobs: int | None = None,
     ) -> None:
         self.estimators = estimators
-        self.weights = weights
         self.cv = cv
         self.levels = levels
         self.n_jobs = n_jobs
@@ -232,18 +224,16 @@ class DistributionBlend(
         params = self._route(given, groups, weight)
         # Counts of a single level would be taken for ratings.
         y = counts if len(levels) > 1 else np.repeat(levels, len(counts))
-        share, exponent, scores = _equal(len(members)), 1.0, []
-        if self.weights == "learned":
-            folds, _ = make_folds(self, X, y, groups, members.values(), weight)
-            tasks = [
-                Task(name, member, X, y, fold, params[name])
-                for name, member in members.items()
-                for fold in folds
-            ]
-            proba = [each for _, each in run_tasks(tasks, levels, n_jobs=self.n_jobs)]
-            tested = np.concatenate([test for _, test in folds])
-            proba = np.reshape(np.concatenate(proba), (len(members), len(tested), -1))
-            share, exponent, scores = _learn(proba, counts[tested], held_out[tested])
+        folds, _ = make_folds(self, X, y, groups, members.values(), weight)
+        tasks = [
+            Task(name, member, X, y, fold, params[name])
+            for name, member in members.items()
+            for fold in folds
+        ]
+        proba = [each for _, each in run_tasks(tasks, levels, n_jobs=self.n_jobs)]
+        tested = np.concatenate([test for _, test in folds])
+        proba = np.reshape(np.concatenate(proba), (len(members), len(tested), -1))
+        share, exponent, scores = _learn(proba, counts[tested], held_out[tested])
         used = [name for name, w in zip(members, share) if w > 0]
         if used == [MARGINAL]:  # which takes anything; another one checks what is given
             used.append(self.estimators[0][0])
@@ -337,8 +327,3 @@ def _learn(proba, counts, weight):
     exponent = blend_exponent(mean, true, weight)
     scores = (departure**2).sum(axis=2).T + (true * (1 - true)).sum(axis=1)
     return share, exponent, np.average(scores, axis=1, weights=weight).tolist()
-
-
-def _equal(n_members):
-    """Equal weights of all members but the last, the marginal."""
-    return np.append(np.full(n_members - 1, 1 / (n_members - 1)), 0)
