@@ -214,6 +214,24 @@ def test_columns_that_the_pipeline_does_not_take_are_ignored(model):
     np.testing.assert_array_equal(proba, model.predict_proba(TOUCHES))
 
 
+def test_columns_keep_the_order_of_the_data_frame():
+    """Also for a function that counts them."""
+
+    def means_of_the_first(X):
+        return np.array([trial.mean(axis=0) for trial in X.iloc[:, 0]])
+
+    steps = FunctionTransformer(means_of_the_first), HEAD
+    for first in RATES:
+        order = sorted(RATES, key=lambda sensor: sensor != first)
+        found = [
+            make_model(make_pipeline(*steps), sampling_rates=rates)
+            .fit(TOUCHES[order], COUNTS, groups=OBJECTS)
+            .predict_proba(TOUCHES[order])
+            for rates in (RATES, dict(reversed(RATES.items())))
+        ]
+        np.testing.assert_array_equal(*found)
+
+
 @pytest.mark.parametrize("nothing", [None, np.nan, [], np.empty(0), np.empty((0, 3))])
 def test_a_missing_sensor_has_the_mean_features(model, nothing):
     lost = TOUCHES.copy()

@@ -228,6 +228,16 @@ def test_bad_samples_repeat_the_last_good_one(of_codes, data):
     )
 
 
+def test_limits_are_those_of_repair_trials(of_codes):
+    """Of numbers of NumPy, in single precision, and of all sensors together."""
+    x = {s: np.clip(TOUCHES[s][2], -9, 1.1).astype(np.float32) for s in RATES}
+    n_at_limit = {s: int((x[s] == np.float32(1.1)).any(axis=1).sum()) for s in RATES}
+    assert min(n_at_limit.values()) > 0
+    for pair in ((-10, 1.1), np.array([-10, 1.1]), [np.int8(-10), np.float64(1.1)]):
+        for limits in (pair, dict.fromkeys(RATES, pair)):
+            assert of_codes.start(limits).update(x).ignored == n_at_limit
+
+
 def test_a_sensor_that_never_works_is_missing(of_codes):
     touch, x = of_codes.start(), TOUCHES.iloc[4]
     dead = x["slow"].copy()

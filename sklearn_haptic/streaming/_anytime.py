@@ -28,6 +28,7 @@ from ..features._sensor_features import BlockScaler
 from ..models._ordinal import OrdinalClassifierMixin
 from ..ratings._checks import check_adjectives
 from ..ratings._distributions import raised, shares
+from ..recordings._repair import by_sensor, check_limits
 from ..recordings._trials import ALONE
 from ..utils._folds import TakesGroups
 from ..utils._pipeline_steps import flat_steps
@@ -44,7 +45,7 @@ from ._arriving_samples import FeltSamples
 from ._branches import check_described, fit_features, used_sensors
 from ._heads import best_power, fit_head, head_tasks
 from ._recorded_touches import check_touches, durations_complete, samples_in
-from ._touch_in_progress import TouchInProgress, check_limits
+from ._touch_in_progress import TouchInProgress
 
 
 class AnytimeRegressor(
@@ -209,6 +210,8 @@ class AnytimeRegressor(
         steps = self._check_estimator()
         durations = _check_durations(self.durations)
         rates = _check_rates(self.sampling_rates)
+        # In the order of X, whose columns an estimator may count.
+        rates = {s: rates[s] for s in getattr(X, "columns", ()) if s in rates} | rates
         self.sensors_ = used_sensors(steps, list(rates))
         touches = check_touches(X, {s: rates[s] for s in self.sensors_})
         check_consistent_length(X, y)
@@ -487,10 +490,10 @@ class AnytimeRegressor(
 
         Parameters
         ----------
-        limits : dict of str to tuple of float (low, high), default=None
-            Values at which a sensor is saturated; samples at or beyond them are
-            ignored, as are those that are not finite. For a model of one sensor
-            without name, the pair itself. By default no limits.
+        limits : tuple of float (low, high) or dict of str to tuple, default=None
+            Values at which a sensor is saturated, or those of each sensor by name, as
+            in `RepairTrials`. Samples at or beyond them are ignored, as are those that
+            are not finite. By default no limits.
 
         Returns
         -------
@@ -499,7 +502,9 @@ class AnytimeRegressor(
         """
         check_is_fitted(self)
         # A touch belongs to the model as it is now, also if that is fitted again.
-        return TouchInProgress(copy(self), check_limits(limits, self.sensors_))
+        of_each = by_sensor(limits, self.sensors_, "limits")
+        pairs = {sensor: check_limits(pair) for sensor, pair in of_each.items()}
+        return TouchInProgress(copy(self), pairs)
 
     def __sklearn_is_fitted__(self):
         return hasattr(self, "stopping_")  # which is set last

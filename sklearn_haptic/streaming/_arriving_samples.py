@@ -205,8 +205,8 @@ class FeltSamples:
         Shape of one sample of each sensor.
     needed : dict of str to ndarray of int
         Number of samples of each duration, ascending.
-    limits : dict of str to tuple of float (low, high)
-        Values at which a sensor is saturated.
+    limits : dict of str to tuple of float (low, high) or None
+        Values at which each sensor is saturated.
     """
 
     def __init__(self, branches, shapes, needed, limits):
@@ -217,7 +217,7 @@ class FeltSamples:
         )
         self.menders, self._kept, self._pools = {}, {}, {}
         for sensor, shape in shapes.items():
-            low, high = limits.get(sensor, (-np.inf, np.inf))
+            low, high = limits[sensor] or (-np.inf, np.inf)
             mender = MendedSamples(shape, low, high, needed[sensor][-1])
             self.menders[sensor] = mender
         for i, branch in enumerate(branches):

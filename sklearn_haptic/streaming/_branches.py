@@ -137,15 +137,18 @@ def used_sensors(steps, named):
     if not isinstance(first, ColumnTransformer) or first.remainder != "drop":
         return named
     taken = []
-    for _, transformer, columns in first.transformers:
+    for name, transformer, columns in first.transformers:
         if transformer == "drop":
             continue
-        columns = [columns] if isinstance(columns, str) else columns
-        if not isinstance(columns, (list, tuple)):
+        if callable(columns):
             return named
+        columns = columns if isinstance(columns, (list, tuple)) else [columns]
+        if not all(isinstance(column, str) for column in columns):
+            raise ValueError(
+                f"The transformer {name!r} of estimator takes columns by position; "
+                "name them, because only those of sampling_rates reach it."
+            )
         taken += [*columns]
-    if not all(isinstance(column, str) for column in taken):
-        return named
     unknown = [column for column in taken if column not in named]
     if unknown:
         raise ValueError(

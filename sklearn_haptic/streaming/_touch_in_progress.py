@@ -58,7 +58,7 @@ class TouchInProgress:
     4.0
     """
 
-    def __init__(self, model: Any, limits: Mapping[str, tuple[float, float]]) -> None:
+    def __init__(self, model: Any, limits: Mapping[str, Any]) -> None:
         self._model = model
         self._limits = limits
         self.reset()
@@ -206,32 +206,6 @@ class TouchInProgress:
 
 def _name_of(sensor):
     return f"samples[{sensor!r}]" if sensor else "samples"
-
-
-def check_limits(limits, sensors):
-    """Return the limits of each sensor that has any."""
-    limits = {} if limits is None else limits
-    if isinstance(limits, Mapping):
-        unknown = [sensor for sensor in limits if sensor not in sensors]
-        if unknown:
-            raise ValueError(
-                f"limits names the sensor {unknown[0]!r}; the model has {sensors}."
-            )
-    elif sensors == [ALONE]:
-        limits = {ALONE: limits}
-    else:
-        raise ValueError(
-            f"limits is a {type(limits).__name__}; give a dict from sensors to pairs "
-            "(low, high)."
-        )
-    for pair in limits.values():
-        ends = np.asarray(pair)
-        if ends.shape != (2,) or ends.dtype.kind not in "iuf" or not ends[0] < ends[1]:
-            raise ValueError(
-                f"limits holds {pair!r}; give a pair (low, high), the values at which "
-                "the sensor is saturated."
-            )
-    return dict(limits)
 
 
 def _check_samples(samples, name, shape):
