@@ -4,9 +4,13 @@ import numpy as np
 import pandas as pd
 import polars as pl
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import signal
 from scipy.interpolate import interp1d
+from sklearn.linear_model import LogisticRegression
+from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import (
     AnytimeRegressor,
@@ -302,7 +306,7 @@ def test_stamps_that_contradict_the_rate_of_a_stream_are_refused():
         with pytest.raises(ValueError, match=r"samples\['q'\] is sampled at 1000 Hz"):
             for i in range(0, 60, n):
                 touch.update({"q": frames[0].iloc[i : i + n]})
-        assert touch.seconds < 0.2
+        assert touch.seconds < 0.25
         right = frames[0].set_axis(np.arange(200) / 100)
         touch.reset()
         for i in range(0, 60, n):
@@ -311,6 +315,62 @@ def test_stamps_that_contradict_the_rate_of_a_stream_are_refused():
             touch.predict_proba(),
             model.predict_proba(pd.DataFrame({"q": [trials[0][:60]]}))[0],
         )
+
+
+def test_a_stream_goes_on_after_lost_frames():
+    """As does the recorded touch; one that skips half of its time is refused once."""
+    rng = np.random.default_rng(0)
+    trials = [rng.normal(size=(200, 2)) for _ in range(20)]
+    statistics = make_pipeline(SignalStatistics(("mean",)), LogisticRegression())
+    model = AnytimeRegressor(statistics, durations=[0.5], sampling_rates=100, cv=2)
+    model.fit(trials, np.arange(20) % 2, groups=np.arange(20) // 2)
+    whole = pd.DataFrame(trials[0], np.arange(200) / 100)
+    for lost, n_refused in (([3, 4], 0), ([50, 51, 52, 120], 0), (range(50, 150), 1)):
+        gappy, touch, refused = whole.drop(np.asarray(lost) / 100), model.start(), 0
+        for i in range(len(gappy)):
+            try:
+                touch.update(gappy.iloc[[i]])
+            except ValueError:
+                refused += 1
+        assert refused == n_refused
+        assert touch.seconds == pytest.approx((len(gappy) - refused) / 100)
+        if n_refused:
+            with pytest.raises(ValueError, match="tells no rate, because less than ha"):
+                model.predict_proba([gappy])
+        else:
+            assert_array_equal(model.predict_proba([gappy])[0], touch.predict_proba())
+
+
+@pytest.mark.parametrize("n_together", [2, 3, 4, 6, 8, 10, 16, 20, 40])
+def test_stamps_of_packets_tell_no_rate(n_together):
+    """At 400 Hz, each stamped when it arrives; with the rate they are resampled."""
+    packet, place = np.divmod(np.arange(400), n_together)
+    times = packet * n_together / 400 + place * 1e-4
+    wave = np.sin(2 * np.pi * np.arange(400) / 400)[:, np.newaxis]
+    message = r"of trial 0.* tells no rate, because less than half of it is in steps"
+    for call in (
+        lambda: resample_trials([wave], [times]),
+        lambda: SignalStatistics(rate=400).fit([pd.DataFrame(wave, times)]),
+        lambda: SignalStatistics().fit([pd.DataFrame(wave, times)]),
+    ):
+        with pytest.raises(ValueError, match=message):
+            call()
+    even = resample_trials([wave], [times], 400, longest_gap=np.inf)[0]
+    late = 2 * np.pi * n_together / 400
+    assert np.abs(even - wave[: len(even)]).max() < 1.1 * late
+
+
+@settings(deadline=None)
+@given(st.integers(20, 990), st.floats(0, 0.4), st.floats(0, 0.1), st.integers(0, 99))
+def test_uneven_stamps_tell_the_rate(rate, jitter, lost, seed):
+    """Jittered, rounded to milliseconds, and with frames lost at random."""
+    rng = np.random.default_rng(seed)
+    places = np.flatnonzero(rng.random(400) >= lost)
+    jittered = (places + jitter * rng.uniform(-0.5, 0.5, len(places))) / rate
+    for stamps in (jittered, np.unique(np.round(jittered, 3))):
+        found = rate_of([pd.Series(0.0, stamps)])
+        if lost == 0 or rate < 300:  # rounded stamps that are equal count as lost
+            assert found == pytest.approx(rate, rel=0.2)
 
 
 def test_no_vibration_comes_out_as_a_slower_one():
@@ -358,6 +418,8 @@ def test_real_slides_are_resampled(shared_data):
 def test_one_sample_and_single_precision():
     one = resample_trials([np.ones((1, 2), np.float32)], [[3.0]], 10)[0]
     assert one.tolist() == [[1.0, 1.0]] and one.dtype == np.float32
+    short = resample_trials([np.ones((12, 2))], [np.arange(12) / 1000], 50)[0]
+    assert short.tolist() == [[1.0, 1.0]]  # shorter than a step of 20 ms
 
 
 def test_stamps_in_a_series_go_with_trials_by_place():

@@ -76,7 +76,8 @@ def resample_trials(
     ValueError
         If `rate` or `longest_gap` is no positive number, data frames differ in their
         columns, there are not as many stamps as samples, stamps are not finite or do
-        not increase, or they cannot be in this unit.
+        not increase, they cannot be in this unit, or no `rate` is given and they are
+        too uneven to tell one, as those of packets are.
 
     See Also
     --------
@@ -97,7 +98,7 @@ def resample_trials(
     """
     pairs = _with_stamps(trials, times, unit)
     if rate is None:
-        rate = _usual_rate([stamps for _, stamps in pairs if stamps is not None])
+        rate = _usual_rate([stamps for _, stamps in pairs])
     trials = check_trials(
         [trial for trial, _ in pairs],
         name="trials",
@@ -160,7 +161,11 @@ def _with_stamps(trials, times, unit):
 
 
 def _usual_rate(stamps):
-    steps = [typical_step(each) for each in stamps if len(each) > 1]
+    steps = [
+        typical_step(each, f"The time of trial {i}")
+        for i, each in enumerate(stamps)
+        if each is not None and len(each) > 1
+    ]
     if not steps:
         raise ValueError("No trial has two samples, to tell a rate; give the rate.")
     return 1 / np.median(steps)
@@ -189,7 +194,7 @@ def _resample(trial, stamps, rate, longest_gap, i):
         known = np.isfinite(signal)
         if known.any():
             line = np.interp(fine, stamps[known], signal[known])
-            if factor > 1:
+            if factor > 1 and len(line) > 1:
                 line = resample_poly(line, 1, factor, padtype="line")
             in_gap = _in_gap(fine[::factor], stamps[known], longest_gap, slack)
             column[:] = np.where(in_gap, np.nan, line)

@@ -273,15 +273,26 @@ def seconds_of(stamps, name, unit="s"):
     return seconds
 
 
-def typical_step(seconds):
+def typical_step(seconds, name=None):
     """Return the typical step from sample to sample, of two stamps or more.
 
     It is the lower quartile, so that lost samples do not change it, of ten steps at a
     time if there are as many, so that rounding, such as to milliseconds, hardly does.
+    Stamps with a `name` are refused if most of their time is in steps unlike it, as
+    where samples come in packets, each stamped when it arrives.
     """
     n = 10 if len(seconds) > 10 else 1
     spans = np.sort(seconds[n:] - seconds[:-n])
-    return spans[(len(spans) - 1) // 4] / n
+    step = spans[(len(spans) - 1) // 4] / n
+    steps = np.diff(seconds)
+    alike = steps[np.abs(steps - step) < 0.75 * step].sum()
+    if name is not None and n == 10 and alike < steps.sum() / 2:
+        raise ValueError(
+            f"{name} tells no rate, because less than half of it is in steps near the "
+            f"typical {step:.4g} s, as where samples come in packets; use "
+            "resample_trials with rate and longest_gap."
+        )
+    return step
 
 
 def rate_of(X, rate=None, *, name="X"):
@@ -299,8 +310,8 @@ def rate_of(X, rate=None, *, name="X"):
             numbers = trial.index.dtype.kind == "f"
             if numbers and not trial.index.is_monotonic_increasing:
                 continue  # numbers need not be times
-            seconds = seconds_of(trial.index, f"The index of trial {i} of {name}")
-            steps[i] = typical_step(seconds)
+            label = f"The index of trial {i} of {name}"
+            steps[i] = typical_step(seconds_of(trial.index, label), label)
     if not steps:
         return rate
     given = rate is not None

@@ -15,6 +15,9 @@ from ..utils._validation import check_regular
 from ._arriving_samples import FeltSamples
 from ._recorded_touches import seconds_felt
 
+# Stamps that tell a rate wherever samples among them were lost.
+_N_STAMPS = 24
+
 
 class TouchInProgress:
     """A touch of which samples arrive bit by bit.
@@ -116,8 +119,11 @@ class TouchInProgress:
         checked = {
             sensor: self._check_samples(new, sensor) for sensor, new in samples.items()
         }
-        self._stamps |= {
-            sensor: self._check_stamps(new, sensor) for sensor, new in samples.items()
+        # Those before samples that are refused do not tell against later ones.
+        stamps, self._stamps = self._stamps, {}
+        self._stamps = stamps | {
+            sensor: self._check_stamps(stamps.get(sensor, []), new, sensor)
+            for sensor, new in samples.items()
         }
         for sensor, new in checked.items():
             self._felt.add(new, sensor)
@@ -137,13 +143,12 @@ class TouchInProgress:
         samples = in_order(samples, name, names, "the trials of fit")
         return _check_samples(samples, name, shapes[sensor])
 
-    def _check_stamps(self, samples, sensor):
-        """Check the rate by the stamps of at least ten samples; return the latest."""
-        stamps = self._stamps.get(sensor, [])
+    def _check_stamps(self, stamps, samples, sensor):
+        """Check the rate by the stamps of so many samples; return those to check."""
         if not has_time_index(samples):
             return stamps
         stamps = samples.index if len(stamps) == 0 else stamps.append(samples.index)
-        if len(stamps) <= 10:
+        if len(stamps) < _N_STAMPS:
             return stamps
         rate = self._model._rates[self._model.sensors_.index(sensor)]
         rate_of([pd.Series(0, stamps)], rate, name=_name_of(sensor))
