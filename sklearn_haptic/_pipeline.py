@@ -47,6 +47,11 @@ def _described(sensors):
             f"sensors is empty; name a sensor or more, such as {list(SENSORS)}."
         )
     for name, description in sensors.items():
+        if not isinstance(name, str):
+            raise ValueError(
+                f"sensors names {name!r}; name sensors by the columns of the trials, "
+                "which must be text: trials.rename(columns=str)."
+            )
         if not (description is None or isinstance(description, Sensor)):
             raise ValueError(
                 f"sensors[{name!r}]={description!r} must be a Signal, a TaxelGrid, or "
@@ -100,7 +105,7 @@ class _Features:
         else:
             coder = STHMPTransformer(
                 layout=sensor.weights,
-                patch_size=sensor.patch_size,
+                patch_size=(3, 3) if sensor.layout == "biotac" else None,
                 max_train_patches=_MAX_TRAIN,
                 **self.options,
             )

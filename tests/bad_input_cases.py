@@ -713,7 +713,8 @@ ask(direct(Sequences),
         says="^trials|is not iterable"))
 ask(direct(make_haptic_pipeline),
     check("a description that is none", {"skin": (4, 4)}, r"sensors\['skin'\]=\(4"),
-    check("no sensor", [], "^sensors is empty; name a sensor or more"))
+    check("no sensor", [], "^sensors is empty; name a sensor or more"),
+    check("numbers of sensors", {0: Signal(), 1: None}, "^sensors names 0; name sen"))
 ask(direct(Signal),
     *settings("rate", 0, -1.0, np.inf, "fast", says="^rate=.* must be a positive"),
     *settings("window", 0.01, says="^window=0.01 s must hold two samples or more at"))

@@ -155,6 +155,8 @@ def test_containers_of_trials(container):
 def test_trials_of_one_channel_may_be_of_equal_length_later():
     pool = TemporalMaxPool((2, 1)).fit([[1, 2, 3], [4, 5]])
     assert_array_equal(pool.transform([[1, 2], [4, 3]]), [[1, 2, 2], [4, 3, 4]])
+    with pytest.raises(ValueError, match=r"^X is a table, .* of one touch \[touch\]"):
+        pool.transform(np.ones((60, 1)))
 
 
 def test_table_is_one_channel_a_row():

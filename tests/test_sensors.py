@@ -59,9 +59,27 @@ def test_layouts():
     assert (TaxelGrid(np.eye(6)[wiring]).weights.argmax(axis=2) == wiring).all()
     assert TaxelGrid(np.eye(6)[wiring]) == TaxelGrid(np.eye(6)[wiring].tolist())
     assert len({TaxelGrid((4, 4)), TaxelGrid([4, 4]), TaxelGrid(None)}) == 2
-    sizes = {(8, 8): (3, 3), (4, 8): (2, 2), (1, 6): (1, 2), "biotac": (3, 3)}
-    for shape, patch_size in sizes.items():
-        assert TaxelGrid(shape).patch_size == patch_size
+
+
+@pytest.mark.parametrize("shape", [(6, 8), (5, 5), (4, 4), (2, 8), (1, 6)])
+def test_images_are_as_their_channels_row_by_row(shape):
+    n_pixels = shape[0] * shape[1]
+    rows = [np.random.default_rng(i).normal(size=(40, n_pixels)) for i in range(6)]
+    images = [trial.reshape(-1, *shape) for trial in rows]
+    sides = {(6, 8): (3, 3), (5, 5): (3, 3), (1, 6): (1, 2)}.get(shape, (2, 2))
+    found = []
+    for grid, X in ((TaxelGrid(shape), rows), (TaxelGrid(), images)):
+        features = make_haptic_pipeline(grid, random_state=0)[:-1]
+        found.append(features.fit_transform(X))
+        coder = features[0].transformer_list[0][1][0]
+        assert coder.patch_size_ == sides
+    assert_array_equal(*found)
+
+
+def test_a_biotac_has_patches_of_three_pixels():
+    X = [np.random.default_rng(i).normal(size=(20, 38)) for i in range(6)]
+    features = make_haptic_pipeline(TaxelGrid("biotac"), random_state=0)[:-1].fit(X)
+    assert features[0].transformer_list[0][1][0].patch_size_ == (3, 3)
 
 
 def by_hand(blocks):

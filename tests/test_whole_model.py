@@ -10,13 +10,16 @@ from sklearn import config_context
 from sklearn.base import clone
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
-from sklearn.pipeline import make_pipeline
+from sklearn.neural_network import BernoulliRBM
+from sklearn.pipeline import make_pipeline, make_union
+from sklearn.preprocessing import MinMaxScaler
 
 from sklearn_haptic import (
     AnytimeRegressor,
     DummyDistribution,
     KSVDTransformer,
     RepairTrials,
+    SignalStatistics,
     TouchPool,
     make_haptic_pipeline,
 )
@@ -131,6 +134,22 @@ def test_a_model_says_what_it_was_fitted_on(corpus):
     assert f"numpy {np.__version__}" in features.versions_
     assert features.fitted_on_[1] in model._repr_html_()
     assert model["model"].levels_.tolist() == [1, 2, 3, 4, 5]
+
+
+def test_only_rate_is_a_rate(corpus):
+    """Not the learning rate of a transformer that a user puts in."""
+    model = make_haptic_pipeline(["pac", "pdc"], random_state=0)
+    statistics = SignalStatistics(("mean",)), SignalStatistics(("bands",), rate=100)
+    learner = BernoulliRBM(4, learning_rate=0.3, n_iter=1, random_state=0)
+    model.set_params(
+        features__pac=make_pipeline(SignalStatistics(), MinMaxScaler(), learner),
+        features__pdc=make_union(*statistics),
+    )
+    features = model["features"].fit(corpus.trials)
+    assert features.fitted_on_.tolist()[1:] == [
+        "pac: 2 channels, 22000 samples (median)",
+        "pdc: 2 channels, 1000 samples at 100 Hz (median)",
+    ]
 
 
 def test_codes_of_either_sign_have_roots_with_their_sign(corpus):

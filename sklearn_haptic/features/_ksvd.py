@@ -74,7 +74,8 @@ def ksvd(
     Returns
     -------
     atoms : ndarray of shape (n_atoms, n_features)
-        Unit-norm atoms. The entry of largest magnitude of each is positive.
+        Unit-norm atoms. After an iteration or more, the entry of largest magnitude of
+        each is positive.
     errors : ndarray of shape (n_iter,)
         Root mean squared error of every iteration, before its last step replaces atoms.
 

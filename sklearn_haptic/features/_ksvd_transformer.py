@@ -125,7 +125,8 @@ class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
     Attributes
     ----------
     components_ : ndarray of shape (n_atoms, n_obs_features)
-        The dictionary. The entry of largest magnitude of each atom is positive.
+        The dictionary. After an iteration or more, the entry of largest magnitude of
+        each atom is positive.
     n_iter_ : int
         Iterations run.
     reconstruction_error_ : float

@@ -228,8 +228,9 @@ class SensorColumns(_Blocks, ColumnTransformer):
                 continue
             shapes = [(*np.shape(trial), 1) for trial in X[column]]
             channels = " × ".join(map(str, shapes[0][1:-1])) or "1"
-            rates = [r for k, r in transformer.get_params().items() if k[-4:] == "rate"]
-            rate = f" at {rates[0]:g} Hz" if any(rates) else ""
+            options = transformer.get_params().items()
+            rates = [r for key, r in options if key.split("__")[-1] == "rate" and r]
+            rate = f" at {rates[0]:g} Hz" if rates else ""
             samples = f"{np.median([n for n, *_ in shapes]):g} samples{rate} (median)"
             yield f"{name}: {channels} channels, {samples}"
 

@@ -202,8 +202,9 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         each pixel. "biotac" arranges the 19 electrodes of a BioTac in 7 × 3 pixels. The
         images of all fingers are joined side by side. None takes trials that are
         images already.
-    patch_size : tuple of int, default=(3, 3)
-        Height and width of a patch in pixels.
+    patch_size : tuple of int or None, default=(3, 3)
+        Height and width of a patch in pixels. None takes 3 × 3, or where a side of the
+        images, or of the layout, has fewer than five pixels, 2 × 2.
     spatial_cells : sequence of int, default=(3, 2, 1)
         Number of cells along both sides, one per level of the pyramid. The default
         gives 9 + 4 + 1 cells. A side has no more cells than locations of patches: one
@@ -243,7 +244,8 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
     Attributes
     ----------
     components_ : ndarray of shape (n_atoms, n_patch_pixels)
-        The dictionary. The entry of largest magnitude of each atom is positive.
+        The dictionary. After an iteration or more, the entry of largest magnitude of
+        each atom is positive.
     n_iter_ : int
         Iterations run.
     reconstruction_error_ : float
@@ -304,7 +306,7 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         **DictionaryCoder._parameter_constraints,
         "max_train_patches": [Interval(Integral, 1, None, closed="left"), None],
         "layout": [StrOptions({"biotac"}), "array-like", None],
-        "patch_size": [tuple, list],
+        "patch_size": [tuple, list, None],
         "spatial_cells": ["array-like"],
         "normalise": ["boolean"],
     }
@@ -318,7 +320,7 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         n_nonzero_coefs: int = 4,
         *,
         layout: Literal["biotac"] | ArrayLike | None = "biotac",
-        patch_size: tuple[int, int] = (3, 3),
+        patch_size: tuple[int, int] | None = (3, 3),
         spatial_cells: Sequence[int] = (3, 2, 1),
         normalise: bool = True,
         remove_mean: bool = True,
@@ -404,6 +406,10 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
                 "make_haptic_pipeline, such as {'electrodes': Signal(rate=100)}."
                 f"{transposed_hint(trials[0].shape)}"
             )
+        if self.patch_size is None:
+            sides = self._frame_shape if layout is None else layout.shape[:2]
+            usual = 3 if min(sides) >= 5 else 2
+            self.patch_size_ = (min(usual, sides[0]), min(usual, sides[1]))
         patch_size = self.patch_size_
 
         def patches(trial):
@@ -443,7 +449,7 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         return trials, [len(trial) for trial in trials]
 
     def _check_patch_size(self):
-        size = tuple(self.patch_size)
+        size = (3, 3) if self.patch_size is None else tuple(self.patch_size)
         if len(size) != 2 or not all(isinstance(n, Integral) and n > 0 for n in size):
             raise ValueError(
                 f"patch_size={self.patch_size!r} must be two positive integers, the "

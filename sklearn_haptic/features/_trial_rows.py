@@ -60,6 +60,11 @@ class TrialRows(CallbackSupportMixin, TransformerMixin):
         """Validate the trials given to `transform`."""
         if not self.takes_trials_:
             return self._check_rows(X)
+        if is_table(X) and not isinstance(X, list):
+            raise ValueError(
+                "X is a table, but fit was given trials; give a list of trials, of one "
+                "touch [touch]."
+            )
         trials = self._check_trials(X, self.n_features_in_)
         self._check_column_names(trials)
         return trials

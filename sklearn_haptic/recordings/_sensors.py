@@ -110,9 +110,8 @@ class TaxelGrid:
     --------
     >>> import numpy as np
     >>> from sklearn_haptic import TaxelGrid
-    >>> grid = TaxelGrid((4, 4))
-    >>> grid.weights.shape, grid.patch_size
-    ((4, 4, 16), (2, 2))
+    >>> TaxelGrid((4, 4)).weights.shape
+    (4, 4, 16)
     >>> TaxelGrid(np.eye(4)[[[3, 2], [0, 1]]]).weights.argmax(axis=2)
     array([[3, 2],
            [0, 1]])
@@ -152,15 +151,6 @@ class TaxelGrid:
         if layout.ndim == 1:
             return np.eye(layout.prod()).reshape(*layout, -1)
         return layout
-
-    @property
-    def patch_size(self) -> tuple[int, int]:
-        """Patches of 3 × 3 pixels, of 2 × 2 where a side has fewer than five."""
-        if self.layout is None or self.layout == "biotac":
-            return (3, 3)
-        sides = np.shape(self.weights)[:2]
-        side = 3 if min(sides) >= 5 else 2
-        return (min(side, sides[0]), min(side, sides[1]))
 
 
 Sensor: TypeAlias = Signal | TaxelGrid
