@@ -198,6 +198,12 @@ def test_pit_equals_exact_arithmetic(n_bins):
     assert heights.mean() == pytest.approx(1)
 
 
+def test_pit_of_a_point_on_an_edge_is_in_the_upper_bin_also_rounded():
+    assert 0.7 + 0.1 < 0.8
+    heights = pit_histogram([[0, 0, 4, 0]], [[0.7, 0.1, 0, 0.2]])
+    assert heights.tolist() == [0] * 8 + [10, 0]
+
+
 def test_pit_is_flat_for_the_truth_and_u_shaped_for_narrow_predictions():
     rng = np.random.default_rng(6)
     truth = rng.dirichlet(np.ones(5), size=4000)

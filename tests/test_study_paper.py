@@ -218,6 +218,20 @@ def test_score_table(folder):
         assert row["no_better"] == (row["combined"] >= row[guesses].min())
 
 
+def test_the_ceiling_of_touches_rated_one_by_one(folder):
+    study = read_study(folder)
+    full = study.scores[study.scores["held_out"] == "none"].filter(regex="^count_[0-9]")
+    own = np.random.default_rng(0).integers(1, 9, size=full.shape)
+    study.scores.loc[full.index, full.columns] = own
+    for cell, row in score_table(study, metric="rps").iterrows():
+        place = study.scores.loc[full.index, ["adjective", "procedure"]] == [*cell]
+        counts = own[place.all(axis=1)]
+        n = counts.sum(axis=1)
+        below = np.cumsum(counts, axis=1) / n[:, np.newaxis]
+        expected = (n / (n - 1) * (below * (1 - below)).sum(axis=1)).mean()
+        assert row["ceiling"] == pytest.approx(expected)
+
+
 @pytest.fixture(scope="module")
 def kfold(tmp_path_factory):
     settings = SETTINGS | {"protocol": "default", "n_splits": 2, "n_repeats": 1}

@@ -10,6 +10,7 @@ from scipy.optimize import brentq, minimize
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.ensemble import AdaBoostClassifier
+from sklearn.exceptions import DataConversionWarning
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import make_pipeline
@@ -436,6 +437,10 @@ def test_labels_with_an_order_and_without(ordered):
         departure = departure.cumsum(axis=1)
     score = (departure**2).sum(axis=1).mean()
     assert pool.expected_excess([]) == pytest.approx(score)
+    column = pd.DataFrame({"material": labels})
+    with pytest.warns(DataConversionWarning, match="column-vector"):
+        same = clone(pool).fit(X, column, groups=objects)
+    assert_allclose(same.predict_proba(X), pool.predict_proba(X), atol=1e-12)
 
 
 def test_a_fold_may_lack_a_class():

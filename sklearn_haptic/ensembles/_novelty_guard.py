@@ -292,7 +292,10 @@ class NoveltyGuard(
     objects, p is at most .05 with a probability of about .05. They are no smaller than
     1 / (number of objects + 1), so that `fit` warns of fewer than 19. If objects of a
     family are alike, the family is what a new object should be compared with; give the
-    families as `groups`.
+    families as `groups`. Features that learn their scale from the training touches fit
+    these better than new ones: if hundreds of them hardly correlate, p is too small
+    where objects are few (in simulations of 20 objects at most .05 for up to two in
+    five).
 
     The features are fitted once to all training touches, also for the predictions out
     of fold. Steps that learn from the ratings make them too good.
@@ -381,7 +384,7 @@ class NoveltyGuard(
         proba = np.full(true.shape, np.nan)
         for (_, test), (_, predicted) in zip(folds, done):
             proba[test] = predicted
-        ordered = np.ndim(y) == 2 or knows_order(last)
+        ordered = np.size(y) > len(true) or knows_order(last)
         if not ordered:
             check_folds_know(y, folds)
         distances, unit = nearest_distances(rows, rows, objects, objects), 1.0

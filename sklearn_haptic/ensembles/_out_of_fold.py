@@ -419,8 +419,9 @@ def at_classes(proba, known, classes, name=None, of_counts=False):
     if not {*known} <= place.keys() or (of_counts and known != every):
         raise ValueError(
             f"{'A fold' if name is None else f'The member {name!r}'} has the levels "
-            f"{known}, but {every} are required; give the estimator all levels, lowest "
-            "first."
+            f"{known}, but {every} are required; give the estimator these levels, "
+            "lowest first, or ratings that name its levels, as the columns of a table "
+            "of counts do."
         )
     full = np.zeros((*proba.shape[:-1], len(every)), dtype=proba.dtype)
     full[..., [place[each] for each in known]] = proba

@@ -222,7 +222,7 @@ class TouchPool(
         folds, objects = make_folds(self, X, y, groups, members)
         fitted, oof = self._fit_members(X, y, objects, folds, classes)
         marginal = mean_without(true, folds)[:, np.newaxis]
-        ordered = np.ndim(y) == 2 or all(map(knows_order, fitted.values()))
+        ordered = np.size(y) > len(true) or all(map(knows_order, fitted.values()))
         if not ordered:
             check_folds_know(y, folds)
         proba = np.concatenate((oof, marginal), axis=1)

@@ -82,7 +82,9 @@ def pit_histogram(
     for j in range(1, n_bins):
         u = j / n_bins
         share = np.clip(u - lower, 0, width) / np.where(point, 1, width)
-        below[:, j] = (proportions * np.where(point, u > lower, share)).sum(axis=1)
+        below[:, j] = (proportions * np.where(point, u - lower > 1e-12, share)).sum(
+            axis=1
+        )
     below[:, 0], below[:, -1] = 0, 1
     np.minimum(below, 1, out=below)  # sums may round up
     return n_bins * np.diff(weighted_mean(below, sample_weight))

@@ -270,9 +270,9 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         """Fit as if each trial were repeated with one more feature, its position.
 
         The cost, its gradient and the fitted model are those of `fit` on the
-        repeated rows ``[x, position]``, which are never built.
-        `DistributionalOrdinalRegressor` calls this, with validated input, on an
-        estimator that has it.
+        repeated rows ``[x, position]``, which are never built; but
+        ``scale_features`` scales X alone. `DistributionalOrdinalRegressor` calls this,
+        with validated input, on an estimator that has it.
 
         Parameters
         ----------

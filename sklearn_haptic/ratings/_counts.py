@@ -293,7 +293,8 @@ def shrink_counts(
     Returns
     -------
     counts : ndarray of shape (n_objects, n_levels)
-        Shrunken counts, as many as before in each row.
+        Shrunken counts, as many as before in each row. Columns are in the order of the
+        levels, the lowest first, whatever their order in a labelled table.
 
     Raises
     ------

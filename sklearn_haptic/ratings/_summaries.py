@@ -22,7 +22,8 @@ def rating_distribution(counts: ArrayLike) -> NDArray[np.float64]:
     Returns
     -------
     proba : ndarray of shape (n_objects, n_levels)
-        Proportions, which sum to 1 in each row.
+        Proportions, which sum to 1 in each row. Columns are in the order of the levels,
+        the lowest first, whatever their order in a labelled table.
 
     Raises
     ------
@@ -51,7 +52,8 @@ def rating_cdf(counts: ArrayLike) -> NDArray[np.float64]:
     -------
     cdf : ndarray of shape (n_objects, n_levels)
         Cumulative distribution function at each level, exactly 1 from the highest
-        level used. For counts each entry is the double nearest to the fraction.
+        level used. For counts each entry is the double nearest to the fraction. Columns
+        are those of :func:`rating_distribution`.
 
     Raises
     ------

@@ -74,13 +74,11 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
 
 def _ceiling(rows, score):
     """Return what the population is expected to score at the ratings of some trials."""
-    by_object = rows.groupby("object")
-    counts = by_object.first().filter(regex=r"^count_\d+$").to_numpy()
+    counts = rows.filter(regex=r"^count_\d+$").to_numpy()
     unfit = score is log_score and (counts % 1 != 0).any()
     if unfit or score not in PROPER_SCORES or (counts.sum(axis=1) < 2).any():
         return np.nan
-    weight = by_object.size().to_numpy()
-    return noise_ceiling(counts, score, sample_weight=weight).truth
+    return noise_ceiling(counts, score).truth
 
 
 def compare_networks(
