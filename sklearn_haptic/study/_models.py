@@ -23,16 +23,8 @@ CHOSEN = -1
 def check_models(study, models):
     """Refuse models that could not be fitted, before anything is computed.
 
-    Parameters
-    ----------
-    study : Study
-    models : list of tuple
-        The units.
-
-    Raises
-    ------
-    ValueError
-        If there are too few objects for the folds, or ratings are not counts.
+    A ValueError says that there are too few objects for the folds, or that ratings are
+    not counts.
     """
     for _, procedure, adjective, fold in models:
         if fold == 0:

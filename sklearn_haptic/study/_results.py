@@ -83,7 +83,7 @@ def read_study(folder: str | PathLike[str]) -> Bunch:
         raise ValueError(f"{folder} has no finished models yet; run_study makes them.")
     scores = pd.concat([table for _, table, _ in units], ignore_index=True)
     chosen = scores["start"] == CHOSEN
-    networks = scores[chosen].drop(columns=["held_out", "start"], errors="ignore")
+    networks = scores[chosen].drop(columns=["held_out", "start"])
     return Bunch(
         scores=scores[~chosen].drop(columns="network").reset_index(drop=True),
         networks=networks.reset_index(drop=True),

@@ -39,7 +39,7 @@ from ._features import compute_features
 from ._models import check_models, compute_models
 from ._results import read_study
 from ._store import open_study, read_record, read_table, unit_path, write_unit
-from ._study import PROTOCOLS, Study
+from ._study import PROTOCOLS, Study, count_folds
 
 _COMPUTE = {
     "trials": compute_trials,
@@ -67,13 +67,7 @@ def complete_unit(study, unit):
 def complete_units(study, units, *, n_jobs, report=None):
     """Compute the units that are not finished, in any order.
 
-    Parameters
-    ----------
-    study : Study
-    units : list of tuple
-    n_jobs : int or None
-    report : callable, default=None
-        Called with each unit and the seconds it took.
+    `report`, if given, is called with each unit and the seconds it took.
     """
     pending = [unit for unit in units if not unit_path(study.folder, unit).exists()]
     parallel = Parallel(n_jobs=n_jobs, return_as="generator_unordered", batch_size=1)
@@ -377,7 +371,7 @@ def _complete_study(study, procedures, adjectives, n_jobs, verbose):
     for procedure in procedures:
         known = adjectives_of(read_table(study.folder, ("trials", procedure))[0])
         asked = check_names(adjectives, known, "adjective", "the corpus")
-        for name in product([procedure], asked, range(study.n_folds)):
+        for name in product([procedure], asked, range(count_folds(vars(study)))):
             models.append(("models", *name))
             for sensor in study.sensors:  # a dictionary serves several models
                 features[study.features_unit(procedure, sensor, *name[1:])] = None
@@ -388,12 +382,8 @@ def _complete_study(study, procedures, adjectives, n_jobs, verbose):
         report = Progress(study.folder, features + models, effective_n_jobs(n_jobs))
     complete_units(study, features, n_jobs=n_jobs, report=report)
     # Models read features alone: recordings in memory are not sent to other processes.
-    study = replace(study, corpus=_forgotten)
+    study = replace(study, corpus=None)
     complete_units(study, models, n_jobs=n_jobs, report=report)
-
-
-def _forgotten(**_):
-    raise AssertionError("models read no recordings")
 
 
 def _check_coders(sensors):

@@ -102,11 +102,6 @@ class Study:
         chosen = {name: value for name, value in vars(self).items() if name != "folder"}
         return {"version": version("sklearn_haptic"), **chosen}
 
-    @property
-    def n_folds(self):
-        """Number of folds per procedure and adjective."""
-        return count_folds(vars(self))
-
     def seed(self, *name):
         """Seed of the random choice of this name."""
         return derive_seed(self.random_state, *name)
