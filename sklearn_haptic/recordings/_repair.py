@@ -277,7 +277,8 @@ def dead_channels(cell, rests, limits=None, rest=None):
 
     That is at its begin if `rest` is given. One at its limit throughout is not dead.
     """
-    still = np.isinf(longest_rests(cell)) & (len(cell) > rests)
+    moves = np.fmax.reduce(cell) > np.fmin.reduce(cell)
+    still = ~moves & (len(cell) > rests)
     if limits is not None:
         still &= ((cell > limits[0]) & (cell < limits[1])).any(axis=0)
     return still | np.isnan(cell[:rest]).all(axis=0)
