@@ -1,6 +1,7 @@
 """SpeedAccuracyDisplay: what the table holds is what is drawn."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV
@@ -64,6 +65,9 @@ def test_sensors_on_the_frontier_are_named_and_short_times_in_milliseconds():
     display = SpeedAccuracyDisplay.from_search(results)
     names = [(mark.xy[0], mark.get_text()) for mark in display.names_]
     assert names == [(0.001, "b"), (0.002, "c"), (0.008, "b\nc")]
+    in_another_order = pd.DataFrame(results)[::-1]
+    same = SpeedAccuracyDisplay.from_search(in_another_order)
+    assert [(mark.xy[0], mark.get_text()) for mark in same.names_] == names
     assert display.ax_.get_xlabel() == "time to predict, milliseconds per trial"
     assert display.ax_.xaxis.get_major_formatter()(0.002, 0) == "2"
     assert SpeedAccuracyDisplay.from_search(CV_RESULTS).names_ == []

@@ -139,11 +139,9 @@ class SpeedAccuracyDisplay(Display):
         """
         candidates = read_candidates(search, metric)
         best, cheapest = best_and_cheapest(candidates)
-        params = getattr(search, "cv_results_", search).get("params", ())
+        params = list(getattr(search, "cv_results_", search).get("params", ()))
         names = None
-        if len(params) and all(
-            isinstance(each.get("sensors"), tuple) for each in params
-        ):
+        if params and all(isinstance(each.get("sensors"), tuple) for each in params):
             names = ["\n".join(params[i]["sensors"]) for i in candidates.index]
         return cls(
             candidates.seconds,
