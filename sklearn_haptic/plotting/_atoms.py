@@ -151,15 +151,16 @@ class AtomsDisplay(Display):
             panel.set_title("".join(title), fontsize="small", pad=3)
             panel.tick_params(labelsize="small")
         largest = np.abs(self.atoms).max() or 1
-        if self.atoms.ndim == 2:
-            self._plot_lines(n_columns, 1.05 * largest)
-        else:
-            self._plot_images(n_columns, largest)
+        plot = self._plot_lines if self.atoms.ndim == 2 else self._plot_images
+        xlabel, ylabel = plot(largest)
+        lowest_row = (n_atoms - 1) // n_columns
+        for panel in self.axes_[lowest_row * n_columns :]:
+            panel.set_xlabel(xlabel, fontsize="small")
+        for panel in self.axes_[::n_columns]:
+            panel.set_ylabel(ylabel, fontsize="small")
 
-    def _lowest_row(self, n_columns):
-        return self.axes_[(len(self.axes_) - 1) // n_columns * n_columns :]
-
-    def _plot_lines(self, n_columns, limit):
+    def _plot_lines(self, largest):
+        """Draw the atoms; return the labels of the axes."""
         time, label = np.arange(self.atoms.shape[1]), "sample"
         if self.sampling_rate is not None:
             time, label = 1000 * time / self.sampling_rate, "time, ms"
@@ -170,29 +171,24 @@ class AtomsDisplay(Display):
         for panel in self.axes_:
             panel.axhline(0, color="0.6", linewidth=0.6, zorder=0)
             panel.margins(x=0)
-        self.axes_[0].set_ylim(-limit, limit)
-        for panel in self._lowest_row(n_columns):
-            panel.set_xlabel(label, fontsize="small")
-        for panel in self.axes_[::n_columns]:
-            panel.set_ylabel("atom\n(no unit)", fontsize="small")
+        self.axes_[0].set_ylim(-1.05 * largest, 1.05 * largest)
+        return label, "atom\n(no unit)"
 
-    def _plot_images(self, n_columns, limit):
+    def _plot_images(self, largest):
+        """Draw the atoms; return the labels of the axes."""
         self.images_ = [
-            panel.imshow(atom, cmap="viridis", vmin=-limit, vmax=limit)
+            panel.imshow(atom, cmap="viridis", vmin=-largest, vmax=largest)
             for panel, atom in zip(self.axes_, self.atoms)
         ]
         height, width = self.atoms.shape[1:]
         self.axes_[0].set(xticks=range(width), yticks=range(height))
-        for panel in self._lowest_row(n_columns):
-            panel.set_xlabel("column", fontsize="small")
-        for panel in self.axes_[::n_columns]:
-            panel.set_ylabel("row of patch", fontsize="small")
         self.figure_.colorbar(
             self.images_[0],
             ax=list(self.axes_),
             label="atom (no unit)",
             fraction=0.04,
         )
+        return "column", "row of patch"
 
 
 def _coder(estimator):

@@ -50,16 +50,13 @@ class Display:
     def _draw(self, ax: Any) -> None:
         raise NotImplementedError
 
-    def _divide(self, shape: tuple[int, int], **options: Any) -> np.ndarray:
-        """Divide the axes into panels, as many rows and columns as `shape` says.
+    def _divide(self, shape: tuple[int, int], **shared: Any) -> np.ndarray:
+        """Divide the axes into rows and columns of panels; `shared` are sharex, sharey.
 
-        ``sharex`` and ``sharey`` are those of the panels; all other options are passed
-        on to ``SubplotSpec.subgridspec``. If the axes are on no grid, a ValueError is
-        raised.
+        If the axes are on no grid, a ValueError is raised.
         """
         cell = self.ax_.get_subplotspec()
         if cell is None:
             raise ValueError("ax is on no grid; make it by matplotlib.pyplot.subplots.")
         self.ax_.set_axis_off()
-        shared = {name: options.pop(name, False) for name in ("sharex", "sharey")}
-        return cell.subgridspec(*shape, **options).subplots(squeeze=False, **shared)
+        return cell.subgridspec(*shape).subplots(squeeze=False, **shared)

@@ -387,23 +387,20 @@ class DistributionDisplay(_OneObjectDisplay):
     def _draw(self, ax):
         n_trials, n_levels = self.y_proba.shape
         x = np.arange(n_levels)
+        style = {"width": _BAR_WIDTH, "edgecolor": "black", "linewidth": 0.8}
         self.true_bars_ = ax.bar(
             x - _BAR_WIDTH / 2,
             shares(self.counts),
-            _BAR_WIDTH,
             color="0.8",
-            edgecolor="black",
-            linewidth=0.8,
             label="true ratings",
+            **style,
         )
         self.predicted_bars_ = ax.bar(
             x + _BAR_WIDTH / 2,
             self.y_proba.mean(axis=0),
-            _BAR_WIDTH,
             color=BLUE,
-            edgecolor="black",
-            linewidth=0.8,
             label="predicted",
+            **style,
         )
         handles = [self.true_bars_, self.predicted_bars_]
         if self.chosen is not None:

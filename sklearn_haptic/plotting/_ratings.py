@@ -383,9 +383,8 @@ class AdjectiveCorrelationDisplay(Display):
         from matplotlib.patches import Rectangle
 
         names = [*map(str, self.correlation.rho)]
-        n = (
-            len(names) - 1
-        )  # rows from the second adjective, columns to the last but one
+        # Rows from the second adjective, columns to the last but one.
+        n = len(names) - 1
         below = np.tri(n, dtype=bool)
         self.image_ = ax.imshow(
             np.ma.array(self.correlation.rho.iloc[1:, :-1], mask=~below),
@@ -410,10 +409,8 @@ class AdjectiveCorrelationDisplay(Display):
                 Rectangle((0, 0), 1, 1, color="0.5"),
             ],
             [
-                "synonyms, antonyms:\n"
-                f"|ρ| ≥ {self.threshold:g}, p ≤ {self.significance:g}"
-                + " (Holm)"
-                * self.corrected,
+                f"synonyms, antonyms:\n|ρ| ≥ {self.threshold:g}, "
+                f"p ≤ {self.significance:g}{' (Holm)' * self.corrected}",
                 f"not significant: p > {self.significance:g}",
             ],
             loc="lower right" if n == 1 else "upper right",  # in empty cells, or above
@@ -501,6 +498,5 @@ def _correlation(rho):
 
 def _ink(background):
     """Black or white, whichever is better to read on a colour."""
-    return (
-        "white" if np.dot(background[:3], [0.2126, 0.7152, 0.0722]) < 0.5 else "black"
-    )
+    luminance = np.dot(background[:3], [0.2126, 0.7152, 0.0722])
+    return "white" if luminance < 0.5 else "black"

@@ -146,7 +146,7 @@ class SignalsDisplay(Display):
                 self.images_[sensor] = self._plot_images(row, sensor)
                 row[0].set_ylabel(sensor)
                 for panel in row:
-                    label_blocks(panel, channels, 8, "white")
+                    label_blocks(panel, channels)
                 continue
             self.lines_[sensor] = [
                 self._plot_lines(panel, sensor, values, channels)

@@ -28,14 +28,14 @@ def legend_beside(ax: Axes, **options: Any) -> None:
     ax.legend(**place | options)
 
 
-def label_blocks(ax: Axes, names: list[str], max_labels: int, colour: str) -> None:
-    """Label each run of equally named rows of an image once, and part the runs."""
+def label_blocks(ax: Axes, names: list[str]) -> None:
+    """Label runs of equally named rows of an image, up to eight, and part the runs."""
     starts = [i for i, name in enumerate(names) if i == 0 or name != names[i - 1]]
     ends = [*starts[1:], len(names)]
     if len(starts) < len(names):
         for start in starts[1:]:
-            ax.axhline(start - 0.5, color=colour, linewidth=0.5)
-    shown = slice(None, None, -(-len(starts) // max_labels))
+            ax.axhline(start - 0.5, color="white", linewidth=0.5)
+    shown = slice(None, None, -(-len(starts) // 8))
     ax.set_yticks(
         [(start + end - 1) / 2 for start, end in zip(starts, ends)][shown],
         labels=[names[start] for start in starts][shown],

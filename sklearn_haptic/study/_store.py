@@ -176,7 +176,6 @@ def _opened(folder, unit):
 
 def unit_path(folder, unit):
     """Return the path of a unit's file, one of its own whatever names the unit has."""
-    kind, *name = unit
-    return (
-        folder / kind / f"{','.join(quote(str(each), safe=' ') for each in name)}.npz"
-    )
+    kind, *names = unit
+    name = ",".join(quote(str(each), safe=" ") for each in names)
+    return folder / kind / f"{name}.npz"
