@@ -290,7 +290,8 @@ def typical_step(seconds, name=None):
         raise ValueError(
             f"{name} tells no rate, because less than half of it is in steps near the "
             f"typical {step:.4g} s, as where samples come in packets; use "
-            "resample_trials with rate and longest_gap."
+            "resample_trials with rate and longest_gap, or remove an index that is no "
+            "time."
         )
     return step
 
