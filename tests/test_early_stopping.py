@@ -152,7 +152,7 @@ def test_validation_errors_by_plain_loops(tiny):
     network = Network(
         np.array([2.0, -1.0]), np.empty(0), np.empty((0, 1)), np.array([[-1, 0, 1.0]])
     )
-    X, _, level, _, counted = single_ratings(X, counts, None, weight)
+    level, _, counted = single_ratings(counts, weight)
     errors = []
     for x, row in zip(X[1:], counts[1:]):
         below = 1 / (1 + np.exp(x @ [2.0, -1.0] - np.array([-1, 0, 1.0])))

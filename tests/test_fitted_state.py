@@ -24,11 +24,6 @@ from sklearn_haptic import (
     DummyDistribution,
     SensorFusionNNPOM,
 )
-from sklearn_haptic.models._shared_features import (
-    RepeatedRows,
-    has_latent_response,
-    share_features,
-)
 
 pytestmark = pytest.mark.filterwarnings("ignore:scipy.optimize. The `disp`")
 
@@ -69,15 +64,6 @@ def test_a_frozen_estimator_is_not_fitted_again(base, times):
     np.testing.assert_array_equal(model.predict_proba(X), before)
     np.testing.assert_array_equal(other.predict_proba(X), before)
     assert other.estimator_ is model.estimator_
-
-
-def test_a_frozen_estimator_is_never_fitted_as_one_that_shares_features():
-    """Though it hands out the methods of the network that it wraps."""
-    X, counts = touches()
-    network = FrozenEstimator(NNPOM(2, random_state=0).fit(X, counts))
-    assert hasattr(network, "fit_with_positions")
-    base = share_features(network, np.arange(3), 3)
-    assert isinstance(base, RepeatedRows) and not has_latent_response(base)
 
 
 def test_a_frozen_combined_network_is_not_fitted_again():

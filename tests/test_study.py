@@ -1,12 +1,14 @@
 """A study ends the same whatever interrupts it, and is what its tables say it is."""
 
 import json
+import os
 import shutil
 import signal
 import subprocess
 import sys
 from functools import partial
 from itertools import chain, product
+from multiprocessing import get_context
 from multiprocessing.pool import ThreadPool
 from pathlib import Path
 
@@ -46,6 +48,7 @@ from sklearn_haptic.study._models import compute_models, fit_best
 from sklearn_haptic.study._run import Progress
 from sklearn_haptic.study._split import Parts, split_objects
 from sklearn_haptic.study._store import (
+    open_study,
     read_record,
     read_table,
     read_unit,
@@ -131,9 +134,9 @@ def modified(folder):
 @pytest.mark.parametrize(
     ("n_files", "n_finished"),
     [
-        (2, (0, 0, 0)),  # before the table of trials
-        (4, (1, 1, 0)),  # before the file of the second sensor
-        (6, (1, 2, 1)),  # before that of the second fold
+        (1, (0, 0, 0)),  # before the table of trials
+        (3, (1, 1, 0)),  # before the file of the second sensor
+        (5, (1, 2, 1)),  # before that of the second fold
     ],
 )
 def test_killed_and_resumed(folder, tmp_path, n_files, n_finished):
@@ -449,6 +452,58 @@ def test_output_of_transformers(folder, tmp_path, container):
         study = run_study(CORPUS, tmp_path, **SETTINGS)
     assert_same_study(study, read_study(folder))
     assert data_of(tmp_path) == data_of(folder)
+
+
+# Starts -----------------------------------------------------------------------
+
+
+def start_studies(folder, random_state, barrier, results):
+    """Start a study in each of many folders, at the same time as another process."""
+    for i in range(N_STARTS):
+        barrier.wait()
+        try:
+            open_study(folder / f"{i}", {"random_state": random_state})
+            results.put((i, random_state, None))
+        except ValueError as error:
+            results.put((i, random_state, str(error)))
+
+
+N_STARTS = 50
+
+
+def test_of_two_studies_that_start_together_one_goes_on(tmp_path):
+    context = get_context("forkserver")
+    barrier, results = context.Barrier(2), context.Queue()
+    processes = [
+        context.Process(target=start_studies, args=(tmp_path, seed, barrier, results))
+        for seed in (0, 1)
+    ]
+    for process in processes:
+        process.start()
+    outcomes = [results.get(timeout=60) for _ in range(2 * N_STARTS)]
+    for process in processes:
+        process.join()
+    for i in range(N_STARTS):
+        (one, other) = sorted(
+            (outcome[1:] for outcome in outcomes if outcome[0] == i),
+            key=lambda outcome: outcome[1] is not None,
+        )
+        assert one[1] is None
+        settings = json.loads((tmp_path / f"{i}" / "study.json").read_bytes())
+        assert settings == {"random_state": one[0]}
+        assert f"holds a study with random_state={one[0]}, not {other[0]}; " in other[1]
+        assert [path.name for path in (tmp_path / f"{i}").iterdir()] == ["study.json"]
+
+
+def test_start_where_there_are_no_hard_links(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", refuse)
+    open_study(tmp_path, {"n_starts": 1})
+    with pytest.raises(ValueError, match="holds a study with n_starts=1, not 2"):
+        open_study(tmp_path, {"n_starts": 2})
+    assert [path.name for path in tmp_path.iterdir()] == ["study.json"]
 
 
 def test_threads_that_write_one_unit(tmp_path):

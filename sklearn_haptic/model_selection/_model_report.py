@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from numbers import Integral
 from typing import Any
 
@@ -288,23 +289,24 @@ def _compare(model, targets, outcomes, folds, groups, kind):
     objects = tested if groups is None else groups[tested]
     scores: dict[Any, Any] = {}
     gains, of_trials, predicted, confusions = {}, [], {}, {}
+    compare = {
+        _LEVELS: _compare_ratings,
+        _CLASSES: _compare_classes,
+        _SLIDERS: partial(_compare_sliders, _slider(model)),
+    }[kind]
     for i, (name, y) in enumerate(targets.items()):
         of_target = outcomes[i * len(folds) : (i + 1) * len(folds)]
         of_target = [fold[:2] for fold in of_target]
-        if kind == _CLASSES:
-            confusions[name], compared = _compare_classes(
-                name, np.asarray(y), of_target, folds, tested
-            )
-        elif kind == _SLIDERS:
-            slider = _slider(model)
-            compared = _compare_sliders(slider, name, y, of_target, folds, tested)
-        else:
-            compared = _compare_ratings(name, y, of_target, folds, tested)
-        for label, proba, by_predictor, gain, row in compared:
-            predicted[label] = proba
+        compared = compare(name, y, of_target, folds, tested)
+        for label, each, by_predictor, gain, row in compared:
+            predicted[label] = each
             scores |= {(label, who): each for who, each in by_predictor.items()}
             gains[label] = {**row, **gain_over_objects(gain, objects)}
             of_trials.append(gain)
+        if kind == _CLASSES:
+            true = pd.Series(np.asarray(y)[tested], name="true")
+            taken_for = pd.Series(predicted[name], name="predicted")
+            confusions[name] = pd.crosstab(true, taken_for)
     table = pd.DataFrame.from_dict(scores, orient="index")
     table.index = pd.MultiIndex.from_tuples(scores, names=["adjective", "predictor"])
     overall = gain_over_objects(np.mean(of_trials, axis=0), objects)
@@ -423,9 +425,9 @@ def _guessed(dummy, y, folds, method):
 def _compare_classes(name, y, outcomes, folds, tested):
     """Score the classes predicted beside the most frequent one of training.
 
-    Return how often each class was taken for each, and what `_compare_ratings` yields,
-    of accuracies.
+    Yield what `_compare_ratings` does, by the accuracy.
     """
+    y = np.asarray(y)
     true, predicted = y[tested], in_order([each for each, _ in outcomes], folds)
     frequent = [pd.Series(y[train]).value_counts().index[0] for train, _ in folds]
     guesses = [np.full(len(test), each) for each, (_, test) in zip(frequent, folds)]
@@ -442,8 +444,7 @@ def _compare_classes(name, y, outcomes, folds, tested):
         "accuracy_guess": scores["most frequent"]["accuracy"],
     }
     gain = (right["model"] - right["most frequent"]).to_numpy()
-    confusions = pd.crosstab(true, predicted, rownames=["true"], colnames=["predicted"])
-    return confusions, [(name, predicted, scores, gain, row)]
+    yield name, predicted, scores, gain, row
 
 
 def gain_over_objects(gains, objects):

@@ -10,6 +10,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..ratings._checks import check_rated, check_ratings
+from ..ratings._distributions import shares
 from ..utils._sklearn import StrOptions, Trials, _fit_context, _num_samples
 from ..utils._validation import check_weights
 from ._ordinal import OrdinalClassifierMixin
@@ -98,7 +99,7 @@ class DummyDistribution(OrdinalClassifierMixin, BaseEstimator):
         check_rated(X, counts)
         self.classes_ = self.levels_
         weight = check_weights(sample_weight, X)
-        share = counts / counts.sum(axis=1, keepdims=True)
+        share = shares(counts)
         if self.strategy == "marginal":
             self.proba_ = np.average(share, axis=0, weights=weight)
         else:

@@ -19,9 +19,9 @@ from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone, is_regressor
 from sklearn.callback import CallbackSupportMixin
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils import check_random_state
-from sklearn.utils.validation import check_consistent_length, check_is_fitted
+from sklearn.utils.validation import check_consistent_length
 
-from ..ratings._checks import check_adjectives, validate_rated_trials, weighted
+from ..ratings._checks import check_adjectives, weighted
 from ..ratings._distributions import level_at, quantile_grid
 from ..utils._folds import TakesGroups
 from ..utils._sklearn import (
@@ -34,27 +34,25 @@ from ..utils._sklearn import (
 )
 from ..utils._validation import (
     FLOATS,
-    check_groups,
+    check_features,
     check_positions,
     check_table,
-    check_weights,
 )
 from ._nnpom import NNPOM, fit_linear_networks
-from ._observations import relative_weights
+from ._observations import relative_weights, used_trials
 from ._ordinal import OrdinalClassifierMixin
 from ._quantile_positions import (
+    average_over_cells,
     clip_positions,
     is_smooth,
     mixture,
     ratings_at,
     share_between_crossings,
-    share_of_medians,
     share_of_modes,
     training_observations,
 )
 from ._shared_features import (
     check_frozen,
-    has_latent_response,
     hold_out_trials,
     seed_estimator,
     share_features,
@@ -267,14 +265,10 @@ class DistributionalOrdinalRegressor(
         levels = self.levels
         if levels is None and frozen:
             levels = getattr(self.estimator, "levels_", None)
-        X, counts, self.levels_ = validate_rated_trials(self, X, y, levels)
-        self.classes_ = self.levels_
-        groups = check_groups(groups, X)
-        sample_weight = check_weights(sample_weight, X)
-        used = sample_weight > 0
-        if not used.all():
-            X, counts, sample_weight = X[used], counts[used], sample_weight[used]
-            groups = None if groups is None else groups[used]
+        X, counts, levels, sample_weight, groups = used_trials(
+            self, X, y, levels, sample_weight, groups
+        )
+        self.levels_ = self.classes_ = levels
         rng = check_random_state(self.random_state)
         self.estimator_ = self._make_estimator(rng)
         self._p_transform = self.p_transform
@@ -341,10 +335,9 @@ class DistributionalOrdinalRegressor(
         labels = self.levels_ if self._base is self.estimator_ else self._present
         labels = None if is_regressor(self.estimator_) else labels
         names = getattr(self, "feature_names_in_", None)
+        n_inputs = X.shape[1] + 1
         check_frozen(
-            *(self.estimator, "estimator", X.shape[1] + 1, labels),
-            names=names,
-            position=True,
+            self.estimator, "estimator", n_inputs, labels, names=names, position=True
         )
         predicted = self._predict_at(X[:1], np.array([0.5])).shape[2:]
         if predicted != counts.shape[1:]:
@@ -392,8 +385,7 @@ class DistributionalOrdinalRegressor(
             adjectives were learned, all predictions have an axis of adjectives behind
             that of the trials.
         """
-        check_is_fitted(self)
-        X = check_table(self, X, dtype=FLOATS, reset=False)
+        X = check_features(self, X)
         proba = self._decode(X)
         return proba / proba.sum(axis=-1, keepdims=True)
 
@@ -403,9 +395,9 @@ class DistributionalOrdinalRegressor(
         if self.rule == "argmax":
             return share_of_modes(self._predict_at, X, self.n_quantiles)
         base = self._base
-        if has_latent_response(base):
+        if hasattr(base, "predict_latent_with_positions"):
             return share_between_crossings(base, X, self._to_input, self._to_position)
-        return share_of_medians(self._predict_at, X)
+        return average_over_cells(self._predict_at, X, "median")
 
     def predict_rating(self, X: ArrayLike, p: ArrayLike) -> np.ndarray:
         """Predict the rating at given quantile positions, each by itself.
@@ -427,8 +419,7 @@ class DistributionalOrdinalRegressor(
         -------
         rating : ndarray of shape (n_trials,) or (n_trials, n_positions)
         """
-        check_is_fitted(self)
-        X = check_table(self, X, dtype=FLOATS, reset=False)
+        X = check_features(self, X)
         p = check_positions(p)
         positions = clip_positions(np.atleast_1d(p))
         rating = self.levels_[ratings_at(self._predict_at, X, positions, self.rule)]

@@ -18,9 +18,7 @@ from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.callback import CallbackSupportMixin
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils import check_random_state
-from sklearn.utils.validation import check_is_fitted
 
-from ..ratings._checks import validate_rated_trials
 from ..utils._folds import TakesGroups
 from ..utils._sklearn import (
     FloatArray,
@@ -32,9 +30,9 @@ from ..utils._sklearn import (
     one_blas_thread,
     with_callbacks,
 )
-from ..utils._validation import FLOATS, check_groups, check_table, check_weights
+from ..utils._validation import check_features
 from ._nnpom import NNPOM
-from ._observations import single_ratings
+from ._observations import single_ratings, used_trials
 from ._ordinal import OrdinalClassifierMixin
 from ._shared_features import check_frozen, hold_out_trials, refuse_adjectives, unfrozen
 
@@ -257,20 +255,17 @@ class SensorFusionNNPOM(
         final = self.final_estimator
         known = "levels_" if isinstance(final, FrozenEstimator) else "levels"
         levels = getattr(final, known, None)
-        X, counts, levels = validate_rated_trials(self, X, y, levels)
-        groups = check_groups(groups, X)
-        sample_weight = check_weights(sample_weight, X)
+        X, counts, levels, sample_weight, groups = used_trials(
+            self, X, y, levels, sample_weight, groups
+        )
         names = getattr(self, "feature_names_in_", None)
         self.sensors_ = resolve_sensors(self.sensors, names, X.shape[1])
         self._has_position = False
-        X, groups, level, weight, counted = single_ratings(
-            X, counts, groups, sample_weight
-        )
+        level, weight, counted = single_ratings(counts, sample_weight)
         validation = None
         share = self.validation_share()
         if share > 0:
-            own = self.random_state is not None
-            seeded = self if own else self._stopping_early()[0]
+            seeded = self._stopping_early()[0] if self.random_state is None else self
             rng = check_random_state(seeded.random_state)
             train, validating = hold_out_trials(self, len(X), groups, share, rng)
             validation = X[validating], None, level[validating], counted[validating]
@@ -447,8 +442,7 @@ class SensorFusionNNPOM(
         hidden : ndarray of shape (n_trials, n_units)
             Values in (0, 1), sensor by sensor; 0 for the sensor held out.
         """
-        check_is_fitted(self)
-        X = check_table(self, X, dtype=FLOATS, reset=False)
+        X = check_features(self, X)
         inputs = (X[:, :-1], X[:, -1:]) if self._has_position else (X,)
         return self._activations(*inputs)[:, 0]
 

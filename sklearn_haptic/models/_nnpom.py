@@ -12,9 +12,7 @@ from sklearn.base import BaseEstimator
 from sklearn.callback import CallbackSupportMixin
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.utils import check_random_state
-from sklearn.utils.validation import check_is_fitted
 
-from ..ratings._checks import validate_rated_trials
 from ..utils._folds import TakesGroups
 from ..utils._sklearn import (
     FloatArray,
@@ -27,7 +25,7 @@ from ..utils._sklearn import (
     one_blas_thread,
     with_callbacks,
 )
-from ..utils._validation import FLOATS, check_groups, check_table, check_weights
+from ..utils._validation import check_features
 from ._conditioning import Conditioning
 from ._network import Layout, Network
 from ._network_loss import NetworkLoss
@@ -37,6 +35,7 @@ from ._observations import (
     rank_levels,
     scaled_to_unit_weight,
     single_ratings,
+    used_trials,
 )
 from ._ordinal import OrdinalClassifierMixin
 from ._proportional_odds import GAPS, thresholds_of_all_levels
@@ -240,17 +239,15 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         -------
         self : NNPOM
         """
-        X, counts, levels = validate_rated_trials(self, X, y, self.levels)
-        groups = check_groups(groups, X)
-        sample_weight = check_weights(sample_weight, X)
-        X, groups, level, weight, validation_weight = single_ratings(
-            X, counts, groups, sample_weight
+        X, counts, levels, sample_weight, groups = used_trials(
+            self, X, y, self.levels, sample_weight, groups
         )
+        level, weight, validation_weight = single_ratings(counts, sample_weight)
         rng = check_random_state(self.random_state)
         train, validation = slice(None), None
-        if self.validation_share() > 0:
-            fraction = self.validation_fraction
-            train, v = hold_out_trials(self, len(X), groups, fraction, rng)
+        share = self.validation_share()
+        if share > 0:
+            train, v = hold_out_trials(self, len(X), groups, share, rng)
             validation = X[v], None, level[v], validation_weight[v]
         observed = X[train], None, level[train], weight[train]
         return self._fit(observed, validation, levels, rng)
@@ -304,12 +301,11 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         """
         self._validate_params()
         rng = check_random_state(self.random_state)
-        n_inputs = X.shape[-1] + (positions is not None)
         train = X, positions, level, weight
         if X.ndim > 2:
             train = one_trial_each(*train)
         self._fit(train, validation, levels, rng)
-        self.n_features_in_ = n_inputs
+        self.n_features_in_ = X.shape[-1] + (positions is not None)
         if feature_names is not None:
             self.feature_names_in_ = np.append(feature_names, "position")
         return self
@@ -322,7 +318,7 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
             refuse_adjectives("NNPOM with n_hidden=0")
         with fit_task(self, X, max_subtasks=self.max_iter) as task:
             if self.n_hidden == 0:
-                fit_linear_networks([self], *train[:1], [train[1:]], levels, task)
+                fit_linear_networks([self], X, [train[1:]], levels, task.on_iteration)
             else:
                 found = self._minimise(train, validation, len(levels), rng, task)
                 self._take(*found, levels, several)
@@ -357,8 +353,9 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         scale, rotate = self.scale_features, self.solver == "lbfgs"
         features = Conditioning(X, layout, alpha, trial_weight, scale, rotate)
         observations = [each.observations for each in learned]
-        inputs = features.layout, features.inputs
-        loss = NetworkLoss(*inputs, observations, features.alpha)
+        loss = NetworkLoss(
+            features.layout, features.inputs, observations, features.alpha
+        )
 
         def network_of(params):
             return layout.network(features.invert(params), present, n_levels)
@@ -400,7 +397,7 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
             learned, every prediction has a further axis for them behind that of the
             trials.
         """
-        proba = self.predict_proba_with_positions(self._checked(X), None)
+        proba = self.predict_proba_with_positions(check_features(self, X), None)
         return np.ascontiguousarray(proba[:, 0])
 
     def predict_proba_with_positions(
@@ -476,7 +473,7 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         -------
         latent : ndarray of shape (n_trials,)
         """
-        return self.predict_latent_with_positions(self._checked(X), None)[:, 0]
+        return self.predict_latent_with_positions(check_features(self, X), None)[:, 0]
 
     def hidden_activations(self, X: ArrayLike) -> NDArray[np.float64]:
         """Return the activations of the hidden units, the network's own features.
@@ -490,11 +487,7 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         hidden : ndarray of shape (n_trials, n_hidden)
             Values in [0, 1]; no columns for the linear model.
         """
-        return self._forward(self._checked(X), None)[1][:, 0]
-
-    def _checked(self, X):
-        check_is_fitted(self)
-        return check_table(self, X, dtype=FLOATS, reset=False)
+        return self._forward(check_features(self, X), None)[1][:, 0]
 
     @one_blas_thread
     def _forward(self, X, positions):
@@ -514,7 +507,7 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         return Network(self.coefs_[0], self.intercepts_, output, thresholds)
 
 
-def fit_linear_networks(networks, X, observations, levels, task=None):
+def fit_linear_networks(networks, X, observations, levels, on_iteration=None):
     """Fit networks without hidden units to the same trials, all at once.
 
     They share the products with the features, so that many fits take little more time
@@ -529,8 +522,8 @@ def fit_linear_networks(networks, X, observations, levels, task=None):
         What `NNPOM.fit_with_positions` takes for each of them.
     levels : ndarray of shape (n_levels,)
         The ordered levels.
-    task : FitTask, default=None
-        Whose callbacks are told of each iteration.
+    on_iteration : callable, default=None
+        As `fit_linear` takes it.
     """
     problems, ranked = [], []
     for network, (positions, level, weight) in zip(networks, observations):
@@ -538,7 +531,6 @@ def fit_linear_networks(networks, X, observations, levels, task=None):
         ranked += rank_levels(positions, level, weight, len(levels))
         options = network.scale_features, network.max_iter, network.tol
         problems.append(LinearProblem(*ranked[-1].observations, alpha, *options))
-    on_iteration = None if task is None else task.on_iteration
     fits = fit_linear(X, problems, on_iteration)
     for network, ratings, fitted in zip(networks, ranked, fits):
         n_iter = len(fitted.loss_curve)

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..ratings._checks import weighted
+from ..ratings._checks import validate_rated_trials, weighted
 from ..utils._sklearn import FloatArray
+from ..utils._validation import check_groups, check_weights
 
 # In units of the total weight; more would make no difference but overflow.
 _LARGEST_PENALTY = 1e300
@@ -22,34 +23,46 @@ def relative_weights(sample_weight):
     return np.maximum(relative, np.finfo(np.float64).tiny)
 
 
-def single_ratings(X, counts, groups, sample_weight):
+def used_trials(estimator, X, y, levels, sample_weight, groups=None):
+    """Validate what is given to ``fit``, and leave out trials of weight 0.
+
+    Returns
+    -------
+    X : ndarray of shape (n_trials, n_features)
+    counts : ndarray of shape (n_trials, ..., n_levels)
+    levels : ndarray of shape (n_levels,)
+    sample_weight : ndarray of shape (n_trials,)
+    groups : ndarray of shape (n_trials,), or None
+    """
+    X, counts, levels = validate_rated_trials(estimator, X, y, levels)
+    groups = check_groups(groups, X)
+    sample_weight = check_weights(sample_weight, X)
+    used = sample_weight > 0
+    if used.all():
+        used = slice(None)  # which copies nothing
+    groups = None if groups is None else groups[used]
+    return X[used], counts[used], levels, sample_weight[used], groups
+
+
+def single_ratings(counts, sample_weight):
     """Turn counts into observations without positions: one per level of a trial.
 
     Parameters
     ----------
-    X : ndarray of shape (n_trials, n_features)
     counts : ndarray of shape (n_trials, ..., n_levels)
-    groups : ndarray of shape (n_trials,), or None
     sample_weight : ndarray of shape (n_trials,)
-        Trials of weight 0 are left out of all that is returned.
 
     Returns
     -------
-    X, groups
     level, weight : ndarray of the shape of `counts`
         What `NNPOM.fit_with_positions` trains on.
     validation_weight : ndarray of the shape of `counts`
         Takes the place of `weight` where the trial validates: a trial counts by its
         own weight, however many people rated it.
     """
-    used = sample_weight > 0
-    if used.all():
-        used = slice(None)  # which copies nothing
-    X, counts, sample_weight = X[used], counts[used], sample_weight[used]
-    groups = None if groups is None else groups[used]
     level = np.broadcast_to(np.arange(counts.shape[-1]), counts.shape)
     validation_weight = ((counts > 0).T * relative_weights(sample_weight)).T
-    return X, groups, level, weighted(counts, sample_weight), validation_weight
+    return level, weighted(counts, sample_weight), validation_weight
 
 
 def one_trial_each(X, positions, level, weight):

@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 from sklearn.utils import gen_batches
 
-from ..ratings._distributions import level_at, quantile_grid
+from ..ratings._distributions import level_at, quantile_grid, shares
 
 # With 20 nodes the CDF is off by less than 1e-4 for weights of the log-odds up to 2, by
 # less than 1e-3 up to 4. They are used if on some training trials they differ from the
@@ -67,7 +67,7 @@ def training_observations(counts, n_duplicates, sampling, random_state):
 def _level_nodes(counts, n_duplicates):
     """Return Gauss–Legendre nodes in the interval of positions of each level."""
     n_trials, n_levels = counts.shape
-    share = counts / counts.sum(axis=1, keepdims=True)
+    share = shares(counts)
     start = np.cumsum(share, axis=1) - share
     nodes, node_weight = unit_gauss_legendre(max(1, n_duplicates // n_levels))
     positions = (start[:, :, None] + share[:, :, None] * nodes).reshape(n_trials, -1)
@@ -120,11 +120,6 @@ def share_below(latent, thresholds, inputs, to_position):
     crossed = inputs[j] + (inputs[j + 1] - inputs[j]) * left / (left - right)
     np.add.at(share, crossing[:2], np.where(left <= 0, 1, -1) * to_position(crossed))
     return share.T
-
-
-def crossing_positions(n_nodes):
-    """Return positions that crowd at both ends, the outer ones next to 0 and 1."""
-    return np.clip(_crowded(np.linspace(0, 1, n_nodes)), 1e-6, 1 - 1e-6)
 
 
 def _crowded(q):
@@ -193,7 +188,7 @@ def is_smooth(predict, X):
 def mixture(predict, X, smooth):
     """Average the predicted probabilities over the population."""
     if not smooth:
-        return _average_over_cells(predict, X)
+        return average_over_cells(predict, X)
     return _average(predict, X, *population_quadrature(_MIXTURE_NODES))[0]
 
 
@@ -223,11 +218,6 @@ def _batches(X, positions):
     return gen_batches(len(X), size)
 
 
-def share_of_medians(predict, X):
-    """Share of the population for which each level is the median."""
-    return _average_over_cells(predict, X, "median")
-
-
 def share_between_crossings(base, X, to_input, to_position):
     """Share of the population for which each level is the median, at every position.
 
@@ -235,7 +225,8 @@ def share_between_crossings(base, X, to_input, to_position):
     in the population to what it is given, and back. The shares have the shape
     (n_trials, n_levels).
     """
-    inputs = to_input(crossing_positions(_CROSSING_NODES))
+    positions = _crowded(np.linspace(0, 1, _CROSSING_NODES))
+    inputs = to_input(np.clip(positions, 1e-6, 1 - 1e-6))
     shares = []
     for batch in gen_batches(len(X), _BATCH_SIZE):
         latent = base.predict_latent_with_positions(X[batch], inputs)
@@ -252,13 +243,16 @@ def share_between_crossings(base, X, to_input, to_position):
     return np.concatenate(shares)
 
 
-def _average_over_cells(predict, X, rule=None, n_cells=_CELLS):
-    """Average what may jump anywhere, over more cells for the trials that need them."""
+def average_over_cells(predict, X, rule=None, n_cells=_CELLS):
+    """Average the probabilities, or what a rule decides, where they may jump anywhere.
+
+    More cells are taken for the trials that need them.
+    """
     n_cells, *more = n_cells
     proba, error = _average(predict, X, *population_cells(n_cells), rule, True)
     rough = error > _JUMP_ERROR
     if more and rough.any():
-        proba[rough] = _average_over_cells(predict, X[rough], rule, more)
+        proba[rough] = average_over_cells(predict, X[rough], rule, more)
     return proba
 
 

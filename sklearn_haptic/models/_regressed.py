@@ -9,12 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.ensemble import ExtraTreesRegressor, RandomForestRegressor
 from sklearn.utils import check_random_state, get_tags
-from sklearn.utils.validation import check_is_fitted
 
-from ..ratings._checks import validate_rated_trials
 from ..ratings._distributions import cdf
 from ..utils._sklearn import HasMethods, RandomState, _fit_context
-from ..utils._validation import FLOATS, check_table, check_weights
+from ..utils._validation import check_features
+from ._observations import used_trials
 from ._ordinal import OrdinalClassifierMixin
 from ._shared_features import fit_with_weights, refuse_adjectives, seed_estimator
 
@@ -175,13 +174,12 @@ class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEsti
         self : RegressedDistribution
             The fitted model.
         """
-        X, counts, levels = validate_rated_trials(self, X, y, self.levels)
+        X, counts, levels, weight, _ = used_trials(
+            self, X, y, self.levels, sample_weight
+        )
         if counts.ndim == 3:
             refuse_adjectives(type(self).__name__)
-        weight = check_weights(sample_weight, X)
-        used = weight > 0
-        X, weight = X[used], weight[used]
-        below = cdf(counts[used])[:, :-1]
+        below = cdf(counts)[:, :-1]
         mean = np.average(below, axis=0, weights=weight)
         self.estimator_ = self._fit_estimator(X, below - mean, weight)
         is_forest = isinstance(self.estimator_, _FORESTS) and below.shape[1]
@@ -229,8 +227,7 @@ class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEsti
         proba : ndarray of shape (n_trials, n_levels)
             Share of the population at each level; rows sum to 1.
         """
-        check_is_fitted(self)
-        X = check_table(self, X, dtype=FLOATS, reset=False)
+        X = check_features(self, X)
         shape = len(X), len(self.mean_cdf_)
         departure = self._predict(X) if shape[1] else np.empty(shape)
         departure = np.asarray(departure)

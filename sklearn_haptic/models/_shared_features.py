@@ -8,7 +8,7 @@ observation. So the regressor has one path for all.
 
 import warnings
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeGuard
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,21 +83,11 @@ class HasLatentResponse(SharesFeatures, Protocol):
 def share_features(
     estimator: Any, present: NDArray[np.integer], n_levels: int
 ) -> SharesFeatures:
-    """Return the estimator itself if it shares features, an adapter otherwise.
-
-    A `FrozenEstimator` hands out the methods of what it wraps, and calling these would
-    fit that again. So it is never taken for an estimator that shares features.
-    """
-    frozen = isinstance(estimator, FrozenEstimator)
-    if hasattr(estimator, "fit_with_positions") and not frozen:
+    """Return the estimator itself if it shares features, an adapter otherwise."""
+    if hasattr(estimator, "fit_with_positions"):
         base: SharesFeatures = estimator
         return base
     return RepeatedRows(estimator, present, n_levels)
-
-
-def has_latent_response(base: SharesFeatures) -> TypeGuard[HasLatentResponse]:
-    """Whether the base estimator offers the optional latent response."""
-    return hasattr(base, "predict_latent_with_positions")
 
 
 def seed_estimator(estimator, rng):
@@ -263,8 +253,7 @@ class RepeatedRows:
         if weight.ndim == 3:
             refuse_adjectives(name)
         used = weight > 0
-        rows = np.column_stack((X, np.zeros(len(X))))[np.nonzero(used)[0]]
-        rows[:, -1] = positions[used]
+        rows = np.column_stack((X[np.nonzero(used)[0]], positions[used]))
         level, weight = level[used], weight[used]
         if not is_regressor(self.estimator):
             level = np.searchsorted(self.present, level)
@@ -296,8 +285,8 @@ class RepeatedRows:
         return np.concatenate(proba).reshape(len(X), len(positions), self.n_levels)
 
     def _predict_rows(self, X, positions):
-        rows = np.column_stack((X, np.zeros(len(X)))).repeat(len(positions), axis=0)
-        rows[:, -1] = np.tile(positions, len(X))
+        repeated = X.repeat(len(positions), axis=0)
+        rows = np.column_stack((repeated, np.tile(positions, len(X))))
         proba = np.zeros((len(rows), self.n_levels))
         if is_regressor(self.estimator):
             level = np.rint(self.estimator.predict(rows)).astype(int)

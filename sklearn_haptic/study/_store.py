@@ -20,10 +20,11 @@ import pandas as pd
 _SETTINGS = "study.json"
 
 
-def write_atomically(path, data):
+def write_atomically(path, data, *, replace=True):
     """Write a file so that it is there whole or, after a crash, as it was before.
 
-    If it cannot be written, an OSError names it.
+    Unless `replace` is true, a file of this name stays as it is, even if it appears in
+    the meantime. If the file cannot be written, an OSError names it.
     """
     unfinished = path.with_name(f"{uuid4().hex}.tmp")
     try:
@@ -31,7 +32,14 @@ def write_atomically(path, data):
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(unfinished, path)
+        if replace:
+            os.replace(unfinished, path)
+            return
+        try:
+            os.link(unfinished, path)
+        except OSError:  # there is a file, or the file system has no hard links
+            if not path.exists():
+                os.replace(unfinished, path)
     except OSError as error:
         raise OSError(error.errno, error.strerror, os.fspath(path)) from error
     finally:
@@ -73,11 +81,12 @@ def open_study(folder, settings):
             )
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            write_atomically(path, data.encode())
+            write_atomically(path, data.encode(), replace=False)
         except OSError as error:
             raise OSError(
                 f"{folder} is no folder that can be written; give another ({error})."
             ) from error
+    # Another process may have written its settings first.
     stored = read_settings(folder)
     for name, value in json.loads(data).items():
         if stored.get(name) != value:

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import sparse
 from sklearn.utils.validation import (
     check_consistent_length,
+    check_is_fitted,
     column_or_1d,
     validate_data,
 )
@@ -85,6 +86,12 @@ def check_table(estimator, X, **options):
     check_numbers(X, "X")
     with np.errstate(over="ignore", invalid="ignore"):  # of the sum it looks at first
         return validate_data(estimator, X, order="C", **options)
+
+
+def check_features(estimator, X):
+    """Validate the features that a fitted estimator is to predict from."""
+    check_is_fitted(estimator)
+    return check_table(estimator, X, dtype=FLOATS, reset=False)
 
 
 def check_weights(sample_weight, X):
