@@ -20,7 +20,7 @@ from sklearn_haptic import (
     SignalStatistics,
     make_haptic_pipeline,
 )
-from sklearn_haptic.recordings._repair import estimate_moments
+from sklearn_haptic.recordings._channel_regression import estimate_moments
 
 MIXING = np.random.default_rng(0).normal(size=(2, 4))
 
