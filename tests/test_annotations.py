@@ -149,7 +149,6 @@ from sklearn_haptic import (
 from sklearn_haptic.datasets import load_phac2, make_haptic_corpus
 from sklearn_haptic.metrics import log_score, neg_rps_scorer
 from sklearn_haptic.model_selection import sensor_contributions
-from sklearn_haptic.models._shared_features import HasLatentResponse
 from sklearn_haptic.plotting import InverseCDFDisplay
 from sklearn_haptic.ratings import interrater_agreement
 from sklearn_haptic.study import run_study
@@ -177,7 +176,6 @@ def score(trials: list[Floats], y: list[list[int]], groups: NDArray[np.int64]) -
 fusion = SensorFusionNNPOM({"pac": slice(2), "tdc": [2, 3]}, {"pac": NNPOM()})
 sensor_contributions(DistributionalOrdinalRegressor(fusion), [[0.0]], [1], cv=3)
 DistributionalOrdinalRegressor(**PAPER_2020)
-bases: list[HasLatentResponse] = [NNPOM(), SensorFusionNNPOM()]
 corpus = load_phac2("trials.h5", procedure="squeeze", sensors=["pac"])
 make_haptic_pipeline(("pac", "tdc")).fit(corpus.trials, [1, 2])
 run_study(partial(make_haptic_corpus, 9), "folder", alpha=[1], scoring=neg_rps_scorer)

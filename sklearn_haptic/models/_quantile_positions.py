@@ -221,9 +221,9 @@ def _batches(X, positions):
 def share_between_crossings(base, X, to_input, to_position):
     """Share of the population for which each level is the median, at every position.
 
-    `base` is a `HasLatentResponse`; `to_input` and `to_position` lead from a position
-    in the population to what it is given, and back. The shares have the shape
-    (n_trials, n_levels).
+    `base` has ``predict_latent_with_positions``; `to_input` and `to_position` lead from
+    a position in the population to what it is given, and back. The shares have the
+    shape (n_trials, n_levels).
     """
     positions = _crowded(np.linspace(0, 1, _CROSSING_NODES))
     inputs = to_input(np.clip(positions, 1e-6, 1 - 1e-6))

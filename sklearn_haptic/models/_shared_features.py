@@ -1,14 +1,21 @@
 """What `DistributionalOrdinalRegressor` asks of its base estimator.
 
 The regressor observes each trial at several quantile positions in the population of
-raters. A base estimator that implements `SharesFeatures` takes the features of a trial
+raters. A base estimator that has `NNPOM`'s methods ``fit_with_positions``,
+``predict_proba_with_positions`` and ``validation_share`` takes the features of a trial
 once for all its positions; `RepeatedRows` adapts every other estimator, by one row per
 observation. So the regressor has one path for all.
+
+What these methods are given has been validated, and the position is on the scale that
+``p_transform`` chooses. An estimator that cannot learn several adjectives calls
+`refuse_adjectives`. One whose predictions are a latent response cut by ``thresholds_``
+may offer ``predict_latent_with_positions``: the median rating is then found at every
+position, from where the response crosses the thresholds, instead of at some positions.
 """
 
 import warnings
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +25,6 @@ from sklearn.utils import gen_batches
 from sklearn.utils.validation import check_is_fitted, has_fit_parameter
 
 from ..utils._folds import validation_split, warn_of_no_groups
-from ..utils._sklearn import FloatArray, Observations
 
 # Rows, and values in them, that an estimator is given at once for prediction.
 _BATCH_ROWS, _BATCH_VALUES = 2**14, 2**22
@@ -27,66 +33,10 @@ _BATCH_ROWS, _BATCH_VALUES = 2**14, 2**22
 _AUTO_EARLY_STOPPING = 10_000
 
 
-class SharesFeatures(Protocol):
-    """A base estimator that takes a trial's features once for all its positions.
-
-    Its inputs have been validated. The position is the last of its features, on the
-    scale that ``p_transform`` of the regressor chooses. Of several adjectives, the
-    observations have the shape (n_trials, n_adjectives, n_observations), and what is
-    predicted has an axis of adjectives behind that of the positions; an estimator that
-    cannot learn several calls `refuse_adjectives`.
-    """
-
-    def fit_with_positions(
-        self,
-        X: FloatArray,
-        positions: FloatArray,
-        level: NDArray[np.integer],
-        weight: FloatArray,
-        *,
-        levels: np.ndarray,
-        validation: Observations | None = None,
-        feature_names: np.ndarray | None = None,
-    ) -> Any:
-        """Fit to observations of each trial at several positions.
-
-        The parameters are those of `NNPOM.fit_with_positions`; every observation has a
-        position, and those of a trial share its features. Validation trials are given
-        if `validation_share` is above 0.
-        """
-
-    def predict_proba_with_positions(
-        self, X: FloatArray, positions: FloatArray
-    ) -> NDArray[np.float64]:
-        """Predict as `NNPOM.predict_proba_with_positions` does."""
-
-    def validation_share(self) -> float:
-        """Share of the trials that early stopping validates on, 0 without it."""
-
-
-class HasLatentResponse(SharesFeatures, Protocol):
-    """A base estimator whose predictions are a latent response cut by thresholds.
-
-    This is optional: the median rating is then found at every position, from where
-    the response crosses the thresholds, instead of at some positions.
-    """
-
-    thresholds_: NDArray[np.float64]
-    """Thresholds of shape (n_levels - 1,), or (n_adjectives, n_levels - 1)."""
-
-    def predict_latent_with_positions(
-        self, X: FloatArray, positions: FloatArray
-    ) -> NDArray[np.float64]:
-        """Predict as `NNPOM.predict_latent_with_positions` does."""
-
-
-def share_features(
-    estimator: Any, present: NDArray[np.integer], n_levels: int
-) -> SharesFeatures:
+def share_features(estimator, present, n_levels):
     """Return the estimator itself if it shares features, an adapter otherwise."""
     if hasattr(estimator, "fit_with_positions"):
-        base: SharesFeatures = estimator
-        return base
+        return estimator
     return RepeatedRows(estimator, present, n_levels)
 
 
@@ -205,7 +155,7 @@ def check_frozen(estimator, name, n_inputs, levels=None, *, names=None, position
 
 @dataclass(frozen=True)
 class RepeatedRows:
-    """Adapter to `SharesFeatures`: repeat a trial's row for each of its positions.
+    """Repeat a trial's row for each of its positions, for estimators that do not share.
 
     Parameters
     ----------
