@@ -33,6 +33,7 @@ from sklearn_haptic import (
 )
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_macro_mae_scorer, neg_rps_scorer
+from sklearn_haptic.streaming import CertaintyThreshold, ExpectedGain
 
 _rng = np.random.default_rng(0)
 TABLE = _rng.normal(size=(40, 6))
@@ -144,9 +145,21 @@ MODELS = {
             make_haptic_pipeline(["pdc"], random_state=0),
             durations=[0.6, 1.2],
             sampling_rates={"pdc": 100},
+            stopping=ExpectedGain(0.1),
             cv=2,
         ),
         CORPUS.trials,
+        CORPUS.ratings["hard"],
+    ),
+    "touches that end when their ratings are certain": (
+        AnytimeRegressor(
+            make_pipeline(SignalStatistics(), NNPOM(0)),
+            durations=[0.6, 1.2],
+            sampling_rates=100,
+            stopping=CertaintyThreshold(0.6),
+            cv=2,
+        ),
+        list(CORPUS.trials["pdc"]),
         CORPUS.ratings["hard"],
     ),
     "pipeline": (

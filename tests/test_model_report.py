@@ -331,7 +331,7 @@ def test_sliders_of_several_adjectives_in_lists():
 def test_whole_numbers_may_be_levels_or_classes():
     numbers = np.arange(len(X)) % 12
     with pytest.raises(ValueError, match=r"12 different whole numbers, of classes or"):
-        model_report(DummyDistribution(), X, numbers, cv=3)
+        model_report(DummyDistribution(), X, numbers.astype(float), cv=3)
     levels = pd.Series(pd.Categorical(numbers, ordered=True))
     report = model_report(DummyDistribution(), X, levels, cv=3)
     assert report.gains["levels"].tolist() == ["0 to 11"]

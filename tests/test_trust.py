@@ -208,7 +208,7 @@ def test_pickles_in_datasets_are_refused(tmp_path, payload, name, message, kind)
         load_phac2(path)
 
 
-SCORES = pd.DataFrame({"trial": ["cup_602_01"], "rps": [0.1]})
+SCORES = pd.DataFrame({"trial": ["cup_602_01"], "held_out": "none", "rps": [0.1]})
 NOTHING = {"choices": [], "baselines": [], "truth": []}
 UNIT = "models", "hold", "hard", 0
 FILE = "models/hold,hard,0.npz"

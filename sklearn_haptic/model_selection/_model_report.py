@@ -336,9 +336,11 @@ def _has_classes(model, y, name):
     predictor = last_step(model)[0]
     if is_classifier(predictor) and not isinstance(predictor, DistributionMixin):
         return True
-    if values.dtype.kind in "iu" and len(np.unique(values)) > _MOST_LEVELS:
+    distinct = np.unique(values)
+    whole = values.dtype.kind in "iuf" and (distinct == np.round(distinct)).all()
+    if whole and len(distinct) > _MOST_LEVELS:
         raise ValueError(
-            f"{name} has {len(np.unique(values))} different whole numbers, of classes "
+            f"{name} has {len(distinct)} different whole numbers, of classes "
             "or of levels; give text for classes (astype(str)), or an ordered "
             "pandas.Categorical for levels."
         )
