@@ -126,6 +126,11 @@ def test_boxes_are_quartiles_of_the_agreement_sorted_by_median(counts):
         np.testing.assert_allclose([box.min(), box.max()], quartiles)
 
 
+def test_counts_of_one_adjective_are_called_counts():
+    with pytest.raises(ValueError, match=r"^counts has fewer than two ratings in tr"):
+        InterraterAgreementDisplay.from_counts([[2, 1], [1, 0]])
+
+
 def test_trials_of_an_object_count_once(counts):
     trials = {name: np.repeat(table, 7, axis=0) for name, table in counts.items()}
     display = InterraterAgreementDisplay.from_counts(

@@ -176,16 +176,10 @@ def join_folds(y, outcomes, folds):
         Of the test trials of all folds, in ascending order.
     levels : ndarray of shape (n_levels,)
     """
-    levels = _levels_of_all(y, [classes for _, classes in outcomes])
+    levels = max((classes for _, classes in outcomes), key=len)
+    if np.ndim(y) == 1 and not np.isin(y, levels).all():  # each fold lacks a label
+        levels = check_ratings(y)[1]
     proba = in_order(
         [at_classes(each, known, levels) for each, known in outcomes], folds
     )
     return in_named_order(proba, levels, y)
-
-
-def _levels_of_all(y, classes):
-    """Return the ordered levels of all trials, given those of each fold."""
-    levels = max(classes, key=len)
-    if np.ndim(y) == 1 and not np.isin(y, levels).all():
-        levels = check_ratings(y)[1]
-    return levels

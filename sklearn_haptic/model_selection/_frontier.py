@@ -196,7 +196,7 @@ class Candidates(NamedTuple):
     metric: str
 
 
-def read_candidates(search, metric=None):
+def read_candidates(search, metric):
     """Read cost, score and standard error of each candidate of a search.
 
     The search, its ``cv_results_`` and the metric are those of

@@ -106,14 +106,14 @@ class LinearFit(NamedTuple):
 
 
 @one_blas_thread
-def fit_linear(X, problems, on_iteration=None):
+def fit_linear(X, problems, on_iteration):
     """Fit linear proportional-odds models to the same features.
 
     Parameters
     ----------
     X : ndarray of float32 or float64 of shape (n_trials, n_features)
     problems : list of LinearProblem
-    on_iteration : callable, default=None
+    on_iteration : callable or None
         Called after each step; the fit stops if it returns true.
 
     Returns
@@ -394,7 +394,7 @@ class _Features:
         self.unit = largest
         if variance.any():
             self.unit = np.ldexp(1.0, np.frexp(self.spread.max())[1] - 1)
-        self.centre, self._axes, self._outside = largest * centre, None, None
+        self.centre, self._axes = largest * centre, None
         self.rows, self._row_unit = X, self.unit
         self._offset = self.centre / self.unit
         few = min(X.shape) <= _FEW

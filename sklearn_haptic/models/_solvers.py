@@ -9,16 +9,12 @@ from ._observations import of_each_adjective
 # Igel & Hüsken's iRprop+ as used by Gutiérrez et al. (2016).
 _GROW, _SHRINK, _FIRST_STEP, _LARGEST_STEP = 1.2, 0.5, 0.0123, 50.0
 
-
 # Size of the gradient where the last digits of a cost near 1 no longer change.
 _ROUNDING = 1e-6
 
-
 _CACHED = 8192  # parameters that a step is computed for at once, to stay in the cache
 
-
 _VALIDATION_INTERVAL = 10  # iterations between two looks at the validation error
-
 
 _STOPPED = 99  # status that scipy gives a search which a callback ended
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Any, Self, TypeAlias
+from typing import TYPE_CHECKING, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -239,7 +239,7 @@ class InterraterAgreementDisplay(Display):
         """
         tables, _, _ = _counts_of_objects(counts, objects, None)
         for name, table in tables.items():
-            check_two_ratings(table, _called(name))
+            check_two_ratings(table, _called(name, counts))
         agreement = {name: interrater_agreement(t) for name, t in tables.items()}
         by_median = sorted(agreement, key=lambda name: -np.median(agreement[name]))
         return cls({name: agreement[name] for name in by_median}).plot(ax)
@@ -450,14 +450,11 @@ def _counts_of_objects(
     counts: Counts, objects: ArrayLike | None, levels: ArrayLike | None
 ) -> tuple[dict[str, NDArray[np.float64]], list[str], np.ndarray]:
     """Return the counts per adjective, one row per object, its labels and levels."""
-    given: Mapping[str, Any] = {"ratings": counts}
-    called = {"ratings": "counts"}
-    if isinstance(counts, Mapping):
-        given, called = counts, {name: _called(name) for name in counts}
+    given = counts if isinstance(counts, Mapping) else {"ratings": counts}
     if not given:
         raise ValueError("counts is of no adjective; give the counts of one or more.")
     checked = {
-        name: check_counts(table, levels, name=called[name])
+        name: check_counts(table, levels, name=_called(name, counts))
         for name, table in given.items()
     }
     tables = {name: table for name, (table, _) in checked.items()}
@@ -466,8 +463,8 @@ def _counts_of_objects(
         same_levels = its_levels.tolist() == levels_of_all.tolist()
         if not same_levels or table.shape != first_table.shape:
             raise ValueError(
-                f"{called[name]} has other rows or levels than {called[first_name]}; "
-                "give the same for each."
+                f"{_called(name, counts)} has other rows or levels than "
+                f"{_called(first_name, counts)}; give the same for each."
             )
     if objects is None:
         return tables, [*map(str, range(len(first_table)))], levels_of_all
@@ -479,16 +476,18 @@ def _counts_of_objects(
         if differs.any():
             row = int(np.argmax(differs))
             raise ValueError(
-                f"{called[name]} has other counts in row {row} than in another of the "
-                f"object {objects[row].item()!r}; give all its rows the same."
+                f"{_called(name, counts)} has other counts in row {row} than in "
+                f"another of the object {objects[row].item()!r}; give all its rows the "
+                "same."
             )
     rows = np.sort(first)
     labels = [*map(str, objects[rows])]
     return {name: table[rows] for name, table in tables.items()}, labels, levels_of_all
 
 
-def _called(adjective):
-    return f"counts[{adjective!r}]"
+def _called(adjective, counts):
+    """Return what messages call the counts of an adjective, which may be all counts."""
+    return f"counts[{adjective!r}]" if isinstance(counts, Mapping) else "counts"
 
 
 def _correlation(rho):

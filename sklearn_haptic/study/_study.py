@@ -43,17 +43,7 @@ PROTOCOLS: dict[str, dict[str, Any]] = {
 def derive_seed(random_state, *name):
     """Return the seed of one random choice: a function of the study's and of its name.
 
-    Parameters
-    ----------
-    random_state : int
-        Seed of the study.
-    *name : str, int or float
-        What the seed is for.
-
-    Returns
-    -------
-    seed : int
-        From 0 to 2**31 - 1.
+    A name is of words and numbers; seeds are from 0 to 2**31 - 1.
 
     Examples
     --------
