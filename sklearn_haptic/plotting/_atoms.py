@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,9 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..features import KSVDTransformer, STHMPTransformer
 from ..utils._sklearn import FloatArray, Trials
-from ._display import Display
+from ._display import Axes, Display
 from ._signals import check_rate
 from ._style import BLUE
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(eq=False, repr=False)

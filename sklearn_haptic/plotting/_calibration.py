@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from numbers import Integral
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,11 +19,8 @@ from ..ratings._distributions import cdf, shares
 from ..ratings._levels import predict_in_named_order
 from ..utils._sklearn import Trials
 from ..utils._validation import check_groups
-from ._display import Display
+from ._display import Axes, Display
 from ._style import BLUE, colours_of, legend_beside
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _CONFIDENCE = 0.95
 _MARKERS = "os^DvPX<>*"

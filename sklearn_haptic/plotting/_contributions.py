@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
+import pandas as pd
 
 from ..model_selection import contribution_summary
-from ._display import Display
+from ._display import Axes, Display
 from ._style import BLUE
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 # Name and unit of each score of `sensor_contributions`.
 _SCORE_LABELS = {

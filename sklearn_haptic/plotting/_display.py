@@ -9,7 +9,9 @@ import numpy as np
 from ..utils._sklearn import check_matplotlib_support
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.axes import Axes as Axes
+else:  # matplotlib may not be installed
+    Axes = Any
 
 
 class Display:

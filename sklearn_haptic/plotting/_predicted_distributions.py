@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,11 +16,8 @@ from ..ratings._distributions import cdf, shares
 from ..ratings._levels import predict_in_named_order
 from ..utils._sklearn import Trials, _safe_indexing
 from ..utils._validation import check_regular
-from ._display import Display
+from ._display import Axes, Display
 from ._style import BLUE, colours_of, legend_beside
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 # Trials are drawn apart, so that equal predictions show: by this many levels between
 # neighbours, and at most so many in all.

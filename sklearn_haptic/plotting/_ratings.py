@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Self, TypeAlias
+from typing import Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,11 +14,8 @@ from sklearn.utils.validation import check_consistent_length
 from ..ratings import adjective_correlation, interrater_agreement
 from ..ratings._checks import check_counts, check_two_ratings
 from ..utils._validation import check_objects
-from ._display import Display
+from ._display import Axes, Display
 from ._style import BLUE
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Counts: TypeAlias = Mapping[str, ArrayLike] | ArrayLike
 

@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from numbers import Real
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
 
 from ..recordings._biotac import SAMPLING_RATES, SENSORS
 from ..recordings._trials import check_trials
 from ..utils._sklearn import FloatArray
-from ._display import Display
+from ._display import Axes, Display
 from ._style import colours_of, label_blocks, legend_beside
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from numpy.typing import ArrayLike
 
 # Sensors with more channels are shown as an image, since lines would hide each other.
 _MAX_LINES = 8

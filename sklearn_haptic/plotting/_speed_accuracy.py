@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -15,13 +15,9 @@ from ..model_selection._frontier import (
     is_non_dominated,
     read_candidates,
 )
-from ._display import Display
+from ..utils._sklearn import BaseSearchCV
+from ._display import Axes, Display
 from ._style import BLUE, ORANGE
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from ..utils._sklearn import BaseSearchCV
 
 
 @dataclass(eq=False, repr=False)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from ._display import Axes
 
 # Two colours that people of every colour vision tell apart (Okabe and Ito, 2008).
 BLUE, ORANGE = "#0072B2", "#E69F00"

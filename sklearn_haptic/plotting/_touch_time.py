@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,11 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..metrics import ranked_probability_score
 from ..ratings._checks import check_distributions, check_ratings
 from ..utils._validation import check_groups, check_numbers
-from ._display import Display
+from ._display import Axes, Display
 from ._style import colours_of, legend_beside
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(eq=False, repr=False)
