@@ -92,7 +92,7 @@ def speed_accuracy_frontier(
     params = list(getattr(search, "cv_results_", search)["params"])
     on_frontier = np.flatnonzero(is_non_dominated(candidates.seconds, candidates.score))
     rows = on_frontier[np.argsort(candidates.seconds[on_frontier], kind="stable")]
-    index = candidates.index[rows]
+    index = candidates.position[rows]
     table = pd.DataFrame([params[i] for i in index], index=index).add_prefix("param_")
     return table.assign(
         seconds=candidates.seconds[rows],
@@ -183,13 +183,13 @@ def cheapest_within_one_se(
     """
     candidates = read_candidates(cv_results, metric)
     _, cheapest = best_and_cheapest(candidates)
-    return int(candidates.index[cheapest])
+    return int(candidates.position[cheapest])
 
 
 class Candidates(NamedTuple):
     """The candidates of a search that have a finite score and cost, for one metric."""
 
-    index: np.ndarray  # type: ignore[assignment]  # position in cv_results_
+    position: np.ndarray  # in cv_results_
     seconds: np.ndarray  # mean cost, lower is better
     score: np.ndarray  # mean test score, higher is better
     score_se: np.ndarray  # its standard error
@@ -226,8 +226,8 @@ def read_candidates(search, metric):
             f"No candidate has a finite test score for metric={metric!r}; set "
             "error_score='raise' in the search to see why they failed."
         )
-    index = np.flatnonzero(usable)
-    return Candidates(index, seconds[index], score[index], score_se[index], metric)
+    kept = np.flatnonzero(usable)
+    return Candidates(kept, seconds[kept], score[kept], score_se[kept], metric)
 
 
 def _mean_and_se(results, metric):

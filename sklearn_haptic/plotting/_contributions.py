@@ -140,7 +140,7 @@ class SensorContributionsDisplay(Display):
         score, *unit = _SCORE_LABELS.get(self.metric, (self.metric,))
         label = f"{score} without the sensor\nless {score} with all"
         if self.absolute:
-            sensors, label = ["none", *sensors], f"{score}"
+            sensors, label = ["none", *sensors], score
             values = np.column_stack((groups["full"], values))
             sd = np.column_stack((groups["full_sd"], sd))
             marks = np.column_stack(([""] * len(groups), marks))

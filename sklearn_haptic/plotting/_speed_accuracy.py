@@ -138,7 +138,7 @@ class SpeedAccuracyDisplay(Display):
         params = list(getattr(search, "cv_results_", search).get("params", ()))
         names = None
         if params and all(isinstance(each.get("sensors"), tuple) for each in params):
-            names = ["\n".join(params[i]["sensors"]) for i in candidates.index]
+            names = ["\n".join(params[i]["sensors"]) for i in candidates.position]
         return cls(
             candidates.seconds,
             candidates.score,

@@ -161,11 +161,11 @@ def compare_networks(
                 f"{_COMPARED[between]}."
             )
     if between == "sensors":
-        scores, compared = study.networks, "network"
+        scores, compared, compare = study.networks, "network", _compare_sensors
     else:
-        scores, compared = _full(study), "procedure"
-    cells = [*_CELL, "fold", "object", *(["network"] if compared == "network" else [])]
-    scores = scores.groupby(cells, sort=False)[metric].mean()
+        scores, compared, compare = _full(study), "procedure", _compare_procedures
+    cells = dict.fromkeys([*_CELL, "fold", "object", compared])
+    scores = scores.groupby([*cells], sort=False)[metric].mean()
     table = scores.groupby([*by, "object", compared], sort=False).mean()
     table = table.unstack(compared).dropna()
     if table.shape[1] < 2 or table.empty:
@@ -175,7 +175,6 @@ def compare_networks(
         )
     rows: list[dict[str, object]] = []
     for key, objects in table.groupby(by, sort=False) if by else [((), table)]:
-        compare = _compare_sensors if between == "sensors" else _compare_procedures
         rows.extend({**dict(zip(by, key)), **row} for row in compare(objects))
     return pd.DataFrame(rows)
 

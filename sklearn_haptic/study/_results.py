@@ -10,7 +10,7 @@ from sklearn.utils import Bunch
 
 from ._corpus import adjectives_of
 from ._models import CHOSEN
-from ._store import read_record, read_settings, read_table, unit_path
+from ._store import read_settings, read_table, unit_path
 from ._study import count_folds
 
 
@@ -70,7 +70,7 @@ def read_study(folder: str | PathLike[str]) -> Bunch:
     settings = read_settings(folder)
     units = []
     for procedure in sorted(settings["procedures"]):
-        if read_record(folder, ("trials", procedure)) is None:
+        if not unit_path(folder, ("trials", procedure)).exists():
             continue
         trials, _ = read_table(folder, ("trials", procedure))
         for adjective in sorted(adjectives_of(trials)):
