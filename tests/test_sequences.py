@@ -59,11 +59,12 @@ def test_rows_of_a_table_may_come_as_a_list():
         features.transform([table[0], table[1][:5]])
 
 
-def test_channels_with_numbers_for_names_are_put_in_order():
+def test_channels_with_numbers_for_names_are_put_in_the_order_of_the_first():
     rng = np.random.default_rng(0)
     trials = [pd.DataFrame(rng.normal([0, 5, 9], size=(n, 3))) for n in (20, 30)]
-    mixed = [trials[0][[2, 0, 1]], trials[1]]
+    wiring = [2, 0, 1]
+    mixed = [trials[0][wiring], trials[1]]
     features = SignalStatistics()
-    expected = features.fit_transform(trials)
+    expected = features.fit_transform([trial[wiring].to_numpy() for trial in trials])
     np.testing.assert_array_equal(features.fit_transform(mixed), expected)
     np.testing.assert_array_equal(features.transform(mixed[:1]), expected[:1])

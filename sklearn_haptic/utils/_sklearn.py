@@ -185,8 +185,8 @@ def one_blas_thread(function: _Function) -> _Function:
     def call(*args: Any, **kwargs: Any) -> Any:
         if getattr(_thread, "is_limited", False):
             return function(*args, **kwargs)
-        _thread.is_limited = True
         try:
+            _thread.is_limited = True
             return limited(*args, **kwargs)
         finally:
             _thread.is_limited = False
