@@ -220,7 +220,9 @@ def run_lines(function, error=None, stop=None):
         return trace
 
     def inside(frame):
-        """Whether a frame is called by ``fit``, or is of it, not of its decorators."""
+        """Whether a frame is called by ``fit``, or is of it, not of a decorator."""
+        if frame.f_code.co_name == "call":  # where what ends a limit would be undone
+            return False
         while frame is not None:
             if frame.f_code.co_name in ("fit", "fit_transform"):
                 return True
