@@ -14,6 +14,8 @@ from ..ratings._levels import level_values
 from ..utils._sklearn import Interval
 from ._score import as_score, weighted_mean
 
+_ROUNDING = 1e-12  # of a CDF at the edge of two bins
+
 
 @as_score(n_bins=[Interval(Integral, 1, None, closed="left")])
 def pit_histogram(
@@ -82,9 +84,8 @@ def pit_histogram(
     for j in range(1, n_bins):
         u = j / n_bins
         share = np.clip(u - lower, 0, width) / np.where(point, 1, width)
-        below[:, j] = (proportions * np.where(point, u - lower > 1e-12, share)).sum(
-            axis=1
-        )
+        passed = np.where(point, u - lower > _ROUNDING, share)
+        below[:, j] = (proportions * passed).sum(axis=1)
     below[:, 0], below[:, -1] = 0, 1
     np.minimum(below, 1, out=below)  # sums may round up
     return n_bins * np.diff(weighted_mean(below, sample_weight))

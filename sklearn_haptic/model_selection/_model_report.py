@@ -336,9 +336,8 @@ def _has_classes(model, y, name):
     predictor = last_step(model)[0]
     if is_classifier(predictor) and not isinstance(predictor, DistributionMixin):
         return True
-    distinct = np.unique(values)
-    whole = values.dtype.kind in "iuf" and (distinct == np.round(distinct)).all()
-    if whole and len(distinct) > _MOST_LEVELS:
+    distinct = np.unique(values) if values.dtype.kind in "iuf" else []
+    if len(distinct) > _MOST_LEVELS and (distinct == np.round(distinct)).all():
         raise ValueError(
             f"{name} has {len(distinct)} different whole numbers, of classes "
             "or of levels; give text for classes (astype(str)), or an ordered "
