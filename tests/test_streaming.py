@@ -32,6 +32,7 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn_haptic import (
     NNPOM,
     DistributionalOrdinalRegressor,
+    RepairTrials,
     SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
@@ -203,20 +204,22 @@ def test_reset_begins_a_new_touch(of_codes):
 
 @settings(max_examples=15, deadline=None)
 @given(data=st.data())
-def test_bad_samples_repeat_the_last_good_one(of_codes, data):
-    """However they are cut into chunks; before the first good one, that one counts."""
+def test_samples_that_are_not_finite_repeat_the_last_one(of_codes, data):
+    """However they are cut into chunks; before the first finite one, that one counts.
+
+    Saturated samples are kept at the limit.
+    """
     recorded = {s: np.array(TOUCHES[s][2]) for s in RATES}
     bad, n_bad = {s: x.copy() for s, x in recorded.items()}, {}
     for sensor, x in bad.items():
         at = data.draw(st.lists(st.integers(0, len(x) - 2), max_size=6, unique=True))
         for i in at:
             x[i, data.draw(st.integers(0, 1))] = data.draw(
-                st.sampled_from([np.nan, np.inf, -np.inf, 100.0, -100.0])
+                st.sampled_from([np.nan, np.inf, -np.inf, 100.0, -100.0, 1e3])
             )
         n_bad[sensor] = len(at)
-        wrong = ~(np.abs(x) < 100)
-        filled = pd.DataFrame(np.where(wrong, np.nan, x)).ffill().bfill()
-        recorded[sensor] = filled.to_numpy()
+        known = pd.DataFrame(x).replace([np.inf, -np.inf], np.nan)
+        recorded[sensor] = known.ffill().bfill().clip(-100, 100).to_numpy()
     touch = of_codes.start(dict.fromkeys(RATES, (-100, 100)))
     n_chunks = data.draw(st.integers(1, 6))
     chunks = {s: np.array_split(x, n_chunks) for s, x in bad.items()}
@@ -236,6 +239,22 @@ def test_limits_are_those_of_repair_trials(of_codes):
     for pair in ((-10, 1.1), np.array([-10, 1.1]), [np.int8(-10), np.float64(1.1)]):
         for limits in (pair, dict.fromkeys(RATES, pair)):
             assert of_codes.start(limits).update(x).ignored == n_at_limit
+
+
+def test_a_channel_that_rests_at_its_limit_is_no_missing_sensor(of_codes):
+    """As a taxel that reads 0 until it is pressed; `RepairTrials` keeps such values."""
+    limits = dict.fromkeys(RATES, (0, 1.1))
+    x = {s: np.clip(TOUCHES[s][2], 0, 3) for s in RATES}
+    for signal in x.values():
+        signal[:, 1] = 0
+    repaired = RepairTrials(limits=limits).fit(TOUCHES).transform(pd.DataFrame([x]))
+    touch = of_codes.start(limits)
+    for i in range(20):
+        touch.update({s: np.array_split(x[s], 20)[i] for s in RATES})
+    assert touch.seconds == pytest.approx(min(len(x[s]) / r for s, r in RATES.items()))
+    np.testing.assert_allclose(
+        touch.predict_proba(), of_codes.predict_proba(repaired)[0], atol=1e-12
+    )
 
 
 def test_a_sensor_that_never_works_is_missing(of_codes):

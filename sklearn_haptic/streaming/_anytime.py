@@ -492,9 +492,9 @@ class AnytimeRegressor(
         Parameters
         ----------
         limits : tuple of float (low, high) or dict of str to tuple, default=None
-            Values at which a sensor is saturated, or those of each sensor by name, as
-            in `RepairTrials`. Samples at or beyond them are ignored, as are those that
-            are not finite. By default no limits.
+            Values at which a sensor is saturated, or those of each sensor by name.
+            Samples at or beyond them are kept at the limit, as by `RepairTrials`. By
+            default no limits.
 
         Returns
         -------

@@ -19,23 +19,24 @@ _TOGETHER = 64
 
 
 class MendedSamples:
-    """Replace samples that are not finite or are saturated by the last good one.
+    """Keep saturated samples at their limit, and mend those that are not finite.
 
-    Samples before the first good one of a channel wait for it.
+    The last finite one of the channel stands for these. Samples before the first of a
+    channel wait for it.
 
     Parameters
     ----------
     shape : tuple of int
         Shape of one sample.
     low, high : float
-        Values at or beyond these limits are ignored.
+        Values at or beyond these limits are saturated.
     limit : int
-        Most samples that wait; a channel without a good one among them is dead.
+        Most samples that wait; a channel without a finite one among them is dead.
 
     Attributes
     ----------
     n_ignored : int
-        Number of samples of which some value was ignored.
+        Number of samples of which some value was saturated or not finite.
     """
 
     def __init__(self, shape, low, high, limit):
@@ -45,7 +46,7 @@ class MendedSamples:
         self.n_ignored = 0
 
     def mend(self, samples):
-        """Return the samples that are good or mended by now."""
+        """Return the samples that are finite or mended by now."""
         if len(samples) == 0:
             return samples
         good = (samples > self._low) & (samples < self._high)  # false for NaN
@@ -54,7 +55,8 @@ class MendedSamples:
             return samples
         flat = good.reshape(len(good), -1)
         self.n_ignored += int(len(good) - flat.all(axis=1).sum())
-        samples = np.where(good, samples, np.nan)
+        kept = samples.clip(self._low, self._high)
+        samples = np.where(np.isfinite(samples), kept, np.nan)
         before = self._last.astype(samples.dtype)
         samples = np.concatenate([self._waiting.astype(samples.dtype), samples])
         known = np.concatenate([before, samples])

@@ -35,8 +35,9 @@ class TouchInProgress:
         How much of the touch has been felt, by all sensors that are not left behind.
     ignored : dict of str to int
         Of each sensor, how many samples had values that are not finite or are at the
-        limits. The last good value of the channel stands for each. A sensor with a
-        channel that has none is missing.
+        limits. The last finite value of the channel stands for those that are not
+        finite; the others are kept at the limit, as by `RepairTrials`. A sensor with a
+        channel that has no finite value is missing.
     done : bool
         Whether to stop: the model's rule says so, or the longest duration is complete.
 
@@ -162,7 +163,7 @@ class TouchInProgress:
 
     @property
     def ignored(self) -> dict[str, int]:
-        """How many samples of each sensor had values that were ignored."""
+        """How many samples of each sensor are not finite or at the limits."""
         return {s: each.n_ignored for s, each in self._felt.menders.items()}
 
     @property
