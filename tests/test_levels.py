@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
+from sklearn.naive_bayes import GaussianNB
 
 from sklearn_haptic import (
     NNPOM,
@@ -396,6 +397,26 @@ def test_a_category_that_a_fold_lacks_keeps_its_column(container):
             counted(level[level == k], 4), proba[level == k]
         )
         assert result["test_score"][k] == -by_hand
+
+
+def test_counts_name_the_order_of_a_classifier_that_knows_none():
+    """A classifier of scikit-learn puts words in the order of the alphabet."""
+    words, X = ["low", "some", "high"], np.arange(9.0)[:, None]
+    classifier = GaussianNB().fit(X, np.repeat(words, 3))
+    counts = np.random.default_rng(0).integers(1, 9, size=(9, 3))
+    labelled = pd.DataFrame(counts, columns=words)
+    proba = classifier.predict_proba(X)[:, [1, 2, 0]]
+    score = ranked_probability_score(counts, proba)
+    assert neg_rps_scorer(classifier, X, labelled) == pytest.approx(-score)
+    score = macro_mae(counts, proba)
+    assert neg_macro_mae_scorer(classifier, X, labelled) == pytest.approx(-score)
+    display = PITHistogramDisplay.from_estimator(classifier, X, labelled)
+    heights = [bar.get_height() for bar in display.bars_]
+    np.testing.assert_allclose(heights, pit_histogram(counts, proba))
+    display = InverseCDFDisplay.from_estimator(classifier, X[:2], labelled.loc[0])
+    assert_array_equal(display.levels, words)
+    with pytest.warns(UserWarning, match="'high' < 'low' < 'some'"):
+        neg_rps_scorer(classifier, X, counts)
 
 
 @pytest.mark.slow

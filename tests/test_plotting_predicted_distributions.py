@@ -74,6 +74,14 @@ def test_ratings_are_drawn_as_they_were_predicted():
         InverseCDFDisplay.from_ratings(COUNTS, [[6, 1]], [0.2, 0.7])
 
 
+@pytest.mark.parametrize("levels", [["low", "some", "high"], [3, 2, 1]])
+def test_ratings_are_drawn_at_their_levels_in_any_order(levels):
+    p = [0.1, 0.5, 0.9]
+    display = InverseCDFDisplay.from_ratings([1, 2, 1], [levels], p, levels=levels)
+    values, _, _ = display.trial_lines_[0].get_data()
+    np.testing.assert_allclose(values, [0, 1, 2])
+
+
 def test_equal_predictions_are_set_apart():
     display = InverseCDFDisplay.from_predictions(COUNTS, np.full((10, 5), 0.2))
     heights = [line.get_data().values[0] for line in display.trial_lines_]

@@ -440,6 +440,23 @@ def test_outlying_raters_of_a_table_whose_levels_are_uneven():
     pd.testing.assert_frame_equal(got, expected)
 
 
+def test_a_second_rating_is_refused_but_not_rows_of_other_adjectives():
+    """A person's own second rating would count among those of everybody else."""
+    answers, objects, raters = many_answers()
+    with pytest.raises(ValueError, match=r"two of the object .* by the rater"):
+        outlying_raters(
+            np.r_[answers, answers[:1]],
+            np.r_[objects, objects[:1]],
+            np.r_[raters, raters[:1]],
+        )
+    apart = np.full((2, *answers.shape), np.nan)
+    apart[0, :, 0], apart[1, :, 1:] = answers[:, 0], answers[:, 1:]
+    got = outlying_raters(
+        np.concatenate(apart), np.tile(objects, 2), np.tile(raters, 2)
+    )
+    pd.testing.assert_frame_equal(got, outlying_raters(answers, objects, raters))
+
+
 def test_raters_who_cannot_be_compared():
     """One whose object nobody else rated, and one who always answers alike."""
     answers = np.array([[1, 2, 5], [2, 3, 4], [1, 3, 4], [5, 2, 1], [3, 3, 3]])

@@ -234,7 +234,7 @@ def test_the_ceiling_of_touches_rated_one_by_one(folder):
 
 @pytest.fixture(scope="module")
 def kfold(tmp_path_factory):
-    settings = SETTINGS | {"protocol": "default", "n_splits": 2, "n_repeats": 1}
+    settings = SETTINGS | {"protocol": "default", "n_splits": 3, "n_repeats": 1}
     settings |= {"procedures": ["squeeze", "hold", "fast_slide"], "n_hidden": [1]}
     return run_study(CORPUS, tmp_path_factory.mktemp("kfold"), **settings)
 
@@ -273,6 +273,44 @@ def test_procedures_compared_by_hand(kfold):
         assert row["statistic"] == pytest.approx(result.statistic)
         assert row["p_objects"] == pytest.approx(result.pvalue)
     assert len(compare_networks(kfold, "procedures")) == 1
+
+
+def test_guesses_are_means_over_the_trials_of_folds_of_any_size(kfold):
+    """Three folds of ten objects test four, three and three."""
+    table = score_table(kfold, metric="rps")
+    combined = kfold.networks.query("network == 'combined'")
+    baselines = kfold.baselines.set_index(["adjective", "procedure", "strategy"])
+    for cell, trials in combined.groupby(["adjective", "procedure"]):
+        counts = trials.filter(regex=r"^count_\d+$").to_numpy()
+        for strategy in ("marginal", "barycentre"):
+            guesses = baselines.sort_index().loc[[(*cell, strategy)]].set_index("fold")
+            proba = guesses.loc[trials["fold"]].filter(regex="^proba_").to_numpy()
+            rps = metrics.ranked_probability_score(counts, proba)
+            assert table.loc[cell, strategy] == pytest.approx(rps)
+
+
+def test_a_procedure_that_lacks_an_adjective(kfold):
+    """Only adjectives that all procedures have are compared."""
+    scores = kfold.scores
+    lacks = (scores["procedure"] == "hold") & (scores["adjective"] == "cold")
+    study = Bunch(**kfold | {"scores": scores[~lacks]})
+    found = compare_networks(study, "procedures", metric="rps")
+    hard = scores[scores["adjective"] == "hard"]
+    expected = Bunch(**kfold | {"scores": hard})
+    expected = compare_networks(expected, "procedures", metric="rps")
+    pd.testing.assert_frame_equal(found, expected)
+
+
+def test_the_ceiling_of_adjectives_that_differ_in_levels(kfold):
+    scores = kfold.scores.copy()
+    cold = scores["adjective"] == "cold"
+    scores.loc[cold, "count_4"] += scores.loc[cold, "count_5"]
+    scores.loc[cold, "count_5"] = np.nan
+    table = score_table(Bunch(**kfold | {"scores": scores}), metric="rps")
+    counts = scores[cold & (scores["procedure"] == "hold")].query("held_out == 'none'")
+    counts = counts.filter(regex="^count_[1-4]$")
+    ceiling = metrics.noise_ceiling(counts.to_numpy()).truth
+    assert table.loc[("cold", "hold"), "ceiling"] == pytest.approx(ceiling)
 
 
 def test_dictionaries_of_training_objects(tmp_path):

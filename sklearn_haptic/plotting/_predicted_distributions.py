@@ -11,7 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 
 from ..metrics import macro_mae, macro_mae_at_positions
-from ..ratings._checks import check_distributions, check_ratings
+from ..ratings._checks import (
+    check_distributions,
+    check_predicted_ratings,
+    check_ratings,
+)
 from ..ratings._distributions import cdf, shares
 from ..ratings._levels import predict_in_named_order
 from ..utils._sklearn import Trials, _safe_indexing
@@ -66,6 +70,7 @@ class _OneObjectDisplay(Display):
         ValueError
             If the rows of ``y`` differ, or do not fit the estimator's levels.
         """
+        y = _rows_of_counts(y, "y")
         proba, levels = predict_in_named_order(estimator, X, y)
         return cls.from_predictions(y, proba, levels=levels, ax=ax)
 
@@ -205,7 +210,8 @@ class InverseCDFDisplay(_OneObjectDisplay):
             of_trials, ratings, p, levels=levels, average=False
         )
         edges = np.concatenate(([0], (p[1:] + p[:-1]) / 2, [1]))
-        steps = [(np.searchsorted(levels, row), edges) for row in ratings]
+        _, places, _ = check_predicted_ratings(of_trials, ratings, levels, len(p))
+        steps = [(row, edges) for row in places]
         return cls(counts, steps, levels=levels, scores=scores).plot(ax)
 
     @classmethod
@@ -376,6 +382,7 @@ class DistributionDisplay(_OneObjectDisplay):
         ValueError
             If the rows of ``y`` differ, or do not fit the estimator's levels.
         """
+        y = _rows_of_counts(y, "y")
         proba, levels = predict_in_named_order(estimator, X, y)
         counts, proba, levels = _check_trials_of_one(y, proba, levels)
         chosen = None if alpha is None else estimator.predict_set(X, alpha)

@@ -359,3 +359,14 @@ def check_single_ratings(ratings, **least):
         input_name="ratings",
         **least,
     )
+
+
+def refuse_second_ratings(of_object, of_rater, objects, raters):
+    """Refuse two ratings of one object by one person; both are given by their index."""
+    pair, times = np.unique(of_object * len(raters) + of_rater, return_counts=True)
+    if (times > 1).any():
+        which, who = divmod(pair[np.argmax(times > 1)], len(raters))
+        raise ValueError(
+            f"ratings has two of the object {objects.tolist()[which]!r} by the rater "
+            f"{raters.tolist()[who]!r}; keep one, or tell the raters apart."
+        )

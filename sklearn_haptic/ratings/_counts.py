@@ -18,7 +18,7 @@ from ..utils._validation import (
     drop_missing,
     rows_of_objects,
 )
-from ._checks import check_counts, match_levels
+from ._checks import check_counts, match_levels, refuse_second_ratings
 from ._distributions import cdf, shares
 
 # Candidates for the strength, in people.
@@ -247,13 +247,7 @@ def rating_counts(
     raters, rater = np.unique(raters, return_inverse=True)
     answers = np.column_stack((row[given], rater, level))
     answers = answers[np.lexsort(answers.T[::-1])]
-    twice = (np.diff(answers[:, :2], axis=0) == 0).all(axis=1)
-    if twice.any():
-        which, who = answers[np.argmax(twice), :2]
-        raise ValueError(
-            f"ratings has two of the object {objects.tolist()[which]!r} by the rater "
-            f"{raters.tolist()[who]!r}; keep one, or tell the raters apart."
-        )
+    refuse_second_ratings(answers[:, 0], answers[:, 1], objects, raters)
     return RatingTable(counts, objects, levels, raters, answers)
 
 

@@ -133,15 +133,22 @@ def _in_order(labels, name):
 def predict_in_named_order(estimator, X, ratings):
     """Predict probabilities, and their levels, in the order that the ratings name.
 
-    Ratings are those of `in_named_order`. A UserWarning says that nothing tells the
-    order of words, neither the ratings nor a model of levels.
+    Ratings are those of `in_named_order`, or counts, whose columns name the order if
+    the model knows none. A UserWarning says that nothing tells the order of words,
+    neither the ratings nor a model of levels.
     """
     proba, levels = estimator.predict_proba(X), estimator.classes_
     model, _ = last_step(estimator)
     ordered = getattr(model, "_ordered", hasattr(model, "levels_"))
-    if np.ndim(ratings) == 1 and not ordered:
-        levels_of_ratings(levels, ratings, None, "y")
-    return in_named_order(proba, levels, ratings)
+    named = None
+    if not ordered:
+        if np.ndim(ratings) == 2:
+            named, _ = levels_of_columns(ratings, None, "y")
+        if named is None:
+            levels_of_ratings(levels, ratings, None, "y")  # warns
+    if named is None:
+        return in_named_order(proba, levels, ratings)
+    return _at_levels(proba, levels, named)
 
 
 def in_named_order(proba, levels, ratings):
@@ -152,7 +159,13 @@ def in_named_order(proba, levels, ratings):
     """
     if not names_levels(ratings) or np.ndim(ratings) != 1:
         return proba, levels
-    named = levels_of_ratings(levels, ratings, None, "ratings")
+    return _at_levels(
+        proba, levels, levels_of_ratings(levels, ratings, None, "ratings")
+    )
+
+
+def _at_levels(proba, levels, named):
+    """Put columns in the order of named levels, if these hold all; others get none."""
     columns = {level: proba[:, i] for i, level in enumerate(levels.tolist())}
     if not columns.keys() <= {*named.tolist()}:
         return proba, levels

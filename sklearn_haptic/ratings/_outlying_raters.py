@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_consistent_length
 
 from ..utils._sklearn import Interval, validate_params
 from ..utils._validation import check_objects
-from ._checks import check_single_ratings
+from ._checks import check_single_ratings, refuse_second_ratings
 from ._counts import RatingTable
 
 # Differences smaller than this are of rounding.
@@ -71,8 +71,8 @@ def outlying_raters(
     ------
     ValueError
         If the arguments differ in length, an object or a rater is missing or, in a
-        table, not known, a rating is not a number, or no object has ratings of two
-        people.
+        table, not known, a rating is not a number, somebody rated an object twice, or
+        no object has ratings of two people.
 
     Notes
     -----
@@ -114,6 +114,8 @@ def outlying_raters(
     people, of_rater = np.unique(
         check_objects(raters, name="raters"), return_inverse=True
     )
+    for given in ~np.isnan(answers.T):
+        refuse_second_ratings(of_object[given], of_rater[given], objects, people)
     together = [_products(column, of_object, of_rater) for column in answers.T]
     covariance, own, others, number = np.sum(together, axis=0)
     if not number.any():

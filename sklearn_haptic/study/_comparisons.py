@@ -42,7 +42,7 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
         and "emd", which are not proper, or if an object has fewer than two ratings;
         ``truth``, the score of the population itself, if the corpus knows it; and
         ``no_better``, whether the combined network is no better than the better guess.
-        All are means over folds and test trials.
+        All are means over the test trials of all folds.
 
     Raises
     ------
@@ -57,16 +57,20 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
     """
     _check_metric(study, metric)
     full = _full(study)
+    combined = study.networks[study.networks["network"] == "combined"]
+    tested = combined[[*_CELL, "fold"]]  # one row per test trial
+    guessed = study.baselines.merge(tested)
     parts = [
         table.groupby([*_CELL, of], sort=False)[metric].mean().unstack(of)
-        for table, of in ((study.networks, "network"), (study.baselines, "strategy"))
+        for table, of in ((study.networks, "network"), (guessed, "strategy"))
     ]
     parts.insert(0, parts[0].pop("combined"))
     if metric in SCORES:
         cells = full.groupby(_CELL)[[c for c in full if c not in _CELL]]
         parts.append(cells.apply(_ceiling, SCORES[metric]).rename("ceiling"))
     if len(study.truth):
-        parts.append(study.truth.groupby(_CELL)[metric].mean().rename("truth"))
+        truth = study.truth.merge(tested)
+        parts.append(truth.groupby(_CELL)[metric].mean().rename("truth"))
     table = pd.concat(parts, axis=1)
     guesses = table[study.baselines["strategy"].unique()].min(axis=1)
     return table.assign(no_better=table["combined"] >= guesses)
@@ -74,7 +78,7 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
 
 def _ceiling(rows, score):
     """Return what the population is expected to score at the ratings of some trials."""
-    counts = rows.filter(regex=r"^count_\d+$").to_numpy()
+    counts = rows.filter(regex=r"^count_\d+$").dropna(axis=1).to_numpy()
     unfit = score is log_score and (counts % 1 != 0).any()
     if unfit or score not in PROPER_SCORES or (counts.sum(axis=1) < 2).any():
         return np.nan
@@ -133,9 +137,10 @@ def compare_networks(
     of procedures for independent samples, and the differences between objects for
     noise. An object is one observation, averaged over trials, folds, starts and
     whatever else ``by`` does not name, because touches of one object are not
-    independent. Objects that some procedure lacks are left out. With fewer than six
-    objects, p is never below 0.05; with few, Friedman's p, from the chi-squared
-    distribution, is approximate. No p-value is corrected for the number of rows.
+    independent. Of each adjective, objects that some procedure lacks are left out. With
+    fewer than six objects, p is never below 0.05; with few, Friedman's p, from the
+    chi-squared distribution, is approximate. No p-value is corrected for the number of
+    rows.
 
     References
     ----------
@@ -164,15 +169,16 @@ def compare_networks(
         scores, compared, compare = study.networks, "network", _compare_sensors
     else:
         scores, compared, compare = _full(study), "procedure", _compare_procedures
-    cells = dict.fromkeys([*_CELL, "fold", "object", compared])
-    scores = scores.groupby([*cells], sort=False)[metric].mean()
-    table = scores.groupby([*by, "object", compared], sort=False).mean()
+    cell = [*_COMPARED[between], "object"]
+    scores = scores.groupby([*cell, "fold", compared], sort=False)[metric].mean()
+    table = scores.groupby([*cell, compared], sort=False).mean()
     table = table.unstack(compared).dropna()
     if table.shape[1] < 2 or table.empty:
         raise ValueError(
             "The study has no object that is tested with two procedures or more; "
             "run_study adds procedures to its folder."
         )
+    table = table.groupby([*by, "object"], sort=False).mean()
     rows: list[dict[str, object]] = []
     for key, objects in table.groupby(by, sort=False) if by else [((), table)]:
         rows.extend({**dict(zip(by, key)), **row} for row in compare(objects))
