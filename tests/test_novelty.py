@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 from sklearn.base import clone
+from sklearn.compose import make_column_transformer
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import make_pipeline
@@ -275,8 +276,9 @@ def test_a_model_that_predicts_the_mean_is_guarded_too(all_agree):
     assert_allclose(fitted.predict_proba([X[0], X[0] + 99]), expected)
 
 
+@pytest.mark.parametrize("nested", [False, True])
 @pytest.mark.parametrize("sensors", [["pdc"], ["pdc", "tdc"]])
-def test_a_guard_takes_touches_that_its_model_repairs(sensors):
+def test_a_guard_takes_touches_that_its_model_repairs(sensors, nested):
     corpus = make_haptic_corpus(6, 2, sensors=sensors, random_state=0)
     trials = corpus.trials[sensors].copy()
     trials.at[trials.index[0], "pdc"] = None
@@ -284,9 +286,12 @@ def test_a_guard_takes_touches_that_its_model_repairs(sensors):
     broken[3:9] = np.nan
     trials.at[trials.index[1], "pdc"] = broken
     repair, model = RepairTrials(), make_haptic_pipeline(sensors, random_state=0)
-    together = NoveltyGuard(
-        make_pipeline(repair, "passthrough", *(step for _, step in model.steps))
-    ).fit(trials, corpus.ratings["hard"], groups=corpus.objects)
+    if nested:
+        together = make_pipeline(repair, model)
+    else:
+        together = make_pipeline(repair, "passthrough", *(s for _, s in model.steps))
+    together = NoveltyGuard(together)
+    together.fit(trials, corpus.ratings["hard"], groups=corpus.objects)
     repaired = clone(repair).fit_transform(trials)
     apart = NoveltyGuard(model).fit(
         repaired, corpus.ratings["hard"], groups=corpus.objects
@@ -395,3 +400,40 @@ def test_sensors_in_a_pipeline_without_a_column_transformer():
     model.fit(corpus.trials, corpus.ratings["hard"], groups=corpus.objects)
     dead = corpus.trials.assign(pdc=corpus.trials["pdc"].map(lambda t: 0 * t))
     assert (model.p_values(dead) < 0.06).all()
+
+
+@pytest.mark.parametrize(
+    "columns", [["pdc", "tdc"], [0, 1], slice(0, 2), slice("pdc", "tdc"), None]
+)
+def test_all_columns_are_guarded_in_any_order(columns):
+    """However they are given, and also if a later table has them in another order."""
+    corpus = make_haptic_corpus(20, 2, sensors=["pdc", "tdc"], random_state=0)
+
+    def means(trials):
+        return np.array([np.mean(touch, axis=0) for touch in trials["pdc"]])
+
+    first = FunctionTransformer(means)
+    if columns is not None:
+        first = make_column_transformer((first, columns))
+    model = NoveltyGuard(make_pipeline(first, StandardScaler(), NNPOM(0)), cv=2)
+    model.fit(corpus.trials, corpus.ratings["hard"], groups=corpus.objects)
+    amplified = corpus.trials.assign(tdc=corpus.trials["tdc"].map(lambda t: 9 * t))
+    distances = model.distances(amplified)
+    assert_array_equal(model.distances(amplified[["tdc", "pdc"]]), distances)
+    scaler = make_pipeline(SignalStatistics(), StandardScaler())
+    statistics = np.hstack(
+        [
+            clone(scaler).fit(corpus.trials[s]).transform(trials[s])
+            for trials in (corpus.trials, amplified)
+            for s in ("pdc", "tdc")
+        ]
+    )
+    known, felt = np.hsplit(statistics, 2)
+    rows = [model.estimator_[:-1].transform(t) for t in (corpus.trials, amplified)]
+    looped = [
+        np.median(nearest_distances(each, each, corpus.objects, corpus.objects))
+        for each in (rows[0], known)
+    ]
+    expected = nearest_distances(felt, known) * looped[0] / looped[1]
+    expected = np.maximum(expected, nearest_distances(rows[1], rows[0]))
+    assert_allclose(distances, expected)

@@ -415,6 +415,16 @@ def test_forms_of_input_agree():
     two = TouchPool(by_index).fit(X.to_numpy(), counts, groups=objects)
     assert_array_equal(one, two.predict_proba(X.to_numpy()))
     assert_array_equal(one, two.predict_proba(X.to_numpy().tolist()))
+    pool = TouchPool(MEMBERS).fit(X, counts, groups=objects)
+    assert_array_equal(one, pool.predict_proba(X[["b", "a1", "a0"]]))
+
+
+@pytest.mark.parametrize("columns", [0, [0, 1], slice(0, 2), [True, True, False]])
+def test_positions_in_a_data_frame_are_refused(columns):
+    """Another may have its columns in another order."""
+    X, counts, objects = made()
+    with pytest.raises(ValueError, match="'a' takes columns of X by position"):
+        TouchPool([("a", NNPOM(0), columns)]).fit(X, counts, groups=objects)
 
 
 @pytest.mark.parametrize("ordered", [False, True])

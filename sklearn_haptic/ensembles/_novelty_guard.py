@@ -36,6 +36,7 @@ from ..utils._sklearn import (
     HasMethods,
     Trials,
     _fit_context,
+    _get_column_indices,
     _safe_indexing,
 )
 from ..utils._validation import column_of
@@ -172,20 +173,21 @@ def behind_repairs(pipeline, X):
 
 
 def columns_given(step, X):
-    """Return the columns that a fitted step is given; None for all there is."""
-    if not isinstance(step, ColumnTransformer):
-        if not hasattr(X, "columns") or is_table(X):
-            return None
+    """Return the columns that a fitted step is given; None for all there is.
+
+    Those of a data frame are named, since another one may have them in another order.
+    """
+    names = list(getattr(X, "columns", ()))
+    if isinstance(step, ColumnTransformer):
+        given = [columns for _, each, columns in step.transformers_ if each != "drop"]
+        places = [i for columns in given for i in _get_column_indices(X, columns)]
+    elif not names or is_table(X):
+        return None
+    else:
         recorded = trial_columns(X)
-        return [i for i, name in enumerate(X.columns) if name in recorded]
-    used = [columns for _, each, columns in step.transformers_ if each != "drop"]
-    return [
-        c for columns in used for c in (columns if _several(columns) else [columns])
-    ]
-
-
-def _several(columns):
-    return not isinstance(columns, (str, int, slice)) and np.ndim(columns) > 0
+        places = [i for i, name in enumerate(names) if name in recorded]
+    named = bool(names) and all(isinstance(name, str) for name in names)
+    return [names[i] for i in places] if named else places
 
 
 def signals_of(X, columns, names=None):
@@ -367,6 +369,8 @@ class NoveltyGuard(
         folds, objects = make_folds(self, X, y, groups, [self.estimator])
         self._warn_of_few_objects(objects.max() + 1)
         fitted = clone(self.estimator)
+        if isinstance(fitted[-1], Pipeline):
+            fitted = Pipeline(flat_steps(fitted))
         *_, (name, last) = fitted.steps
         rows = np.asarray(fitted[:-1].fit_transform(X, y))
         repaired, first = behind_repairs(fitted, X)

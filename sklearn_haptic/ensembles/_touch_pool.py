@@ -24,6 +24,7 @@ from ..utils._sklearn import (
     CrossValidator,
     Trials,
     _BaseComposition,
+    _determine_key_type,
     _fit_context,
     _safe_indexing,
 )
@@ -210,12 +211,14 @@ class TouchPool(
         Raises
         ------
         ValueError
-            If the estimators are no such tuples, their names are not distinct, a fold
-            trains on an object that it tests, a column of a member is missing in all
-            rows of a fold, or each class is in one group.
+            If the estimators are no such tuples, their names are not distinct, they
+            take columns of a DataFrame by position, a fold trains on an object that it
+            tests, a column of a member is missing in all rows of a fold, or each class
+            is in one group.
         """
         names = check_members(self.estimators, "(name, estimator, columns)")
         self._validate_names([*names, MARGINAL])
+        _check_named(X, self.estimators)
         true, classes = true_shares(y, type(self).__name__)
         check_consistent_length(X, true)
         members = [estimator for _, estimator, _ in self.estimators]
@@ -403,6 +406,19 @@ class TouchPool(
         tags.input_tags.allow_nan = True
         tags.no_validation = True
         return tags
+
+
+def _check_named(X, members):
+    """Refuse positions in a data frame with names: another may have another order."""
+    labels = getattr(X, "columns", (0,))
+    if not all(isinstance(label, str) for label in labels):
+        return
+    for name, _, columns in members:
+        if _determine_key_type(columns) != "str":
+            raise ValueError(
+                f"The member {name!r} takes columns of X by position, {columns!r}; "
+                "name them, because they may come in another order."
+            )
 
 
 def _columns(X, columns):

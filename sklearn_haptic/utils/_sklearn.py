@@ -19,6 +19,7 @@ from sklearn.callback._transport import close_listener, open_listener, send
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.model_selection._search import BaseSearchCV
 from sklearn.utils import _param_validation, _safe_indexing, parallel
+from sklearn.utils._indexing import _determine_key_type, _get_column_indices
 from sklearn.utils._missing import is_pandas_na
 from sklearn.utils._optional_dependencies import check_matplotlib_support
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
