@@ -402,6 +402,7 @@ def test_intervals_of_sliders(grid):
         model.predict_set(new)
 
 
+@pytest.mark.filterwarnings("ignore:GridSearchCV has cv=2, which splits by trial")
 def test_models_of_sliders_in_pipelines_searches_and_frozen():
     X, answers, objects = slid()
     new, base = world(7, 6)[0], ContinuousRatingsRegressor(NNPOM(0), n_cells=8)

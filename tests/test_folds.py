@@ -1,6 +1,7 @@
 """Folds, and predictions out of fold: one policy for all that learns by them."""
 
 import warnings
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -183,7 +184,8 @@ def test_groups_reach_what_asks_wherever_it_is():
     blend = DistributionBlend([("linear", search(LINEAR, {"alpha": [1.0, 9.0]}))])
     inner = search(make_pipeline(StandardScaler(), told), {"told__strategy": ["prior"]})
     assert {*groups_for(inner, OBJECTS)} == {"groups", "told__groups"}
-    assert groups_for(GridSearchCV(told, {}, cv=KFold(2)), OBJECTS) == {}
+    with pytest.warns(UserWarning, match="splits by trial"):
+        assert groups_for(GridSearchCV(told, {}, cv=KFold(2)), OBJECTS) == {}
     for model, y in [
         (make_pipeline(StandardScaler(), told), labels),
         (inner, labels),
@@ -200,6 +202,18 @@ def test_groups_reach_what_asks_wherever_it_is():
         make_pipeline(StandardScaler(), blend), X, COUNTS, groups=OBJECTS, cv=2
     )
     assert len(report.tested) == 60
+
+
+@pytest.mark.parametrize("routing", [False, True])
+def test_a_search_that_divides_objects_is_named(routing):
+    """Its scores tell how well it knows objects that it learned from."""
+    report = partial(model_report, X=X, y=COUNTS, cv=2)
+    by_trial = GridSearchCV(LINEAR, {"alpha": [1.0]}, cv=2)
+    with config_context(enable_metadata_routing=routing):
+        with pytest.warns(UserWarning, match="^GridSearchCV has cv=2, which"):
+            report(by_trial, groups=OBJECTS)
+        report(by_trial, groups=np.arange(60))
+        report(search(LINEAR, {"alpha": [1.0]}), groups=OBJECTS)
 
 
 def test_groups_reach_the_last_step_behind_sensors():

@@ -269,6 +269,7 @@ def test_classes_have_no_order():
     pd.testing.assert_frame_equal(again.gains, report.gains)
 
 
+@pytest.mark.filterwarnings("ignore:GridSearchCV has cv=2, which splits by trial")
 @pytest.mark.parametrize("place", ["around", "behind", "searched", "guaranteed"])
 def test_sliders_beside_guesses_that_pool_answers(place):
     """The CRPS of both guesses by its definition: mean distances of answers."""

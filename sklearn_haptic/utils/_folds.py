@@ -93,7 +93,7 @@ def groups_for(estimator, groups):
 
     Without metadata routing, the last step of a pipeline is told by its name, and the
     estimator in a search only if it is in such a step: the search keeps ``groups`` for
-    its splitter.
+    its splitter. A UserWarning names a search whose splitter takes none.
 
     Examples
     --------
@@ -107,6 +107,8 @@ def groups_for(estimator, groups):
     """
     if groups is None:
         return {}
+    if isinstance(estimator, BaseSearchCV):
+        _warn_of_divided_objects(estimator, groups)
     if not get_config()["enable_metadata_routing"]:
         if isinstance(estimator, Pipeline):
             name, last = estimator.steps[-1]
@@ -118,6 +120,22 @@ def groups_for(estimator, groups):
             splitter = check_cv(estimator.cv)
             return params | _requested(splitter, "split", groups)
     return _requested(estimator, "fit", groups)
+
+
+def _warn_of_divided_objects(search, groups):
+    """Warn of a search whose folds divide the trials of an object."""
+    cv = search.cv
+    by_trial = cv is None or isinstance(cv, Integral) or hasattr(cv, "split")
+    if not by_trial or _requested(check_cv(cv), "split", groups):
+        return
+    if number_objects(groups, len(groups)).max() + 1 < len(groups):
+        warnings.warn(
+            f"{type(search).__name__} has cv={cv!r}, which splits by trial, so that it "
+            "chooses settings by trials of objects that it learned from; give it "
+            "cv=GroupKFold().",
+            UserWarning,
+            stacklevel=5,
+        )
 
 
 def _requested(consumer, method, groups):
