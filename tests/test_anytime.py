@@ -300,6 +300,42 @@ def test_inner_pipelines_are_steps_in_their_place():
     np.testing.assert_array_equal(got, expected)
 
 
+@pytest.mark.parametrize("rest", [None, 3])
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_repair_before_the_features_is_one_of_every_prefix(alone, rest):
+    """As of touches repaired beforehand, also where a sensor is missing or lags."""
+    sensors = {name: Signal(rate) for name, rate in RATES.items()}
+    X, rates = (TOUCHES["fast"], RATES["fast"]) if alone else (TOUCHES, RATES)
+    pipeline = make_haptic_pipeline(
+        sensors["fast"] if alone else sensors, random_state=0
+    ).set_params(model=HEAD)
+    settings = {"durations": [0.3, 1, 2], "sampling_rates": rates, "cv": 2}
+    repair = RepairTrials(rest=rest)
+    if not alone:  # a sensor that is repaired, but has no features
+        X = X.assign(unused=X["slow"])
+        settings["sampling_rates"] = {**rates, "unused": rates["slow"]}
+    model = AnytimeRegressor(make_pipeline(repair, pipeline), **settings)
+    model.fit(X, COUNTS, groups=OBJECTS)
+    repaired = clone(repair).fit_transform(X)
+    apart = AnytimeRegressor(pipeline, **settings)
+    apart.fit(repaired, COUNTS, groups=OBJECTS)
+    np.testing.assert_allclose(model.oof_proba_, apart.oof_proba_, rtol=1e-6)
+    new, mended = X.copy(), repaired.copy()
+    if not alone:
+        for table in (new, mended):
+            table.at[0, "slow"] = None
+            table.at[1, "fast"] = table.at[1, "fast"][:25]
+    expected = apart.predict_proba(mended)
+    np.testing.assert_allclose(model.predict_proba(new), expected, rtol=1e-6)
+    for i in range(3):
+        touch = model.start()
+        if alone:
+            touch.update(new[i])
+        else:
+            touch.update({s: new.at[i, s] for s in RATES if new.at[i, s] is not None})
+        np.testing.assert_allclose(touch.predict_proba(), expected[i], rtol=1e-6)
+
+
 @pytest.mark.parametrize("alone", [False, True])
 def test_blocks_weigh_the_same_at_every_duration(alone):
     """Cut to a duration, the model is the pipeline fitted to touches of that length."""

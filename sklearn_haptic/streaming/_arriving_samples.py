@@ -94,8 +94,8 @@ class KeptSamples:
         self._n = end
 
     def first(self, n):
-        """Return the first n samples."""
-        return self._samples[:n]
+        """Return the first n samples, or what there is of them."""
+        return self._samples[: min(n, self._n)]
 
 
 class PooledCodes:
@@ -224,7 +224,7 @@ class FeltSamples:
             self.menders[sensor] = mender
         for i, branch in enumerate(branches):
             steps = branch.incremental()
-            for s in branch.sensors:
+            for s in shapes if branch.repairs else branch.sensors:
                 if steps is None:
                     self._kept[s] = KeptSamples(shapes[s], needed[s][-1])
                 else:

@@ -3,13 +3,14 @@
 A pipeline of trials has steps that turn recordings into a row of features per touch,
 and behind them a *head* that learns from the rows. The features divide into *branches*:
 the transformers of a `ColumnTransformer`, each with its sensors, and those of a
-`FeatureUnion`; or all steps are one branch. A branch is felt at a duration when all of
-its sensors have completed it and it can code so little; else the means of its training
-features stand for it.
+`FeatureUnion`; or all steps are one branch. What is before it repairs all sensors. A
+branch is felt at a duration when all of its sensors have completed it and it can code
+so little; else the means of its training features stand for it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from sklearn.pipeline import FeatureUnion, Pipeline
 
 from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
 from ..features._sensor_features import BlockScaler, blocks_of
+from ..recordings import RepairTrials
 from ..recordings._trials import ALONE, is_table
 from ..utils._pipeline_steps import flat_steps
 
@@ -31,10 +33,13 @@ class Branch(NamedTuple):
     transformer : fitted transformer
     columns : str, list of str or None
         What the transformer is given: a column, a table, or trials in no column.
+    repairs : sequence of RepairTrials
+        Fitted; what all sensors pass through before.
     """
 
     transformer: object
     columns: str | list[str] | None
+    repairs: Sequence[RepairTrials] = ()
 
     @property
     def sensors(self):
@@ -45,14 +50,22 @@ class Branch(NamedTuple):
 
     def transform(self, touches, which, n_samples):
         """Return the features of prefixes, of shape (n_touches, n_features)."""
-        prefixes = touches.prefixes(which, n_samples, self.columns)
+        columns = self.columns
+        if self.repairs and columns is not None:
+            columns = list(touches.signals)
+        prefixes = touches.prefixes(which, n_samples, columns)
+        for repair in self.repairs:
+            prefixes = repair.transform(prefixes)
+        if columns != self.columns:
+            prefixes = prefixes[self.columns]
         return as_rows(self.transformer.transform(prefixes))
 
     def incremental(self):
         """Return the coder, the pool and later steps; None for other steps."""
         steps = _flat(self.transformer)
         if (
-            len(self.sensors) == 1
+            not self.repairs
+            and len(self.sensors) == 1
             and len(steps) >= 2
             and isinstance(steps[0], (KSVDTransformer, STHMPTransformer))
             and isinstance(steps[1], TemporalMaxPool)
@@ -83,8 +96,8 @@ def fit_features(steps, touches, y):
     branches : list of Branch
         The fitted steps.
     later : list of (str, estimator)
-        The steps behind them. If the first step scales the blocks of sensors, so does
-        the first of these, for each duration anew.
+        The steps behind them. If the step of the branches scales the blocks of sensors,
+        so does the first of these, for each duration anew.
 
     Raises
     ------
@@ -95,17 +108,21 @@ def fit_features(steps, touches, y):
     columns = None if sensors == [ALONE] else sensors
     whole = dict.fromkeys(sensors)
     X = touches.prefixes(np.arange(len(touches)), whole, columns)
-    fitted = []
+    repairs, fitted = [], []
     for i, (name, step) in enumerate(steps[:-1]):
         step = clone(step)
         X = step.fit_transform(X, y)
+        if isinstance(step, RepairTrials) and not fitted:
+            repairs.append(step)
+            continue
         fitted.append((name, step))
         if is_table(X):
             parts = _parts(step, columns) if len(fitted) == 1 else None
             later = steps[i + 1 :]
             if parts and hasattr(step, "scaler_"):
                 later = [("scale", BlockScaler()), *later]
-            return parts or [Branch(Pipeline(fitted), columns)], later
+            parts = parts or [Branch(Pipeline(fitted), columns)]
+            return [part._replace(repairs=repairs) for part in parts], later
     raise ValueError(
         "estimator has no step before its last that turns each touch into a row of "
         "features; add one, such as TemporalMaxPool behind KSVDTransformer."

@@ -62,14 +62,16 @@ class Touches(NamedTuple):
         which : ndarray of int
             Indices of the touches.
         n_samples : dict of str to int
-            How many samples of each sensor; None takes all.
+            How many samples of each sensor; None takes all. A recording with fewer is
+            missing.
         columns : str, list of str or None
             A column, a table of columns, or None for trials that are in none.
         """
 
         def cut(sensor):
             trials, n = self.signals[sensor], n_samples[sensor]
-            return [trials[i][:n] for i in which]
+            parts = [trials[i][:n] for i in which]
+            return [each if n in (None, len(each)) else each[:0] for each in parts]
 
         if columns is None:
             return cut(ALONE)
