@@ -6,7 +6,7 @@ import sklearn
 from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import BaseEstimator, clone
 from sklearn.ensemble import GradientBoostingRegressor, HistGradientBoostingClassifier
-from sklearn.linear_model import LogisticRegression
+from sklearn.linear_model import LogisticRegression, RidgeClassifierCV
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -207,6 +207,18 @@ def test_estimators_that_hold_out_rows_themselves(estimator, off, recwarn):
     model.estimator.set_params(**off)
     model.fit(X, counts, groups=objects)
     assert not recwarn
+
+
+@pytest.mark.parametrize("place", ["alone", "in a pipeline"])
+def test_estimators_that_cross_validate_on_rows(place):
+    """Other positions of a trial are no other trial, so penalties get too weak."""
+    X, counts, _ = touches()
+    estimator = RidgeClassifierCV([0.1, 1000.0])
+    if place != "alone":
+        estimator = make_pipeline(StandardScaler(), estimator)
+    model = DistributionalOrdinalRegressor(estimator, sampling="random", random_state=0)
+    with pytest.warns(UserWarning, match="cross-validates on rows that it holds out"):
+        model.fit(X, counts)
 
 
 def test_more_than_10_000_rows_make_histogram_boosting_stop_early():

@@ -240,6 +240,9 @@ def test_a_crosstab_of_ordered_ratings_keeps_their_order_and_the_level_of_nobody
     counts, levels = check_ratings(unordered, names[:3])
     assert levels.tolist() == names[:3]
     assert counts.tolist() == [[2, 0, 0], [0, 1, 2]]
+    with_totals = pd.crosstab(pd.Series(objects), given, margins=True)
+    with pytest.raises(ValueError, match="leave out columns that are no counts"):
+        check_ratings(with_totals)
 
 
 @pytest.mark.parametrize(

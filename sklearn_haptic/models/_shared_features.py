@@ -77,17 +77,30 @@ def hold_out_trials(estimator, n_trials, groups, fraction, random_state):
 
 
 def validates_on_rows(estimator, n_rows):
-    """Return whether an estimator, or a step of it, validates on some of its rows."""
+    """Say how an estimator, or a step of it, validates on its rows, and the mend.
+
+    None if it does not.
+    """
     params = estimator.get_params()
     for name, fraction in params.items():
+        if name.split("__")[-1] == "cv" and fraction != "prefit":
+            return (
+                "cross-validates on",
+                "fits too closely; choose its settings by a search around this model, "
+                "over folds of whole objects",
+            )
         step = name.removesuffix("validation_fraction")
         if step == name or fraction is None:
             continue
         patient = params.get(f"{step}n_iter_no_change") is not None
         early = params.get(f"{step}early_stopping", patient)
         if early is True or (early == "auto" and n_rows > _AUTO_EARLY_STOPPING):
-            return True
-    return False
+            return (
+                "stops early by",
+                "stops too late; set its early_stopping=False (or "
+                "n_iter_no_change=None)",
+            )
+    return None
 
 
 def refuse_adjectives(name):
@@ -197,7 +210,7 @@ class RepeatedRows:
         Warns
         -----
         UserWarning
-            If the estimator stops early by rows that it holds out itself.
+            If the estimator stops early, or chooses, by rows that it holds out itself.
         """
         name = type(self.estimator).__name__
         if weight.ndim == 3:
@@ -207,11 +220,11 @@ class RepeatedRows:
         level, weight = level[used], weight[used]
         if not is_regressor(self.estimator):
             level = np.searchsorted(self.present, level)
-        if validates_on_rows(self.estimator, len(rows)):
+        if found := validates_on_rows(self.estimator, len(rows)):
+            validates, mend = found
             warnings.warn(
-                f"{name} stops early by rows that it holds out itself, other positions "
-                "of the trials that it learns from, and so stops too late; set its "
-                "early_stopping=False (or n_iter_no_change=None).",
+                f"{name} {validates} rows that it holds out itself, other positions of "
+                f"the trials that it learns from, and so {mend}.",
                 UserWarning,
                 stacklevel=5,  # beyond this, fit, and its decorators
             )
