@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any, Self
 
+from numpy.typing import ArrayLike
+from sklearn.base import clone
 from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 
 from .ensembles import DistributionBlend
@@ -21,7 +24,7 @@ from .models import (
 )
 from .recordings._biotac import PROCEDURES, SENSORS, columns_of
 from .recordings._sensors import BIOTAC, Sensor, Signal, TaxelGrid
-from .utils._sklearn import Memory, RandomState
+from .utils._sklearn import Memory, RandomState, Trials, fitted_wholly
 
 # Atoms of the sensors that have not 25 in the 2020 paper.
 _N_ATOMS = {"pac": 40, "tdc": 10}
@@ -128,6 +131,20 @@ def _model_of_ratings(random_state):
     return DistributionBlend([*members, ("trees", trees)])
 
 
+class HapticPipeline(Pipeline):
+    """A Pipeline of which a fit that fails or is interrupted leaves the old model.
+
+    That of scikit-learn fits its steps in place, one by one.
+    """
+
+    @fitted_wholly
+    def fit(self, X: Trials, y: ArrayLike | None = None, **params: Any) -> Self:
+        """Fit clones of the steps, which take the place of the steps."""
+        self.steps: list[Any] = clone(self.steps, safe=False)
+        fitted: Self = super().fit(X, y, **params)
+        return fitted
+
+
 def make_haptic_pipeline(
     sensors: Sequence[str] | Mapping[str, Sensor | None] | Sensor | None = tuple(
         SENSORS
@@ -144,9 +161,10 @@ def make_haptic_pipeline(
     of a sensor are scaled to equal total variance. They are given to a model of
     distributions of ratings: a `DistributionBlend` of linear models with a weak and a
     strong penalty, of trees and of the marginal, whose weights are learned on held-out
-    objects. The result is an ordinary Pipeline, whose parameters can be set and
-    searched, with the steps ``"features"`` (a ColumnTransformer with one transformer
-    per sensor) and ``"model"``, which any other model can take the place of.
+    objects. The result is a Pipeline, whose parameters can be set and searched, with
+    the steps ``"features"`` (a ColumnTransformer with one transformer per sensor) and
+    ``"model"``, which any other model can take the place of. Unlike those of
+    scikit-learn, it is the old model if a fit fails or is interrupted.
 
     Parameters
     ----------
@@ -196,7 +214,7 @@ def make_haptic_pipeline(
     >>> corpus = make_haptic_corpus(n_objects=6, n_trials=2, random_state=0)
     >>> model = make_haptic_pipeline(["pdc", "tdc"], random_state=0)
     >>> model.fit(corpus.trials, corpus.ratings["hard"])
-    Pipeline(...)
+    HapticPipeline(...)
     >>> model.predict_proba(corpus.trials).shape
     (12, 5)
 
@@ -235,4 +253,4 @@ def make_haptic_pipeline(
     else:
         features = SensorUnion(build.of(described))
     model = _model_of_ratings(random_state)
-    return Pipeline([("features", features), ("model", model)])
+    return HapticPipeline([("features", features), ("model", model)])

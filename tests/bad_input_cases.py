@@ -269,8 +269,11 @@ def not_numbers(good, *without):
     return [each for each in checks if each.given not in without]
 
 
+NO_TRIALS = check("no trials", [],
+    "^X (is empty; give at least|has no trials; give at least|is a list; give a Data)")
 NOT_A_TABLE = [
     *not_numbers(X),
+    NO_TRIALS,
     check("a column of dates", TABLE.assign(when=[date(2020, 1, 1)] * N),
         "^X is not an array of numbers .column 'when' holds .*; convert it"),
     check("a sparse matrix", sparse.csr_array(X), error=TypeError,
@@ -415,6 +418,8 @@ ask(CROSS_VALIDATION,
 MODEL_REPORT = direct(model_selection.model_report,
     model=DummyDistribution(), X=X, y=COUNTS)
 ask(MODEL_REPORT,
+    check("a regressor", model=Ridge(), says="^Ridge has no predict_proba, give it to "
+        "a DistributionalOrdinalRegressor as estimator, or give a classifier"),
     check("no adjectives", y={}, says="^y has no adjectives; give the ratings of"),
     check("ratings of fewer trials", y={"hard": COUNTS[1:]},
         says=r"inconsistent numbers of samples: \[12, 11\]"),
@@ -505,6 +510,16 @@ KSVD = {"KSVDTransformer": partial(KSVDTransformer, 3, 1, max_iter=1)}
 STHMP = {"STHMPTransformer": partial(STHMPTransformer, 3, 1, spatial_cells=(1,))}
 POOL = {"TemporalMaxPool": TemporalMaxPool}
 NO_IMAGES = r"^Trial 0 of X has shape \(8, .*\); it must be \(n_times, "
+def remember_in_a_file(folder, *trials, name):
+    path = folder / "recording"
+    path.touch()
+    coder = TRIAL_CODERS[name]().set_params(memory=str(path))
+    return call(coder.fit_transform, *trials)
+
+
+ask({name: partial(remember_in_a_file, name=name) for name in [*TRIAL_CODERS][:3]},
+    check("a file to remember in", TRIALS, "^memory='.*recording' is no folder that"),
+    in_folder=True)
 ask(fitting(KSVD, y=None),
     check("trials, and window=None", TRIALS, "X is a collection of trials, but"),
     check("transposed trials", [np.ones((3, 99))] * 2, window=9,
@@ -638,7 +653,7 @@ ask(fitting(BLEND, groups=OBJECTS),
     check("a member called marginal", estimators=[("marginal", NNPOM(0))],
         says="^Names provided are not unique"),
     check("a regressor", estimators=[("ridge", Ridge())],
-        says="^The member 'ridge', a Ridge, has no predict_proba"),
+        says="^The member 'ridge', a Ridge, has no predict_proba, give it to a Distr"),
     check("a classifier of single labels", estimators=[("one", LogisticRegression())],
         says="^The member 'one', a LogisticRegression, takes labels, but no counts"),
     check("a member of other levels", estimators=[("a", NNPOM(0, levels=[3, 2, 1]))],
@@ -667,9 +682,16 @@ ask(fitting(TOUCH_POOL, groups=OBJECTS),
 ask(fitting(TOUCH_POOL, groups=OBJECTS),
     check("a column that is missing everywhere", np.full_like(X, np.nan),
         "^No training row has all columns of the member 'linear'; give rows that"))
+ask(fitting(TOUCH_POOL, X=TABLE, groups=OBJECTS),
+    check("a column that is not there", estimators=[("a", NNPOM(0), ["skin"])],
+        says="^X has no column 'skin', only .'pac__0', .*; rename the one that is"))
 ask(fitting(GUARD, groups=OBJECTS),
     check("no pipeline", estimator=NNPOM(0), says="^estimator is a NNPOM; give a"),
     *wrong(estimator="model", cv="five"))
+ask(fitting(TOUCH_POOL | GUARD | CONFORMAL | BLEND | DUMMY), NO_TRIALS)
+OF_OBJECTS = "samples: .12, 4.; give y one row per trial, which RatingTable.counts_for"
+ask(fitting(TOUCH_POOL | GUARD | CONFORMAL | BLEND | LABELLED, "y"),
+    check("ratings of objects", COUNTS[:4], OF_OBJECTS))
 ask(fitting(TOUCH_POOL | GUARD | CONFORMAL, "y", groups=OBJECTS), *NOT_RATINGS,
     check("several adjectives", TWO, "^y has the ratings of several adjectives"),
     arg="y")
@@ -725,6 +747,14 @@ REPAIR = {"RepairTrials": RepairTrials}
 ask(fitting(REPAIR, X=TRIALS, y=None),
     *settings("limits", (1, 0), (1,), (np.nan, 1), says="^limits=.* must be the"))
 SKINS = pd.DataFrame({"skin": TRIALS})
+ask(direct(make_haptic_pipeline(["skin"], random_state=0).fit, y=np.arange(4)),
+    check("another column", SKINS.rename(columns={"skin": "palm"}),
+        r"^X has no column 'skin', only \['palm'\]; rename the one that is meant"),
+    NO_TRIALS)
+ask({"pipeline of one sensor": partial(call, make_haptic_pipeline(None).fit, y=COUNTS)},
+    NO_TRIALS)
+ask(direct(SignalStatistics().fit),
+    check("no recordings in a column", SKINS["skin"].iloc[:0], "^X holds no trials"))
 ask(fitting(REPAIR, X=SKINS, y=None),
     *settings("rest", {"skin": 2.5}, {"skin": 0}, says="^rest=.* must be a number of"),
     *settings("limits", {"skn": (0, 1)}, says="^limits names the sensor 'skn'"))
@@ -733,8 +763,8 @@ ask(fitting(REPAIR, y=None),
     check("text", [["a", "b"], ["c"]], "^Trial 0 of X is not an array of numbers"))
 ask({"RepairTrials.transform": partial(call, RepairTrials().fit(SKINS).transform)},
     check("a sensor fewer", SKINS.rename(columns={"skin": "palm"}),
-        "^X has no column 'skin', which fit was given; give the same sensors"),
-    check("a list in place of a DataFrame", TRIALS, r"^X is a list, but fit was"))
+        r"^X has no column 'skin', only \['palm'\]; rename the one that is meant"),
+    check("a list in place of a DataFrame", TRIALS, "^X is a list; give a DataFrame"))
 ask({"resample_trials": lambda **bad: call(resample_trials,
         **({"trials": [[0.0, 1.0]], "times": [[0.0, 0.1]], "rate": 10} | bad))},
     *wrong(rate=[0, -1, np.nan, np.inf, "fast"], longest_gap=[0, -1.0, "long"]),
@@ -847,6 +877,7 @@ NOT_ANSWERS = [
 ]
 CRPS = direct(metrics.crps, y_true=ANSWERS, y_cdf=[0, 1], values=[-3, 3])
 SLIDERS = {"ContinuousRatingsRegressor": ContinuousRatingsRegressor}
+ask(fitting(SLIDERS), NO_TRIALS)
 ask(by_name("y_true", CRPS), *NOT_ANSWERS, arg="y_true")
 ask(fitting(SLIDERS, "y"), *NOT_ANSWERS,
     check("a trial less", ANSWERS[1:], r"inconsistent numbers of samples: \[12, 11\]"),
@@ -1458,8 +1489,9 @@ def lacking(sensor, value=None):
 
 NO_PROBA = make_pipeline(STATISTICS, Ridge())
 ask({"AnytimeRegressor.fit": fit_anytime},
-    check("a table of numbers", X, "^X is no collection of recordings; give a"),
-    check("a column less", TOUCHES[["pac"]], "^X has no column 'tdc', which"),
+    check("a table of numbers", X, "^X is a ndarray; give a DataFrame of touches"),
+    check("a column less", TOUCHES[["pac"]], r"^X has no column 'tdc', only \['pac'\]"),
+    check("ratings of objects", TOUCHES, COUNTS[:4], OF_OBJECTS),
     check("no pipeline", estimator=LogisticRegression(),
         says="^estimator is a LogisticRegression; give a Pipeline whose first"),
     check("no probabilities", estimator=NO_PROBA, says="^The last step of estimator"),

@@ -20,13 +20,12 @@ from sklearn.utils.metadata_routing import (
 from sklearn.utils.validation import (
     check_is_fitted,
     has_fit_parameter,
-    validate_data,
 )
 
 from ..models._baselines import DummyDistribution
 from ..models._ordinal import OrdinalClassifierMixin
 from ..models._shared_features import refuse_adjectives
-from ..ratings._checks import check_adjectives, check_rated
+from ..ratings._checks import check_adjectives, check_rated, record_features
 from ..ratings._distributions import cdf, raised
 from ..utils._folds import TakesGroups, groups_for, number_objects
 from ..utils._sklearn import (
@@ -201,8 +200,7 @@ class DistributionBlend(
             tests, a member cannot take counts or weights, or names of members are
             not distinct.
         """
-        required = None if y is None else "no_validation"
-        validate_data(self, X, y=required, skip_check_array=True)
+        record_features(self, X, y)
         counts, levels = check_adjectives(y, self.levels)
         if counts.ndim == 3:
             refuse_adjectives(type(self).__name__)

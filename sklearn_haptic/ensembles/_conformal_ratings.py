@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, is_regressor
 from sklearn.utils import RegressorTags
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted
 
 from ..models import ContinuousRatingsRegressor, DistributionalOrdinalRegressor
 from ..models._ordinal import OrdinalClassifierMixin
-from ..ratings._checks import check_adjectives, check_rated
+from ..ratings._checks import check_adjectives, check_rated, record_features
 from ..ratings._continuous import cdf_at, check_answers, check_values
 from ..ratings._distributions import cdf, level_at, shares
 from ..utils._folds import (
@@ -208,8 +208,7 @@ class ConformalRatings(
         NotFittedError
             If the method is "prefit" and the estimator is not fitted.
         """
-        required = None if y is None else "no_validation"
-        validate_data(self, X, y=required, skip_check_array=True)
+        record_features(self, X, y)
         base: Any = self.estimator
         if base is None:
             base = DistributionalOrdinalRegressor()

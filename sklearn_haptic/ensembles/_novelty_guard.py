@@ -22,7 +22,7 @@ from sklearn.isotonic import IsotonicRegression
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils import gen_batches
-from sklearn.utils.validation import check_consistent_length, check_is_fitted
+from sklearn.utils.validation import check_is_fitted
 
 from ..features import SignalStatistics
 from ..models._ordinal import OrdinalClassifierMixin
@@ -365,7 +365,6 @@ class NoveltyGuard(
                 "whose first steps return rows of features and whose last predicts."
             )
         true, classes = true_shares(y, type(self).__name__)
-        check_consistent_length(X, true)
         folds, objects = make_folds(self, X, y, groups, [self.estimator])
         self._warn_of_few_objects(objects.max() + 1)
         fitted = clone(self.estimator)

@@ -22,7 +22,7 @@ from sklearn.utils.parallel import Parallel, delayed
 
 from ..models._distributional import fit_linear_models, is_linear
 from ..models._shared_features import refuse_adjectives
-from ..ratings._checks import check_adjectives, validate_rated_trials
+from ..ratings._checks import check_adjectives, check_rated, validate_rated_trials
 from ..ratings._distributions import cdf, shares
 from ..utils._folds import ObjectKFold, number_objects, warn_of_no_groups
 from ..utils._pipeline_steps import last_step
@@ -114,9 +114,10 @@ def make_folds(
     Raises
     ------
     ValueError
-        If there are fewer than two objects, a fold trains on an object that it tests,
-        or the folds do not test each trial once.
+        If trials and ratings differ in number, there are fewer than two objects, a fold
+        trains on an object that it tests, or the folds do not test each trial once.
     """
+    check_rated(X, y)
     n_trials, cv = _num_samples(X), estimator.cv
     groups = infer_objects(y) if groups is None else check_groups(groups, X)
     if groups is None:
@@ -372,8 +373,11 @@ def predict_at(model, X, classes):
     return at_classes(proba, known, classes)
 
 
-def predict_fold(model, X_test, method="predict_proba", name=None):
-    """Return the predictions of a fitted model and, if it predicts any, the levels."""
+def predict_fold(model, X_test, method=None, name=None):
+    """Return the predictions of a fitted model and, if it predicts any, the levels.
+
+    The `method` that users ask for is named to them; by default probabilities are.
+    """
     if method == "predict":
         return model.predict(X_test), None
     if method == "predict_quantile":
@@ -381,10 +385,10 @@ def predict_fold(model, X_test, method="predict_proba", name=None):
         return last.predict_quantile(X_test, POSITIONS), None
     who, n_trials = _who(model, name), _num_samples(X_test)
     if not hasattr(model, "predict_proba"):
-        raise ValueError(
-            f"{who} has no predict_proba, from which method={method!r} is computed; "
-            "set method='predict', or give a classifier."
-        )
+        mend = f"from which method={method!r} is computed; set method='predict', or "
+        if method is None:
+            mend = "give it to a DistributionalOrdinalRegressor as estimator, or "
+        raise ValueError(f"{who} has no predict_proba, {mend}give a classifier.")
     proba = model.predict_proba(X_test)
     if isinstance(proba, list):
         raise ValueError(

@@ -9,12 +9,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, MetaEstimatorMixin
-from sklearn.utils.validation import check_consistent_length, check_is_fitted
+from sklearn.utils.validation import check_is_fitted
 
 from ..models._ordinal import OrdinalClassifierMixin
 from ..models._regressed import proper_shares
 from ..ratings._distributions import shares
-from ..recordings._trials import refuse_one_touch
+from ..recordings._trials import check_columns
 from ..utils._folds import (
     TakesGroups,
     groups_for,
@@ -220,7 +220,6 @@ class TouchPool(
         self._validate_names([*names, MARGINAL])
         _check_named(X, self.estimators)
         true, classes = true_shares(y, type(self).__name__)
-        check_consistent_length(X, true)
         members = [estimator for _, estimator, _ in self.estimators]
         folds, objects = make_folds(self, X, y, groups, members)
         fitted, oof = self._fit_members(X, y, objects, folds, classes)
@@ -423,7 +422,8 @@ def _check_named(X, members):
 
 def _columns(X, columns):
     """Return some columns of a table."""
-    refuse_one_touch(X)
+    asked = np.ravel(np.array(columns, dtype=object)).tolist()
+    check_columns(X, [name for name in asked if isinstance(name, str)])
     if not hasattr(X, "shape") and not hasattr(X, "columns"):
         X = np.asarray(X)
     return _safe_indexing(X, columns, axis=1)

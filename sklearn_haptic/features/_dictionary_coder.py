@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sklearn.callback import CallbackSupportMixin
 from sklearn.utils import check_array, check_random_state
 from sklearn.utils.random import sample_without_replacement
-from sklearn.utils.validation import check_is_fitted, check_memory
+from sklearn.utils.validation import check_is_fitted
 
 from ..recordings._sequences import Sequences, row_index
 from ..recordings._trials import channel_names
@@ -27,7 +27,7 @@ from ..utils._sklearn import (
     fit_task,
     one_blas_thread,
 )
-from ..utils._validation import check_numbers, check_table
+from ..utils._validation import check_cache, check_numbers, check_table
 from ._ksvd import initial_atoms, ksvd, residual_of
 from ._sparse_coding import batch_omp, dense_codes, row_norms, unit_rows
 
@@ -202,7 +202,7 @@ class DictionaryCoder(CallbackSupportMixin):
                 stacklevel=2,
             )
         # Callbacks have to see the iterations, and may stop them.
-        memory = check_memory(self.memory if on_iteration is None else None)
+        memory = check_cache(self.memory if on_iteration is None else None)
         learn = memory.cache(learn_dictionary)
         self.components_, self.n_iter_, self.reconstruction_error_ = learn(
             observations,

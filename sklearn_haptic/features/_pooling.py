@@ -7,7 +7,7 @@ from typing import Literal, Self
 
 import numpy as np
 from sklearn.base import BaseEstimator
-from sklearn.utils.validation import check_is_fitted, check_memory
+from sklearn.utils.validation import check_is_fitted
 
 from ..utils._sklearn import (
     FloatArray,
@@ -19,7 +19,7 @@ from ..utils._sklearn import (
     fit_task,
     one_blas_thread,
 )
-from ..utils._validation import check_names
+from ..utils._validation import check_cache, check_names
 from ._trial_rows import TrialRows
 
 _STATISTICS = ["max", "mean", "share"]
@@ -341,7 +341,7 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
         check_is_fitted(self)
         sequences = self._check(X)
         # Sequences are hashed by their trials and dictionary, so a hit codes nothing.
-        pool = check_memory(self.memory).cache(temporal_max_pool)
+        pool = check_cache(self.memory).cache(temporal_max_pool)
         pooled = pool(sequences, self.cells_, self.split_, self.statistics_)
         return self._with_index(signed_root(pooled) if self.root_ else pooled, X)
 

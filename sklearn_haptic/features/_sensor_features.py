@@ -20,13 +20,14 @@ from sklearn.pipeline import FeatureUnion
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted
 
-from ..recordings._trials import check_trials, is_table, refuse_one_touch
+from ..recordings._trials import check_columns, check_trials, is_table
 from ..utils._sklearn import (
     FloatArray,
     Names,
     Trials,
     _get_adapter_from_container,
     _num_samples,
+    fitted_wholly,
 )
 
 
@@ -161,6 +162,7 @@ class _Blocks:
     features of a sensor that has none.
     """
 
+    @fitted_wholly
     def fit(self, X, y=None, **params):
         """Fit the transformers and the scale of their features."""
         self.fit_transform(X, y, **params)
@@ -201,9 +203,10 @@ class SensorColumns(_Blocks, ColumnTransformer):
         Packages that fitted it.
     """
 
+    @fitted_wholly
     def fit_transform(self, X: Trials, y: Any = None, **params: Any) -> Any:
         """Fit the transformers to a table of touches and return their features."""
-        refuse_one_touch(X)
+        self._check_columns(X, self.transformers)
         features = super().fit_transform(X, y, **params)
         self.fitted_on_ = np.array([f"{_num_samples(X)} touches", *self._sensors_of(X)])
         packages = [sys.modules[__name__.partition(".")[0]], sklearn, np]
@@ -212,8 +215,13 @@ class SensorColumns(_Blocks, ColumnTransformer):
 
     def transform(self, X: Trials, **params: Any) -> Any:
         """Compute the features of a table of touches."""
-        refuse_one_touch(X)
+        check_is_fitted(self)
+        self._check_columns(X, self.transformers_)
         return super().transform(X, **params)
+
+    def _check_columns(self, X, transformers):
+        named = [column for *_, column in transformers if isinstance(column, str)]
+        check_columns(X, named)
 
     def _block_widths(self, n_features):
         places = [self.output_indices_[name] for name, *_ in self.transformers_]
@@ -243,6 +251,12 @@ class SensorUnion(_Blocks, FeatureUnion):
     scaler_ : BlockScaler
         Fitted to the features.
     """
+
+    @fitted_wholly
+    def fit_transform(self, X: Trials, y: Any = None, **params: Any) -> Any:
+        """Fit clones of the transformers and return their features, standardised."""
+        self.transformer_list: list[Any] = clone(self.transformer_list, safe=False)
+        return super().fit_transform(X, y, **params)
 
     def _block_widths(self, n_features):
         return [_widths(self, n_features)]

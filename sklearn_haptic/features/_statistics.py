@@ -464,7 +464,7 @@ class SignalStatistics(TrialRows, BaseEstimator):
         return self._with_index(features, X)
 
     def _check_trials(self, X, n_columns=None):
-        if not isinstance(X, Sequences) and np.ndim(next(iter(cells_of(X)))) == 3:
+        if not isinstance(X, Sequences) and np.ndim(next(iter(cells_of(X)), None)) == 3:
             images = check_trials(X, ndims=(3,))
             X = [trial.reshape(len(trial), -1) for trial in images]
         return super()._check_trials(X, n_columns)

@@ -52,7 +52,7 @@ _GUESSES = ("marginal", "barycentre")
 _ERRORS = ("rps", "emd", "macro_mae", "log_score")
 _LEVELS, _CLASSES, _SLIDERS = "levels", "classes", "sliders"  # kinds of ratings
 _METHODS = {
-    _LEVELS: "predict_proba",
+    _LEVELS: None,  # probabilities
     _CLASSES: "predict",
     _SLIDERS: "predict_quantile",
 }
@@ -367,7 +367,7 @@ def _compare_ratings(name, y, outcomes, folds, tested):
         true, by_predictor = each[tested], {"model": proba[:, i]}
         for guess in _GUESSES:
             dummy = DummyDistribution(guess)
-            by_predictor[guess] = _guessed(dummy, each, folds, "predict_proba")
+            by_predictor[guess] = _guessed(dummy, each, folds)
         of_trials = {who: score_trials(true, p) for who, p in by_predictor.items()}
         scores = {
             who: {error: float(values[error].mean()) for error in _ERRORS}
@@ -414,7 +414,7 @@ def _gain(score, of_trials, scores, ceiling):
     return of_trials[best][score] - of_trials["model"][score], row
 
 
-def _guessed(dummy, y, folds, method):
+def _guessed(dummy, y, folds, method=None):
     """Return what a model that ignores the trials predicts for the tested ones."""
     parts = []
     for train, test in folds:

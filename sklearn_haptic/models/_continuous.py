@@ -15,11 +15,10 @@ from sklearn.utils.validation import (
     check_array,
     check_is_fitted,
     column_or_1d,
-    validate_data,
 )
 
 from ..metrics import crps
-from ..ratings._checks import check_rated
+from ..ratings._checks import check_rated, record_features
 from ..ratings._continuous import cdf_at, check_answers, check_values, quantile_at
 from ..ratings._distributions import cdf, shares
 from ..utils._folds import TakesGroups, groups_for
@@ -205,9 +204,7 @@ class ContinuousRatingsRegressor(
         ValueError
             If the ratings do not fit the grid.
         """
-        # Not `y` itself: lists of answers are no array.
-        required = None if y is None else "no_validation"
-        validate_data(self, X, y=required, skip_check_array=True)
+        record_features(self, X, y)
         answers = check_answers(y)
         check_rated(X, answers)
         weight = check_weights(sample_weight, answers)

@@ -6,7 +6,7 @@ from numbers import Real
 
 import numpy as np
 from sklearn.utils import indexable
-from sklearn.utils.validation import check_array, column_or_1d
+from sklearn.utils.validation import check_array, column_or_1d, validate_data
 
 from ..utils._sklearn import _num_samples
 from ..utils._validation import (
@@ -209,6 +209,16 @@ def check_rated(X, *ratings):
                 "RatingTable.counts_for(objects) makes of one row per object."
             )
     return X, *ratings
+
+
+def record_features(estimator, X, y):
+    """Give an estimator the number and names of features that others will validate.
+
+    A ValueError says that there are no trials, or no `y`, which may be any.
+    """
+    check_rated(X)
+    required = None if y is None else "no_validation"
+    validate_data(estimator, X, y=required, skip_check_array=True)
 
 
 def validate_rated_trials(estimator, X, y, levels=None):

@@ -183,12 +183,22 @@ def _columns_of_trials(X):
     ]
 
 
-def refuse_one_touch(X):
-    """Refuse what may be one touch, or columns, in place of a DataFrame of touches."""
-    if isinstance(X, (Mapping, pd.Series)):
+def check_columns(X, names):
+    """Refuse what is no DataFrame of touches, or one that lacks a column.
+
+    Where no `names` are asked for, an array will do.
+    """
+    columns = list(getattr(X, "columns", []))
+    if isinstance(X, (Mapping, pd.Series)) or (names and not hasattr(X, "columns")):
         raise ValueError(
             f"X is a {type(X).__name__}; give a DataFrame of touches, for one "
             "touch trials.iloc[[0]] or pandas.DataFrame([touch])."
+        )
+    absent = [name for name in names if name not in columns]
+    if absent:
+        raise ValueError(
+            f"X has no column {absent[0]!r}, only {columns[:10]}; rename the one that "
+            "is meant."
         )
 
 
@@ -215,11 +225,7 @@ def trial_columns(X, names=None):
         raise ValueError("X is a frame of polars; give a DataFrame of pandas.")
     if not hasattr(X, "columns"):
         if names not in (None, [ALONE]):
-            refuse_one_touch(X)
-            raise ValueError(
-                f"X is a {type(X).__name__}, but fit was given a DataFrame; give the "
-                f"columns {names} again."
-            )
+            check_columns(X, names)
         in_column = hasattr(X, "shape") and X.shape[1:] in ((), (1,))
         return {ALONE: column_of(X, 0) if in_column else X}
     columns = list(X.columns)
@@ -228,12 +234,7 @@ def trial_columns(X, names=None):
         raise ValueError(f"X has the column {twice!r} twice; name each column once.")
     if names is None:
         names = [columns[i] for i in _columns_of_trials(X)]
-    absent = [name for name in names if name not in columns]
-    if absent:
-        raise ValueError(
-            f"X has no column {absent[0]!r}, which fit was given; give the same "
-            "sensors, with None where a trial has none."
-        )
+    check_columns(X, names)
     return {name: X.iloc[:, columns.index(name)] for name in names}
 
 

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import (
-    check_consistent_length,
     check_is_fitted,
     has_fit_parameter,
 )
@@ -215,7 +214,6 @@ class AnytimeRegressor(
         rates = {s: rates[s] for s in getattr(X, "columns", ()) if s in rates} | rates
         self.sensors_ = used_sensors(steps, list(rates))
         touches = check_touches(X, {s: rates[s] for s in self.sensors_})
-        check_consistent_length(X, y)
         folds, objects = make_folds(self, X, y, groups, [self.estimator], stacklevel=8)
         self._channel_names = touches.channels
         self._rates = np.array([rates[sensor] for sensor in self.sensors_])

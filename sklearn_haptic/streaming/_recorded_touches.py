@@ -16,9 +16,9 @@ from ..recordings._sequences import row_index
 from ..recordings._trials import (
     ALONE,
     channel_names,
+    check_columns,
     check_trials,
     is_table,
-    refuse_one_touch,
 )
 from ..utils._sklearn import FloatArray
 from ..utils._validation import column_of
@@ -107,7 +107,7 @@ def check_touches(X, rates, shapes=None, channels=None):
     """
     sensors, columns = list(rates), list(getattr(X, "columns", []))
     if sensors != [ALONE]:
-        refuse_one_touch(X)
+        check_columns(X, sensors)
     if not columns and is_table(X):
         raise ValueError(
             "X is no collection of recordings; give a list with one array per touch, "
@@ -121,12 +121,6 @@ def check_touches(X, rates, shapes=None, channels=None):
             )
         by_sensor = {ALONE: column_of(X, 0) if columns else X}
     else:
-        missing = [sensor for sensor in sensors if sensor not in columns]
-        if missing:
-            raise ValueError(
-                f"X has no column {missing[0]!r}, which sampling_rates names; give a "
-                "DataFrame with a column per sensor."
-            )
         by_sensor = {s: column_of(X, columns.index(s)) for s in sensors}
     by_sensor = {sensor: list(trials) for sensor, trials in by_sensor.items()}
     if shapes is None:

@@ -77,32 +77,32 @@ class _Decorator(Protocol):
     def __call__(self, function: _Function, /) -> _Function: ...
 
 
-def _fit_context(*, prefer_skip_nested_validation: bool) -> _Decorator:
-    """Decorate ``fit``: that of scikit-learn, and an estimator is fitted wholly or not.
+def fitted_wholly(fit: _Function) -> _Function:
+    """Decorate ``fit``: an estimator is fitted wholly or not.
 
     If ``fit`` raises an error or is interrupted, the estimator is as it was before. So
     ``fit`` sets new attributes, and never changes the value of an old one in place.
     """
+
+    @wraps(fit)
+    def call(estimator: Any, *args: Any, **kwargs: Any) -> Any:
+        before = vars(estimator).copy()
+        try:
+            return fit(estimator, *args, **kwargs)
+        except BaseException:
+            vars(estimator).clear()
+            vars(estimator).update(before)
+            raise
+
+    return call  # type: ignore[return-value]
+
+
+def _fit_context(*, prefer_skip_nested_validation: bool) -> _Decorator:
+    """Decorate ``fit`` by that of scikit-learn, and by `fitted_wholly`."""
     decorate = base._fit_context(
         prefer_skip_nested_validation=prefer_skip_nested_validation
     )
-
-    def decorator(fit: _Function) -> _Function:
-        checked = decorate(fit)
-
-        @wraps(fit)
-        def call(estimator: Any, *args: Any, **kwargs: Any) -> Any:
-            before = vars(estimator).copy()
-            try:
-                return checked(estimator, *args, **kwargs)
-            except BaseException:
-                vars(estimator).clear()
-                vars(estimator).update(before)
-                raise
-
-        return call  # type: ignore[return-value]
-
-    return decorator
+    return lambda fit: fitted_wholly(decorate(fit))
 
 
 _threadpool_controller_decorator: Callable[..., _Decorator] = (

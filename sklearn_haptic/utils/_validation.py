@@ -14,6 +14,7 @@ from scipy import sparse
 from sklearn.utils.validation import (
     check_consistent_length,
     check_is_fitted,
+    check_memory,
     column_or_1d,
     validate_data,
 )
@@ -83,9 +84,21 @@ def check_table(estimator, X, **options):
 
     The result is C-contiguous, so that sums do not depend on the layout of the input.
     """
+    if isinstance(X, (list, tuple)) and not X:
+        raise ValueError("X is empty; give at least one row or trial.")
     check_numbers(X, "X")
     with np.errstate(over="ignore", invalid="ignore"):  # of the sum it looks at first
         return validate_data(estimator, X, order="C", **options)
+
+
+def check_cache(memory):
+    """Return `memory` as a `joblib.Memory`; refuse a path where none can be."""
+    try:
+        return check_memory(memory)
+    except OSError as error:
+        raise ValueError(
+            f"memory={memory!r} is no folder that can be written; give another."
+        ) from error
 
 
 def check_features(estimator, X):
