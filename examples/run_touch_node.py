@@ -54,9 +54,9 @@ class TouchNode:
         if n_complete > self._n_said and not self._done:
             self._n_said = n_complete
             self._on_proba(touch.seconds, touch.predict_proba())
-            if touch.done:
-                self._done = True
-                self._on_done(touch.seconds)
+        if touch.done and not self._done:
+            self._done = True
+            self._on_done(touch.seconds)
 
 
 def spin(model):
@@ -75,11 +75,11 @@ def spin(model):
     )
 
     def listen(sensor):
-        n_channels = int(np.prod(model.sample_shapes_[sensor]))
+        shape = model.sample_shapes_[sensor]
 
         def on_message(message):
             samples = np.asarray(message.data, dtype=float)
-            node.on_samples(sensor, samples.reshape(-1, n_channels))
+            node.on_samples(sensor, samples.reshape(-1, *shape))
 
         ros.create_subscription(Float32MultiArray, f"touch/{sensor}", on_message, 100)
 

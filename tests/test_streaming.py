@@ -381,6 +381,11 @@ def test_the_node_of_the_examples_replays_a_recorded_touch(of_codes):
         for seconds, proba in said:
             expected = of_codes.predict_proba(cut(TOUCHES, seconds))[trial]
             np.testing.assert_allclose(proba, expected, atol=1e-12)
+    said.clear(), done.clear()
+    node.on_start()  # a touch without a sensor that works ends too
+    dead = {sensor: np.full((100, 2), np.nan) for sensor in RATES}
+    example["replay"](node, dead, RATES, sleep=lambda _: None)
+    assert (said, done) == ([], [0.0])
 
 
 @pytest.mark.parametrize("n", [0, 1])

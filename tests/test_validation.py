@@ -9,6 +9,8 @@ import polars as pl
 import pytest
 from scipy import sparse
 
+from sklearn_haptic import RepairTrials
+from sklearn_haptic.datasets import describe_corpus
 from sklearn_haptic.recordings._sequences import Sequences, row_index
 from sklearn_haptic.recordings._trials import channel_names, check_trials, is_table
 from sklearn_haptic.utils._validation import check_numbers
@@ -21,6 +23,28 @@ def object_array(cells):
     array = np.empty(len(cells), dtype=object)
     array[:] = cells
     return array
+
+
+class Labelled:
+    """An array with names of its axes, as of xarray."""
+
+    def __init__(self, values):
+        self.values, self.shape, self.ndim = values, values.shape, values.ndim
+
+    def __array__(self, dtype=None, copy=None):
+        return np.array(self.values, dtype, copy=copy)
+
+    def __len__(self):
+        return len(self.values)
+
+    def __getitem__(self, key):
+        return Labelled(self.values[key])
+
+    def to_numpy(self):
+        return self.values
+
+    def to_series(self):
+        return pd.Series(self.values.ravel())
 
 
 TABLES = {
@@ -44,6 +68,7 @@ TRIALS = {
     "list": RAGGED,
     "tuple": tuple(RAGGED),
     "three dimensions": np.stack([TRIAL, TRIAL]),
+    "labelled array": Labelled(np.stack([TRIAL, TRIAL])),
     "object array": object_array(RAGGED),
     "series": pd.Series(RAGGED),
     "one-column frame": pd.DataFrame({"pac": RAGGED}),
@@ -67,6 +92,16 @@ def test_trials(name):
     trials = check_trials(TRIALS[name])
     assert [trial.ndim for trial in trials] == [2, 2]
     assert all(trial.dtype == np.float64 for trial in trials)
+
+
+@pytest.mark.parametrize("form", [np.stack, lambda trials: Labelled(np.stack(trials))])
+def test_arrays_of_trials_are_repaired_and_described_as_lists_are(form):
+    trials = [np.arange(6.0).reshape(3, 2), np.array([[0, 1], [np.nan, 3], [4, 5]])]
+    np.testing.assert_array_equal(
+        RepairTrials().fit_transform(form(trials)), RepairTrials().fit_transform(trials)
+    )
+    of_list, of_array = (describe_corpus(X).sensors for X in (trials, form(trials)))
+    pd.testing.assert_frame_equal(of_list, of_array)
 
 
 def test_float32_is_kept_and_not_copied_but_mixtures_are_float64():

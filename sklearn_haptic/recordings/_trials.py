@@ -168,7 +168,7 @@ def check_sequences(sequences, *, n_columns=None):
 def _has_columns(X):
     """Whether X is a DataFrame, a Series or a two-dimensional array of objects."""
     if hasattr(X, "to_numpy") and hasattr(X, "shape"):
-        return True
+        return len(X.shape) <= 2  # others, as of xarray, are arrays of trials
     return isinstance(X, np.ndarray) and X.dtype == object and X.ndim == 2
 
 
@@ -221,7 +221,7 @@ def trial_columns(X, names=None):
 
     `names` are those to return; by default all columns that hold trials.
     """
-    if hasattr(X, "to_series"):
+    if hasattr(X, "to_series") and hasattr(X, "columns"):
         raise ValueError("X is a frame of polars; give a DataFrame of pandas.")
     if not hasattr(X, "columns"):
         if names not in (None, [ALONE]):
