@@ -503,7 +503,7 @@ def test_set_output_leaves_trials_as_they_are(output):
     counts = np.random.default_rng(0).multinomial(9, [0.3, 0.3, 0.4], size=20)
     sensor = Signal(100, window=0.2)
     model = make_pipeline(RepairTrials(), make_haptic_pipeline(sensor, random_state=0))
-    objects = {"pipeline__model__groups": np.arange(20)}
+    objects = {"hapticpipeline__model__groups": np.arange(20)}
     expected = model.fit(trials, counts, **objects).predict_proba(trials)
     model = clone(model).set_output(transform=output).fit(trials, counts, **objects)
     assert_allclose(model.predict_proba(trials), expected)
