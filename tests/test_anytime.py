@@ -1,5 +1,7 @@
 """Predictions from touches of any length, against loops written out."""
 
+import warnings
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -359,6 +361,22 @@ def test_blocks_weigh_the_same_at_every_duration(alone):
         touch = model.start()
         touch.update(each.iloc[0] if alone else each.iloc[0].to_dict())
         np.testing.assert_allclose(touch.predict_proba(), got[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("rate, longest", [(5, "'slow'"), (10, None), (20, "'fast'")])
+def test_a_rate_by_which_a_sensor_lasts_longer_is_warned_of(rate, longest):
+    pipeline = make_pipeline(
+        features(lambda _: FunctionTransformer(statistics)), StandardScaler(), HEAD
+    )
+    rates = {**RATES, "slow": rate}
+    model = make_model(pipeline, sampling_rates=rates, durations=[0.5, 1])
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        model.fit(TOUCHES, COUNTS, groups=OBJECTS)
+    assert len(caught) == (longest is not None)
+    for each in caught:
+        assert f"By sampling_rates, {longest} lasts for" in str(each.message)
+        assert each.filename == __file__
 
 
 def test_channels_are_found_by_name():

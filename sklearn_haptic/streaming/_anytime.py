@@ -43,7 +43,12 @@ from ..utils._validation import check_numbers
 from ._arriving_samples import FeltSamples
 from ._branches import check_described, fit_features, used_sensors
 from ._heads import best_power, fit_head, head_tasks
-from ._recorded_touches import check_touches, durations_complete, samples_in
+from ._recorded_touches import (
+    check_alike,
+    check_touches,
+    durations_complete,
+    samples_in,
+)
 from ._touch_in_progress import TouchInProgress
 
 
@@ -214,6 +219,7 @@ class AnytimeRegressor(
         rates = {s: rates[s] for s in getattr(X, "columns", ()) if s in rates} | rates
         self.sensors_ = used_sensors(steps, list(rates))
         touches = check_touches(X, {s: rates[s] for s in self.sensors_})
+        check_alike(touches, rates)
         folds, objects = make_folds(self, X, y, groups, [self.estimator], stacklevel=8)
         self._channel_names = touches.channels
         self._rates = np.array([rates[sensor] for sensor in self.sensors_])

@@ -8,6 +8,7 @@ others is missing: the touch goes on without it.
 from __future__ import annotations
 
 from typing import NamedTuple
+from warnings import warn
 
 import numpy as np
 import pandas as pd
@@ -25,6 +26,8 @@ from ..utils._validation import column_of
 
 # Seconds, far below the time between two samples.
 _ROUNDING = 1e-6
+# Times as long as by another sensor, as by a wrong rate and hardly by a late stop.
+_UNLIKE = 1.5
 
 
 class Touches(NamedTuple):
@@ -133,6 +136,21 @@ def check_touches(X, rates, shapes=None, channels=None):
         for sensor, trials in by_sensor.items()
     }
     return Touches(signals, row_index(X), channels)
+
+
+def check_alike(touches, rates):
+    """Warn of sensors by which touches last far longer than by others."""
+    lengths = np.median(touches.lengths(), axis=0)
+    seconds = {s: n / rates[s] for s, n in zip(touches.signals, lengths)}
+    longest, shortest = max(seconds, key=seconds.get), min(seconds, key=seconds.get)
+    if seconds[longest] > _UNLIKE * seconds[shortest]:
+        warn(
+            f"By sampling_rates, {longest!r} lasts for {seconds[longest]:.3g} s and "
+            f"{shortest!r} for {seconds[shortest]:.3g} s (medians of the touches); "
+            "check the rates.",
+            UserWarning,
+            stacklevel=7,
+        )
 
 
 def _check_sensor(trials, sensor, rate, shape, names):
