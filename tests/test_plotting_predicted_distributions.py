@@ -78,8 +78,13 @@ def test_ratings_are_drawn_as_they_were_predicted():
 def test_ratings_are_drawn_at_their_levels_in_any_order(levels):
     p = [0.1, 0.5, 0.9]
     display = InverseCDFDisplay.from_ratings([1, 2, 1], [levels], p, levels=levels)
-    values, _, _ = display.trial_lines_[0].get_data()
-    np.testing.assert_allclose(values, [0, 1, 2])
+    falling = InverseCDFDisplay.from_ratings(
+        [1, 2, 1], [levels[::-1]], p[::-1], levels=levels
+    )
+    for line in (display.trial_lines_[0], falling.trial_lines_[0]):
+        values, edges, _ = line.get_data()
+        np.testing.assert_allclose(values, [0, 1, 2])
+        np.testing.assert_allclose(edges, [0, 0.3, 0.7, 1])
 
 
 def test_equal_predictions_are_set_apart():

@@ -187,7 +187,7 @@ class InverseCDFDisplay(_OneObjectDisplay):
             What :meth:`~sklearn_haptic.DistributionalOrdinalRegressor.predict_rating`
             returned.
         positions : array-like of shape (n_positions,)
-            Ascending positions in the population, from 0 to 1.
+            Positions in the population, from 0 to 1.
         levels : array-like of shape (n_levels,), default=None
             The ordered levels; by default the labels of the columns, else 1, 2, ….
         ax : matplotlib Axes, default=None
@@ -209,8 +209,10 @@ class InverseCDFDisplay(_OneObjectDisplay):
         scores = macro_mae_at_positions(
             of_trials, ratings, p, levels=levels, average=False
         )
-        edges = np.concatenate(([0], (p[1:] + p[:-1]) / 2, [1]))
         _, places, _ = check_predicted_ratings(of_trials, ratings, levels, len(p))
+        order = np.argsort(p, kind="stable")
+        p, places = p[order], places[:, order]
+        edges = np.concatenate(([0], (p[1:] + p[:-1]) / 2, [1]))
         steps = [(row, edges) for row in places]
         return cls(counts, steps, levels=levels, scores=scores).plot(ax)
 
