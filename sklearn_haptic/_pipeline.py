@@ -24,7 +24,7 @@ from .models import (
 )
 from .recordings._biotac import PROCEDURES, SENSORS, columns_of
 from .recordings._sensors import BIOTAC, Sensor, Signal, TaxelGrid
-from .utils._sklearn import Memory, RandomState, Trials, fitted_wholly
+from .utils._sklearn import Memory, RandomState, Trials, all_or_nothing
 
 # Atoms of the sensors that have not 25 in the 2020 paper.
 _N_ATOMS = {"pac": 40, "tdc": 10}
@@ -137,7 +137,7 @@ class HapticPipeline(Pipeline):
     That of scikit-learn fits its steps in place, one by one.
     """
 
-    @fitted_wholly
+    @all_or_nothing
     def fit(self, X: Trials, y: ArrayLike | None = None, **params: Any) -> Self:
         """Fit clones of the steps, which take the place of the steps."""
         self.steps: list[Any] = clone(self.steps, safe=False)

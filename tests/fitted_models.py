@@ -124,7 +124,7 @@ MODELS = {
         COUNTS,
     ),
     "pool of touches": (
-        TouchPool([("a", _NETWORK, [*NAMED.columns[:3]]), ("all", _NETWORK, slice(6))]),
+        TouchPool([("a", _NETWORK, [*NAMED.columns[:3]]), ("all", _NETWORK, [*NAMED])]),
         NAMED,
         COUNTS,
     ),

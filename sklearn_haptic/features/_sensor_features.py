@@ -27,7 +27,7 @@ from ..utils._sklearn import (
     Trials,
     _get_adapter_from_container,
     _num_samples,
-    fitted_wholly,
+    all_or_nothing,
 )
 
 
@@ -162,7 +162,7 @@ class _Blocks:
     features of a sensor that has none.
     """
 
-    @fitted_wholly
+    @all_or_nothing
     def fit(self, X, y=None, **params):
         """Fit the transformers and the scale of their features."""
         self.fit_transform(X, y, **params)
@@ -203,7 +203,7 @@ class SensorColumns(_Blocks, ColumnTransformer):
         Packages that fitted it.
     """
 
-    @fitted_wholly
+    @all_or_nothing
     def fit_transform(self, X: Trials, y: Any = None, **params: Any) -> Any:
         """Fit the transformers to a table of touches and return their features."""
         self._check_columns(X, self.transformers)
@@ -252,7 +252,7 @@ class SensorUnion(_Blocks, FeatureUnion):
         Fitted to the features.
     """
 
-    @fitted_wholly
+    @all_or_nothing
     def fit_transform(self, X: Trials, y: Any = None, **params: Any) -> Any:
         """Fit clones of the transformers and return their features, standardised."""
         self.transformer_list: list[Any] = clone(self.transformer_list, safe=False)

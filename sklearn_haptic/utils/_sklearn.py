@@ -77,7 +77,7 @@ class _Decorator(Protocol):
     def __call__(self, function: _Function, /) -> _Function: ...
 
 
-def fitted_wholly(fit: _Function) -> _Function:
+def all_or_nothing(fit: _Function) -> _Function:
     """Decorate ``fit``: an estimator is fitted wholly or not.
 
     If ``fit`` raises an error or is interrupted, the estimator is as it was before. So
@@ -98,11 +98,11 @@ def fitted_wholly(fit: _Function) -> _Function:
 
 
 def _fit_context(*, prefer_skip_nested_validation: bool) -> _Decorator:
-    """Decorate ``fit`` by that of scikit-learn, and by `fitted_wholly`."""
+    """Decorate ``fit`` by that of scikit-learn, and by `all_or_nothing`."""
     decorate = base._fit_context(
         prefer_skip_nested_validation=prefer_skip_nested_validation
     )
-    return lambda fit: fitted_wholly(decorate(fit))
+    return lambda fit: all_or_nothing(decorate(fit))
 
 
 _threadpool_controller_decorator: Callable[..., _Decorator] = (
