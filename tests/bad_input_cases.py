@@ -327,7 +327,7 @@ NOT_TRIALS = [
     check("objects of two columns", pd.DataFrame({"a": TRIALS, "b": TRIALS}).to_numpy(),
         SEVERAL),
 ]
-ask(fitting(TRIAL_CODERS, y=None), *NOT_TRIALS, arg="X")
+ask(fitting(TRIAL_CODERS, y=None), *NOT_TRIALS, NO_TRIALS, arg="X")
 ask(in_a_trial(fitting(TRIAL_CODERS, y=None)), *IN_A_TRIAL, arg="Trial 1 of X")
 ask(in_a_trial(using(TRIAL_CODERS, "transform")),
     *(each for each in IN_A_TRIAL if each.given in ("NaN", "other channels")),

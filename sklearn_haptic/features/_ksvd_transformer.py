@@ -13,7 +13,7 @@ from sklearn.utils import check_array
 
 from ..recordings._trials import check_trials, is_table, transposed_hint
 from ..utils._sklearn import Interval, Memory, RandomState, Trials, _fit_context
-from ..utils._validation import check_numbers
+from ..utils._validation import check_numbers, refuse_empty
 from ._dictionary_coder import DictionaryCoder, encode
 
 
@@ -261,6 +261,7 @@ class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         """
         window = self._trial_coding["window"]
         if is_table(X):
+            refuse_empty(X)
             check_numbers(X, "X")
             X = check_array(X, dtype=[np.float64, np.float32])
         n_channels = None if reset else self.n_features_in_

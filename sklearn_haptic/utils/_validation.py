@@ -79,13 +79,18 @@ def check_regular(values, name):
     return array
 
 
+def refuse_empty(X):
+    """Refuse a list of nothing, which scikit-learn takes for one dimension."""
+    if isinstance(X, (list, tuple)) and not X:
+        raise ValueError("X is empty; give at least one row or trial.")
+
+
 def check_table(estimator, X, **options):
     """Validate a table of features: `validate_data` after `check_numbers`.
 
     The result is C-contiguous, so that sums do not depend on the layout of the input.
     """
-    if isinstance(X, (list, tuple)) and not X:
-        raise ValueError("X is empty; give at least one row or trial.")
+    refuse_empty(X)
     check_numbers(X, "X")
     with np.errstate(over="ignore", invalid="ignore"):  # of the sum it looks at first
         return validate_data(estimator, X, order="C", **options)
