@@ -66,8 +66,8 @@ class DistributionBlend(
         The members, beside the marginal: classifiers that take counts per level, such
         as those of this package and pipelines that end in one.
     cv : int, splitter or iterable of (train, test), default=None
-        The folds on which the weights are learned, whole objects in each; by default 5,
-        or as many as there are objects.
+        The folds on which the weights are learned, whole objects in each; by default
+        ten up to 50 objects, or as many as there are, and fewer of more, down to five.
     levels : array-like of shape (n_levels,), default=None
         All ordered levels, by default as for `DistributionalOrdinalRegressor`.
     n_jobs : int, default=None

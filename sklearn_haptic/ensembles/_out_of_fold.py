@@ -82,7 +82,7 @@ def infer_objects(y):
 
 
 def make_folds(
-    estimator, X, y, groups, members, weight=None, *, n_folds=5, stacklevel=6
+    estimator, X, y, groups, members, weight=None, *, n_folds=None, stacklevel=6
 ):
     """Return the folds of an estimator's ``cv``, which keep objects whole.
 
@@ -100,8 +100,10 @@ def make_folds(
         What is fitted to the folds.
     weight : ndarray of shape (n_trials,), default=None
         Trials of weight 0 are in no fold that is made here, and need not be tested.
-    n_folds : int, default=5
-        The number of folds, or of objects if there are fewer, if ``cv`` is None.
+    n_folds : int, default=None
+        The number of folds, or of objects if there are fewer, if ``cv`` is None; by
+        default ten up to 50 objects, and fewer of more, down to five from 84 on. Of few
+        objects a fold should leave out few, and models of many take long.
     stacklevel : int, default=6
         Where the user is: beyond ``fit``, which calls this, and its decorators.
 
@@ -135,6 +137,7 @@ def make_folds(
         split = check_cv(cv).split(X, y, groups)
         least = np.isin(np.arange(n_trials), used)
         return check_folds(split, n_trials, least, objects, groups), objects
+    n_folds = n_folds or min(max(5, 500 // n_objects), 10)
     n_folds = min(n_folds if cv is None else cv, n_objects)
     if groups is None and np.ndim(y) == 1:
         _, label = np.unique(np.asarray(y)[used], return_inverse=True)
