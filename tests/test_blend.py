@@ -409,3 +409,22 @@ def test_sample_weight_goes_to_members_that_request_it():
     in_pipeline = [("near", make_pipeline(StandardScaler(), neighbours))]
     with pytest.raises(ValueError, match="The member 'near' takes no sample_weight"):
         DistributionBlend(in_pipeline).fit(X, counts, weight, groups=objects)
+
+
+@pytest.mark.parametrize(
+    "n_objects, n_folds", [(3, 3), (20, 10), (50, 10), (60, 8), (84, 5), (1000, 5)]
+)
+def test_few_objects_are_left_out_of_few(n_objects, n_folds):
+    n_learned = []
+
+    class Counted(DummyDistribution):
+        def fit(self, X, y, sample_weight=None):
+            n_learned.append(len(X))
+            return super().fit(X, y, sample_weight)
+
+    objects = np.repeat(range(n_objects), 2)
+    counts = np.column_stack([objects % 5 + 1, objects + 1])
+    DistributionBlend([("a", Counted())]).fit(objects[:, None], counts, groups=objects)
+    assert sum(n < len(objects) for n in n_learned) == n_folds
+    left_out = [(len(objects) - n) / 2 for n in n_learned if n < len(objects)]
+    assert sum(left_out) == n_objects  # each object once
