@@ -9,8 +9,18 @@ import polars as pl
 import pytest
 from scipy import sparse
 
-from sklearn_haptic import RepairTrials
+from sklearn_haptic import (
+    ContinuousRatingsRegressor,
+    DistributionalOrdinalRegressor,
+    DistributionBlend,
+    DummyDistribution,
+    RepairTrials,
+    TouchPool,
+    make_haptic_pipeline,
+)
 from sklearn_haptic.datasets import describe_corpus
+from sklearn_haptic.model_selection import cross_val_predict_proba, model_report
+from sklearn_haptic.ratings import rating_counts
 from sklearn_haptic.recordings._sequences import Sequences, row_index
 from sklearn_haptic.recordings._trials import channel_names, check_trials, is_table
 from sklearn_haptic.utils._validation import check_numbers
@@ -198,3 +208,72 @@ def test_row_index():
     assert row_index(Sequences(RAGGED, ["x", "y"], series.index)) is series.index
     assert row_index(RAGGED) is None
     assert row_index(np.eye(2)) is None
+
+
+REORDERED = (
+    "has the row labels of {} in another order, but rows are matched by position"
+)
+
+
+def counts_by_name():
+    """Features of named touches and, sorted by name as crosstab does, their counts."""
+    names = [f"cup_{i}" for i in range(1, 13)]
+    features = pd.DataFrame({"force": np.arange(12.0)}, index=names)
+    answers = pd.DataFrame({"touch": names * 2, "rating": [1] * 12 + [1, 2] * 6})
+    return features, pd.crosstab(answers["touch"], answers["rating"])
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        DistributionalOrdinalRegressor().fit,
+        DistributionBlend([("one", DistributionalOrdinalRegressor())]).fit,
+        ContinuousRatingsRegressor().fit,
+        TouchPool([("force", DistributionalOrdinalRegressor(), ["force"])]).fit,
+        make_haptic_pipeline(None).fit,
+        lambda X, y: cross_val_predict_proba(DummyDistribution(), X, y, cv=2),
+        lambda X, y: model_report(DummyDistribution(), X, y, groups=range(12), cv=2),
+    ],
+    ids=["regressor", "blend", "sliders", "pool", "pipeline", "out of fold", "report"],
+)
+def test_ratings_of_named_touches_in_another_order(use):
+    X, y = counts_by_name()
+    with pytest.raises(ValueError, match="^y " + REORDERED.format("X")):
+        use(X, y)
+
+
+def test_rows_in_the_order_of_touches_or_without_names():
+    X, y = counts_by_name()
+    expected = DistributionalOrdinalRegressor().fit(X, y.loc[X.index]).predict_proba(X)
+    sorted_rows = X.loc[y.index]
+    for rows, ratings in [
+        (X, y.loc[X.index]),
+        (sorted_rows, y),
+        (sorted_rows.reset_index(drop=True), y),
+        (X, y.loc[X.index].reset_index(drop=True)),
+        (sorted_rows.set_axis(range(12)), y.set_axis(range(11, -1, -1))),
+    ]:
+        model = DistributionalOrdinalRegressor().fit(rows, ratings)
+        np.testing.assert_allclose(model.predict_proba(X), expected, atol=1e-6)
+
+
+def test_objects_of_named_touches_in_another_order():
+    X, y = counts_by_name()
+    groups = pd.Series(range(12), y.index)
+    with pytest.raises(ValueError, match="^groups " + REORDERED.format("X")):
+        cross_val_predict_proba(
+            DummyDistribution(), X, y.loc[X.index], groups=groups, cv=2
+        )
+
+
+def test_answers_in_another_order_than_their_objects():
+    answers = pd.DataFrame({"object": ["tin", "mat"] * 2, "rating": [5, 1, 4, 2]})
+    answers["rater"] = [1, 1, 2, 2]
+    by_rating = answers.sort_values("rating")
+    with pytest.raises(ValueError, match="^objects " + REORDERED.format("ratings")):
+        rating_counts(by_rating["rating"], answers["object"])
+    with pytest.raises(ValueError, match="^raters " + REORDERED.format("ratings")):
+        rating_counts(by_rating["rating"], by_rating["object"], answers["rater"])
+    expected = pd.crosstab(answers["object"], answers["rating"])
+    table = rating_counts(by_rating["rating"], by_rating["object"])
+    assert table.counts.tolist() == expected.to_numpy().tolist()

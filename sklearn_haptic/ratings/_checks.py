@@ -12,6 +12,7 @@ from ..utils._sklearn import _num_samples
 from ..utils._validation import (
     FLOATS,
     check_numbers,
+    check_order,
     check_regular,
     check_table,
     is_missing,
@@ -195,8 +196,11 @@ def weighted(counts, sample_weight):
 def check_rated(X, *ratings):
     """Return trials and ratings that can be indexed; each trial has a row of ratings.
 
-    A ValueError says that there are more or fewer rows, or no trials.
+    A ValueError says that there are more or fewer rows, that rows of the same labels
+    have another order, or that there are no trials.
     """
+    for rows in ratings:
+        check_order(X, rows)
     X, *ratings = (indexable(each)[0] for each in (X, *ratings))
     n_trials = _num_samples(X)
     if n_trials == 0:
@@ -214,8 +218,10 @@ def check_rated(X, *ratings):
 def record_features(estimator, X, y):
     """Give an estimator the number and names of features that others will validate.
 
-    A ValueError says that there are no trials, or no `y`, which may be any.
+    A ValueError says that there are no trials, or no `y`, which may be any, or that it
+    has the labels of the trials in another order.
     """
+    check_order(X, y)
     check_rated(X)
     required = None if y is None else "no_validation"
     validate_data(estimator, X, y=required, skip_check_array=True)
@@ -232,6 +238,7 @@ def validate_rated_trials(estimator, X, y, levels=None):
     """
     # Not `y` itself: what it is turned into no longer says what its levels are.
     required = None if y is None else "no_validation"
+    check_order(X, y)
     X = check_table(estimator, X, y=required, dtype=FLOATS)
     counts, levels = check_adjectives(y, levels)
     check_rated(X, counts)

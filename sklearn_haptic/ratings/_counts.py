@@ -16,6 +16,7 @@ from ..utils._validation import (
     check_objects,
     count,
     drop_missing,
+    refuse_other_order,
     rows_of_objects,
 )
 from ._checks import check_counts, match_levels, refuse_second_ratings
@@ -224,6 +225,7 @@ def rating_counts(
     2  1  2  0  0  0
     """
     check_consistent_length(ratings, objects)
+    refuse_other_order(ratings, objects, "ratings", "objects")
     values, given = drop_missing(ratings, "ratings")
     objects = check_objects(objects)
     matches, levels = match_levels(
@@ -243,6 +245,7 @@ def rating_counts(
     if raters is None:
         return RatingTable(counts, objects, levels)
     check_consistent_length(ratings, raters)
+    refuse_other_order(ratings, raters, "ratings", "raters")
     raters = _check_raters(raters)[given]
     raters, rater = np.unique(raters, return_inverse=True)
     answers = np.column_stack((row[given], rater, level))

@@ -10,6 +10,7 @@ from datetime import date, timedelta
 from difflib import get_close_matches
 
 import numpy as np
+import pandas as pd
 from scipy import sparse
 from sklearn.utils.validation import (
     check_consistent_length,
@@ -188,10 +189,31 @@ def rows_of_objects(
     return np.array([row[each] for each in objects], dtype=np.intp)
 
 
+def refuse_other_order(first, second, name, other):
+    """Refuse rows of pandas that have the labels of others in another order."""
+    if not all(isinstance(each, (pd.DataFrame, pd.Series)) for each in (first, second)):
+        return
+    labels, others = first.index, second.index
+    if labels.is_unique and not labels.equals(others) and set(labels) == set(others):
+        raise ValueError(
+            f"{other} has the row labels of {name} in another order, but rows are "
+            f"matched by position; give {other}.loc[{name}.index], or "
+            f"{other}.to_numpy() if the order is right."
+        )
+
+
+def check_order(X, rows, name="y"):
+    """Refuse what is given of named trials in another order."""
+    indices = (getattr(each, "index", None) for each in (X, rows))
+    if not any(isinstance(index, pd.RangeIndex) for index in indices):
+        refuse_other_order(X, rows, "X", name)
+
+
 def check_groups(groups, X):
     """Validate the object of each trial; None stays None."""
     if groups is None:
         return None
+    check_order(X, groups, "groups")
     shape = np.shape(groups)
     if len(shape) != 1 and shape[1:] != (1,):
         raise ValueError(
