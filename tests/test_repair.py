@@ -622,3 +622,28 @@ def test_channels_that_are_constant_equal_or_rounded_can_be_estimated(seed):
     trials.append(np.ones((3, 6)))
     repaired = RepairTrials().fit_transform(trials)
     assert all(np.isfinite(trial).all() for trial in repaired)
+
+
+@pytest.mark.parametrize("form", ["array", "column"])
+def test_nan_that_fills_trials_up_to_one_length(form):
+    cut = recordings()
+    filled = np.full((20, max(map(len, cut)), 4), np.nan)
+    for row, trial in zip(filled, cut):
+        row[: len(trial)] = trial
+    X = filled if form == "array" else pd.DataFrame({"skin": list(filled)})
+    name = "X" if form == "array" else r"X\['skin'\]"
+    with pytest.raises(ValueError, match=f"^{name} has trials of one length, most of"):
+        RepairTrials().fit(X)
+    assert not len(RepairTrials().fit(cut).faults_)
+
+
+@pytest.mark.parametrize(("n_trials", "n_missing"), [(3, 20), (18, 1)])
+def test_samples_missing_at_the_end_are_repaired(n_trials, n_missing):
+    X = np.array([trial[:30] for trial in recordings()])
+    X[:n_trials, -n_missing:] = np.nan
+    repair = RepairTrials().fit(X)
+    assert faults_of(repair, X) == [
+        (i, "all", "dropped frames", n_missing) for i in range(n_trials)
+    ]
+    held = repair.transform(X)[0][-n_missing:]
+    assert_array_equal(held, np.tile(X[0, -n_missing - 1], (n_missing, 1)))

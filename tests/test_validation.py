@@ -19,6 +19,7 @@ from sklearn_haptic import (
     make_haptic_pipeline,
 )
 from sklearn_haptic.datasets import describe_corpus
+from sklearn_haptic.metrics import ranked_probability_score
 from sklearn_haptic.model_selection import cross_val_predict_proba, model_report
 from sklearn_haptic.ratings import rating_counts
 from sklearn_haptic.recordings._sequences import Sequences, row_index
@@ -255,6 +256,14 @@ def test_rows_in_the_order_of_touches_or_without_names():
     ]:
         model = DistributionalOrdinalRegressor().fit(rows, ratings)
         np.testing.assert_allclose(model.predict_proba(X), expected, atol=1e-6)
+
+
+def test_predictions_of_named_touches_in_another_order():
+    X, y = counts_by_name()
+    proba = pd.DataFrame(np.tile([0.7, 0.3], (12, 1)), X.index, [1, 2])
+    with pytest.raises(ValueError, match="^y_proba " + REORDERED.format("y_true")):
+        ranked_probability_score(y, proba)
+    assert ranked_probability_score(y, proba.loc[y.index]) == pytest.approx(0.19)
 
 
 def test_objects_of_named_touches_in_another_order():

@@ -134,6 +134,7 @@ def check_distributions(y_true, y_proba, levels):
     ``y_proba``. Errors are those of `check_ratings`, and a ValueError if a row of
     ``y_proba`` is no distribution or the shapes differ.
     """
+    check_order(y_true, y_proba, "y_proba", "y_true")
     if levels is None and not names_levels(y_true):  # the predictions may name them
         levels, _ = levels_of_columns(y_proba, None, "y_proba")
     counts, levels = check_ratings(y_true, levels, name="y_true")

@@ -324,6 +324,20 @@ def check_limits(limits):
     return None if limits is None else tuple(ends.tolist())
 
 
+def _refuse_filled(cells, where):
+    """Refuse trials that NaN has made equally long, which is no fault of a sensor."""
+    cells = [cell for cell in cells if cell is not None]
+    n_times = len(cells[0])
+    if any(len(cell) != n_times for cell in cells):
+        return
+    missing = [np.isnan(cell[::-1]).all(axis=1).argmin() for cell in cells]
+    if min(missing) == 0 and np.median(missing) > 0.05 * n_times:
+        raise ValueError(
+            f"{where} has trials of one length, most of which end in NaN, as if filled "
+            "up; give a list of trials, each cut after its last sample."
+        )
+
+
 def _check_rest(rest):
     if rest is not None and (not isinstance(rest, Integral) or rest < 1):
         raise ValueError(f"rest={rest!r} must be a number of samples, at least 1.")
@@ -357,7 +371,7 @@ class TrialRepair:
         ------
         ValueError
             If `limits` or `rest` cannot be, name a sensor that `X` has not, or no
-            trial has a sensor.
+            trial has a sensor; if NaN fills trials up to one length.
         """
         takes_trials = not is_table(X) or _all_missing(X)
         if takes_trials:
@@ -368,9 +382,10 @@ class TrialRepair:
         rest = by_sensor(self.rest, read, "rest")
         settings, usual = {}, {}
         for name, (cells, samples) in read.items():
+            where = "X" if name == ALONE else f"X[{name!r}]"
             if all(cell is None for cell in cells):
-                where = "X" if name == ALONE else f"X[{name!r}]"
                 raise ValueError(f"{where} holds no samples at all; leave it out.")
+            _refuse_filled(cells, where)
             settings[name] = check_limits(limits[name]), _check_rest(rest[name])
             usual[name] = usual_trials(cells, samples, *settings[name])
         if takes_trials:

@@ -202,11 +202,11 @@ def refuse_other_order(first, second, name, other):
         )
 
 
-def check_order(X, rows, name="y"):
+def check_order(X, rows, name="y", of="X"):
     """Refuse what is given of named trials in another order."""
     indices = (getattr(each, "index", None) for each in (X, rows))
     if not any(isinstance(index, pd.RangeIndex) for index in indices):
-        refuse_other_order(X, rows, "X", name)
+        refuse_other_order(X, rows, of, name)
 
 
 def check_groups(groups, X):
