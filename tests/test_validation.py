@@ -17,13 +17,15 @@ from sklearn_haptic import (
     RepairTrials,
     TouchPool,
     make_haptic_pipeline,
+    resample_trials,
 )
 from sklearn_haptic.datasets import describe_corpus
 from sklearn_haptic.metrics import ranked_probability_score
 from sklearn_haptic.model_selection import cross_val_predict_proba, model_report
-from sklearn_haptic.ratings import rating_counts
+from sklearn_haptic.ratings import outlying_raters, rating_counts
 from sklearn_haptic.recordings._sequences import Sequences, row_index
 from sklearn_haptic.recordings._trials import channel_names, check_trials, is_table
+from sklearn_haptic.study import run_study
 from sklearn_haptic.utils._validation import check_numbers
 
 TRIAL = np.arange(6.0).reshape(3, 2)
@@ -283,6 +285,30 @@ def test_answers_in_another_order_than_their_objects():
         rating_counts(by_rating["rating"], answers["object"])
     with pytest.raises(ValueError, match="^raters " + REORDERED.format("ratings")):
         rating_counts(by_rating["rating"], by_rating["object"], answers["rater"])
+    with pytest.raises(ValueError, match="^objects " + REORDERED.format("ratings")):
+        outlying_raters(by_rating[["rating"]], answers["object"], by_rating["rater"])
+    with pytest.raises(ValueError, match="^raters " + REORDERED.format("ratings")):
+        outlying_raters(by_rating[["rating"]], by_rating["object"], answers["rater"])
     expected = pd.crosstab(answers["object"], answers["rating"])
     table = rating_counts(by_rating["rating"], by_rating["object"])
     assert table.counts.tolist() == expected.to_numpy().tolist()
+
+
+def test_stamps_of_named_touches_in_another_order():
+    trials = pd.Series([np.zeros(3), np.ones(3)], ["a", "b"])
+    times = pd.Series([[0, 1, 2], [0, 2, 4]], ["b", "a"])
+    with pytest.raises(ValueError, match="^times " + REORDERED.format("trials")):
+        resample_trials(trials, times, rate=1)
+    assert [len(t) for t in resample_trials(trials, times.loc[["a", "b"]], 1)] == [5, 3]
+
+
+@pytest.mark.parametrize("what", ["objects", r"ratings\['soft'\]"])
+def test_a_corpus_in_another_order(tmp_path, what):
+    X, y = counts_by_name()
+    X = X.map(lambda force: np.full((60, 1), force))
+    objects = pd.Series([f"cup {i // 2}" for i in range(12)], X.index)
+    sorted_too = {"objects": objects.loc[y.index]} if what == "objects" else {}
+    ratings = {"soft": y.loc[X.index] if what == "objects" else y}
+    touches = {"trials": X, "objects": objects, "ratings": ratings, **sorted_too}
+    with pytest.raises(ValueError, match=f"^{what} " + REORDERED.format("trials")):
+        run_study({"tap": touches}, tmp_path / "study", verbose=False)

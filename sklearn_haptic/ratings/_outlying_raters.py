@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_consistent_length
 
 from ..utils._sklearn import Interval, validate_params
-from ..utils._validation import check_objects
+from ..utils._validation import check_objects, refuse_other_order
 from ._checks import check_single_ratings, refuse_second_ratings
 from ._counts import RatingTable
 
@@ -110,6 +110,8 @@ def outlying_raters(
         )
     answers = check_single_ratings(ratings)
     check_consistent_length(answers, objects, raters)
+    refuse_other_order(ratings, objects, "ratings", "objects")
+    refuse_other_order(ratings, raters, "ratings", "raters")
     objects, of_object = np.unique(check_objects(objects), return_inverse=True)
     people, of_rater = np.unique(
         check_objects(raters, name="raters"), return_inverse=True

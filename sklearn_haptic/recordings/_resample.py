@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.signal import resample_poly
 
 from ..utils._sklearn import FloatArray, Interval, StrOptions, validate_params
-from ..utils._validation import has_no_samples
+from ..utils._validation import check_order, has_no_samples
 from ._trials import UNITS, check_trials, has_time_index, seconds_of, typical_step
 
 # New samples in a step beyond which stamps are in another unit: 10 Hz may become 3 kHz.
@@ -125,6 +125,7 @@ def _with_stamps(trials, times, unit):
             "trials, and call this for each sensor."
         )
     given = times is not None and not isinstance(times, str)
+    check_order(trials, times, "times", "trials")
     times = list(times) if given else times
     if given and len(trials) != len(times):
         raise ValueError(

@@ -10,6 +10,7 @@ from sklearn.utils import Bunch
 
 from ..ratings._levels import in_order_of_levels, levels_of_columns
 from ..recordings._biotac import PROCEDURES, SENSORS
+from ..utils._validation import check_order
 
 
 def open_corpus(corpus):
@@ -30,7 +31,7 @@ def open_corpus(corpus):
     ------
     ValueError
         If a mapping has no procedures, or a procedure lacks trials, objects, ratings or
-        a sensor.
+        a sensor, or names its trials in another order elsewhere.
 
     Examples
     --------
@@ -69,6 +70,9 @@ def open_corpus(corpus):
                 "and ratings (a dict from each adjective to one row of counts per "
                 "trial)."
             )
+        check_order(trials, touches["objects"], "objects", "trials")
+        for adjective, counts in ratings.items():
+            check_order(trials, counts, f"ratings[{adjective!r}]", "trials")
         shared = [s for s in sensors if shared is None or s in shared]
     if not shared:
         raise ValueError(
