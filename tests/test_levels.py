@@ -240,9 +240,23 @@ def test_a_crosstab_of_ordered_ratings_keeps_their_order_and_the_level_of_nobody
     counts, levels = check_ratings(unordered, names[:3])
     assert levels.tolist() == names[:3]
     assert counts.tolist() == [[2, 0, 0], [0, 1, 2]]
-    with_totals = pd.crosstab(pd.Series(objects), given, margins=True)
+
+
+@pytest.mark.parametrize("labels", [["soft", "medium", "hard"], ["1", "2", "3"]])
+@pytest.mark.parametrize("total", ["All", "total", "n", "99"])
+@pytest.mark.parametrize("people", [1, 9])
+def test_totals_beside_counts_are_refused(labels, total, people):
+    """What crosstab(margins=True) and counts.sum(axis=1) add is no level."""
+    counts = np.random.default_rng(0).multinomial(9, [0.2, 0.3, 0.5], size=12)
+    table = pd.DataFrame(counts * people / 9, columns=labels)
+    assert check_ratings(table)[0].shape == (12, 3)
     with pytest.raises(ValueError, match="leave out columns that are no counts"):
-        check_ratings(with_totals)
+        check_ratings(table.assign(**{total: table.sum(axis=1)}))
+
+
+def test_a_level_that_half_of_two_people_chose_everywhere_is_no_total():
+    table = pd.DataFrame([[1, 1, 0, 0], [0, 1, 1, 0], [0, 1, 0, 1]] * 4)
+    assert check_ratings(table)[0].tolist() == table.to_numpy().tolist()
 
 
 @pytest.mark.parametrize(

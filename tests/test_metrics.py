@@ -27,7 +27,7 @@ from sklearn_haptic.metrics import (
     pit_histogram,
     ranked_probability_score,
 )
-from sklearn_haptic.ratings import counts_from_moments
+from sklearn_haptic.ratings import counts_from_moments, interrater_agreement
 from sklearn_haptic.ratings._distributions import macro_error
 
 SCORES = [macro_mae, ranked_probability_score, earth_movers_distance, log_score]
@@ -467,6 +467,19 @@ def test_noise_ceiling_counts_in_the_numbers_that_label_the_columns():
     words = pd.DataFrame(counts, columns=["low", "mid", "high"])[["mid", "high", "low"]]
     in_order = partial(ranked_probability_score, levels=["low", "mid", "high"])
     assert noise_ceiling(words, in_order) == noise_ceiling(counts)
+
+
+def test_percentages_are_warned_of_where_the_number_of_people_matters():
+    rng = np.random.default_rng(0)
+    counts = rng.multinomial(12, [0.1, 0.2, 0.4, 0.2, 0.1], size=30)
+    for percentages in (100 * counts / 12, (100 * counts / 12).round()):
+        for function in (noise_ceiling, interrater_agreement):
+            with pytest.warns(UserWarning, match="rows that sum to 100.* percentages"):
+                function(percentages)
+        as_told = percentages * 12 / 100
+        truth = noise_ceiling(counts).truth
+        assert_allclose(noise_ceiling(as_told).truth, truth, rtol=0.01)
+    noise_ceiling(rng.multinomial(90, [0.5, 0.3, 0.2], size=30))  # no warning
 
 
 def test_noise_ceiling_of_people_who_agree_is_zero():

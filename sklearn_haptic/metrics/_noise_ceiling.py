@@ -11,7 +11,7 @@ from scipy.special import xlogy
 from sklearn.metrics import mean_absolute_error, r2_score
 from sklearn.utils import Bunch
 
-from ..ratings._checks import check_ratings, refuse, refuse_shares
+from ..ratings._checks import check_people, check_ratings, refuse
 from ..ratings._continuous import check_answers, half_mean_difference
 from ..ratings._distributions import shares
 from ..ratings._levels import level_values
@@ -67,6 +67,11 @@ def noise_ceiling(
             Expected score of the counts of as many other people as rated the trial;
             infinite by the log score, unless people agree.
 
+    Warns
+    -----
+    UserWarning
+        If rows sum to 100, as percentages do.
+
     Raises
     ------
     ValueError
@@ -114,7 +119,7 @@ def noise_ceiling(
     else:
         levels = getattr(score, "keywords", {}).get("levels")
         counts, levels = check_ratings(y_true, levels, name="y_true")
-        refuse_shares(counts, "y_true")
+        check_people(counts, "y_true")
         n = counts.sum(axis=1)
     mend = "leave out what fewer than two people rated"
     refuse(n < 2, "has fewer than two ratings", mend, "y_true")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from numbers import Real
 
 import numpy as np
@@ -101,7 +102,20 @@ def check_counts(counts, levels=None, *, name="counts", unrated=False):
         overflows = ~np.isfinite(counts.sum(axis=1))
     mend = "divide all counts by a constant"
     refuse(overflows, "has counts whose sum overflows", mend, name)
+    if columns is not None:
+        _refuse_totals(counts, levels, name)
     return counts, levels
+
+
+def _refuse_totals(counts, levels, name):
+    """Refuse a column that is the sum of all others, in more rows than chance has."""
+    is_total = np.isclose(2 * counts, counts.sum(axis=1, keepdims=True)).all(axis=0)
+    n_levels = len(levels)
+    if n_levels > 2 and is_total.any() and len(np.unique(counts, axis=0)) > n_levels:
+        raise ValueError(
+            f"The column {levels.tolist()[np.argmax(is_total)]!r} of {name} is the sum "
+            "of all others; leave out columns that are no counts."
+        )
 
 
 def refuse(bad, what, mend, name):
@@ -110,18 +124,26 @@ def refuse(bad, what, mend, name):
         raise ValueError(f"{name} {what} in trial {np.argmax(bad)}; {mend}.")
 
 
-def refuse_shares(counts, name):
-    """Refuse rows of shares where it matters how many people rated."""
+def check_people(counts, name):
+    """Refuse shares, and warn of percentages, where the number of people matters."""
     if np.allclose(counts.sum(axis=1), 1) and (counts % 1 != 0).any():
         raise ValueError(
             f"{name} has rows that sum to 1, which look like shares of people; "
             "multiply each row by the number of people who rated."
         )
+    if np.allclose(counts.sum(axis=1), 100, atol=1):
+        warnings.warn(
+            f"{name} has rows that sum to 100, which are taken for the ratings of 100 "
+            "people each; if they are percentages, multiply each row by the number of "
+            "people who rated, and divide it by 100.",
+            UserWarning,
+            stacklevel=3,
+        )
 
 
 def check_two_ratings(counts, name):
     """Refuse rows with fewer than two ratings, which do not tell how people differ."""
-    refuse_shares(counts, name)
+    check_people(counts, name)
     mend = "leave out what fewer than two people rated"
     refuse(counts.sum(axis=1) < 2, "has fewer than two ratings", mend, name)
 

@@ -116,8 +116,7 @@ def _in_order(labels, name):
     read = _read_numbers(labels)
     if all(isinstance(label, Real) and label == label for label in read):
         return np.sort(lossless_array(read))
-    # pandas.crosstab(margins=True) calls the total of the others so.
-    if "All" in read or not all(isinstance(label, str) for label in read):
+    if not all(isinstance(label, str) for label in read):
         raise ValueError(
             f"The columns of {name} are {labels}; label them with the levels, by "
             "numbers only or words only, and leave out columns that are no counts."

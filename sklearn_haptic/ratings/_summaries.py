@@ -182,6 +182,11 @@ def interrater_agreement(counts: ArrayLike) -> NDArray[np.float64]:
         uniformly from the levels, negative where they scatter more. Negative
         values are kept.
 
+    Warns
+    -----
+    UserWarning
+        If rows sum to 100, as percentages do.
+
     Raises
     ------
     ValueError
