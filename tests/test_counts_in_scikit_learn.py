@@ -10,6 +10,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.base import clone
 from sklearn.calibration import CalibratedClassifierCV
@@ -381,3 +382,26 @@ def test_row_of_the_guide(check):
     with warnings.catch_warnings():  # a count is taken for a number that is regressed
         warnings.filterwarnings("ignore", "The number of unique classes is greater")
         check()
+
+
+@pytest.mark.parametrize(
+    "several",
+    [
+        lambda model: VotingClassifier([("one", model)], voting="soft"),
+        lambda model: BaggingClassifier(model, n_estimators=2, random_state=0),
+        lambda model: StackingClassifier([("one", model)]),
+    ],
+    ids=["voting", "bagging", "stacking"],
+)
+def test_single_answers_in_words(several):
+    words, model = ["low", "middle", "high"], DistributionalOrdinalRegressor()
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(60, 1))
+    level = np.digitize(X[:, 0] + 0.3 * rng.normal(size=60), [-0.5, 0.5])
+    answers = pd.Categorical.from_codes(level, words, ordered=True)
+    expected = several(model).fit(X, level).predict_proba(X)
+    named = several(model).fit(X, answers)
+    proba = pd.DataFrame(named.predict_proba(X), columns=named.classes_)[words]
+    assert np.abs(proba - expected).max(axis=None) > 0.1
+    with pytest.raises(ValueError, match="which is not among levels="):
+        several(clone(model).set_params(levels=words)).fit(X, answers)
