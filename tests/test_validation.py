@@ -236,8 +236,20 @@ def counts_by_name():
         make_haptic_pipeline(None).fit,
         lambda X, y: cross_val_predict_proba(DummyDistribution(), X, y, cv=2),
         lambda X, y: model_report(DummyDistribution(), X, y, groups=range(12), cv=2),
+        lambda X, y: DummyDistribution().fit(X, y.loc[X.index]).score(X, y),
+        lambda X, y: ContinuousRatingsRegressor().fit(X, y.loc[X.index]).score(X, y),
     ],
-    ids=["regressor", "blend", "sliders", "pool", "pipeline", "out of fold", "report"],
+    ids=[
+        "regressor",
+        "blend",
+        "sliders",
+        "pool",
+        "pipeline",
+        "out of fold",
+        "report",
+        "score",
+        "score of sliders",
+    ],
 )
 def test_ratings_of_named_touches_in_another_order(use):
     X, y = counts_by_name()

@@ -20,7 +20,7 @@ from numbers import Real
 import numpy as np
 
 from ..utils._pipeline_steps import last_step
-from ..utils._validation import is_text, lossless_array
+from ..utils._validation import check_order, is_text, lossless_array
 
 _DIGITS = r"\d+(?:\.\d+)?"
 _NUMBER = re.compile(rf"[+-]?{_DIGITS}")
@@ -135,8 +135,10 @@ def predict_in_named_order(estimator, X, ratings):
 
     Ratings are those of `in_named_order`, or counts, whose columns name the order if
     the model knows none. A UserWarning says that nothing tells the order of words,
-    neither the ratings nor a model of levels.
+    neither the ratings nor a model of levels. Ratings with the row labels of `X` in
+    another order are refused.
     """
+    check_order(X, ratings)
     proba, levels = estimator.predict_proba(X), estimator.classes_
     model, _ = last_step(estimator)
     ordered = getattr(model, "_ordered", hasattr(model, "levels_"))
