@@ -5,7 +5,12 @@ import pytest
 import scipy.fft
 from numpy.testing import assert_allclose, assert_array_equal
 
-from sklearn_haptic import KSVDTransformer, SignalStatistics
+from sklearn_haptic import (
+    KSVDTransformer,
+    Signal,
+    SignalStatistics,
+    make_haptic_pipeline,
+)
 from sklearn_haptic.features._statistics import band_edges, band_powers
 
 LEVELS = ["mean", "std", "max", "min", "slope", "change"]
@@ -192,3 +197,15 @@ def test_parameters_set_after_fit_wait_for_the_next_fit():
     model.set_params(statistics=("min",), n_bands=5)
     assert_array_equal(model.transform(trials), expected)
     assert_array_equal(model.get_feature_names_out(), names)
+
+
+@pytest.mark.parametrize("sensor", [None, Signal(rate=100)])
+def test_warns_of_transposed_trials(sensor):
+    trials = np.random.default_rng(0).normal(size=(8, 200, 12))
+    features = make_haptic_pipeline(sensor, random_state=0)[:-1]
+    with pytest.warns(
+        UserWarning, match=r"\(12, 200\) is taken for 12 time samples of"
+    ):
+        features.fit(trials.swapaxes(1, 2))
+    features.fit(trials)
+    SignalStatistics().fit(trials[:, :12, :, np.newaxis].repeat(20, axis=3))  # images

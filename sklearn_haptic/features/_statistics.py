@@ -14,7 +14,13 @@ from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
 from ..recordings._sequences import Sequences
-from ..recordings._trials import cells_of, check_trials, name_of, rate_of
+from ..recordings._trials import (
+    cells_of,
+    check_trials,
+    name_of,
+    rate_of,
+    transposed_hint,
+)
 from ..utils._sklearn import (
     FloatArray,
     Interval,
@@ -35,6 +41,22 @@ _CHUNK_SIZE = 2**17  # samples computed at a time, which stay in the cache
 
 # Far more than the factor by which real touches lie outside the peaks of others.
 _FAR = 100
+
+
+# Channels per time sample that no touch has, and most transposed ones have.
+_MOST_CHANNELS = 10
+
+
+def _warn_of_transposed(X, trials):
+    """Warn of signals with far more channels than samples; images have many pixels."""
+    n_times, n_channels = longest = max(trial.shape for trial in trials)
+    images = np.ndim(next(iter(cells_of(X)))) > 2
+    if n_channels > _MOST_CHANNELS * n_times and not images:
+        warn(
+            "Trials have far more channels than time samples."
+            f"{transposed_hint(longest)}",
+            stacklevel=4,
+        )
 
 
 def band_edges(n_bands):
@@ -415,6 +437,8 @@ class SignalStatistics(TrialRows, BaseEstimator):
         with fit_task(self, X, y):
             self.rate_ = rate_of(X, self.rate, name=name_of(X))
             trials = self._record(X)
+            if self.takes_trials_ and not isinstance(X, Sequences):
+                _warn_of_transposed(X, trials)
             statistics = check_names(
                 self.statistics, _STATISTICS, "statistic", "SignalStatistics"
             )
