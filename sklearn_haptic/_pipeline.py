@@ -146,6 +146,17 @@ class HapticPipeline(Pipeline):
         fitted: Self = super().fit(X, y, **params)
         return fitted
 
+    def score(
+        self,
+        X: Trials,
+        y: ArrayLike | None = None,
+        sample_weight: ArrayLike | None = None,
+        **params: Any,
+    ) -> float:
+        """Return the score of the last step; rows of `y` belong to those of `X`."""
+        check_order(X, y)
+        return float(super().score(X, y, sample_weight, **params))
+
 
 def make_haptic_pipeline(
     sensors: Sequence[str] | Mapping[str, Sensor | None] | Sensor | None = tuple(

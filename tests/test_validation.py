@@ -238,6 +238,7 @@ def counts_by_name():
         lambda X, y: model_report(DummyDistribution(), X, y, groups=range(12), cv=2),
         lambda X, y: DummyDistribution().fit(X, y.loc[X.index]).score(X, y),
         lambda X, y: ContinuousRatingsRegressor().fit(X, y.loc[X.index]).score(X, y),
+        lambda X, y: make_haptic_pipeline(None).score(X, y),
     ],
     ids=[
         "regressor",
@@ -249,6 +250,7 @@ def counts_by_name():
         "report",
         "score",
         "score of sliders",
+        "score of a pipeline",
     ],
 )
 def test_ratings_of_named_touches_in_another_order(use):
