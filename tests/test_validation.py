@@ -10,6 +10,7 @@ import pytest
 from scipy import sparse
 
 from sklearn_haptic import (
+    NNPOM,
     ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DistributionBlend,
@@ -282,13 +283,31 @@ def test_predictions_of_named_touches_in_another_order():
     assert ranked_probability_score(y, proba.loc[y.index]) == pytest.approx(0.19)
 
 
+@pytest.mark.parametrize("name", ["groups", "sample_weight"])
+@pytest.mark.parametrize(
+    "model",
+    [
+        NNPOM(n_hidden=0),
+        DistributionalOrdinalRegressor(NNPOM(n_hidden=0)),
+        DistributionBlend([("one", DistributionalOrdinalRegressor())]),
+        ContinuousRatingsRegressor(),
+    ],
+    ids=lambda model: type(model).__name__,
+)
+def test_what_is_given_of_named_touches_in_another_order(model, name):
+    X, y = counts_by_name()
+    y = y.loc[X.index]
+    given = pd.Series(range(1, 13), y.index[::-1])
+    with pytest.raises(ValueError, match=f"^{name} " + REORDERED.format("X")):
+        model.fit(X, y, **{name: given})
+
+
 def test_objects_of_named_touches_in_another_order():
     X, y = counts_by_name()
-    groups = pd.Series(range(12), y.index)
+    y = y.loc[X.index]
+    groups = pd.Series(range(12), y.index[::-1])
     with pytest.raises(ValueError, match="^groups " + REORDERED.format("X")):
-        cross_val_predict_proba(
-            DummyDistribution(), X, y.loc[X.index], groups=groups, cv=2
-        )
+        cross_val_predict_proba(DummyDistribution(), X, y, groups=groups, cv=2)
 
 
 def test_answers_in_another_order_than_their_objects():

@@ -207,11 +207,11 @@ class ContinuousRatingsRegressor(
         record_features(self, X, y)
         answers = check_answers(y)
         check_rated(X, answers)
-        weight = check_weights(sample_weight, answers)
+        weight = check_weights(sample_weight, X)
         grid = self._make_grid(answers, weight)
         model: Any = self.estimator
         model = DistributionalOrdinalRegressor() if model is None else clone(model)
-        params = groups_for(model, check_groups(groups, answers))
+        params = groups_for(model, check_groups(groups, X))
         if sample_weight is not None:
             params |= _for_last(model, {"sample_weight": weight})
         self.estimator_: Any = model.fit(X, count_in_cells(answers, grid), **params)

@@ -34,9 +34,10 @@ def used_trials(estimator, X, y, levels, sample_weight, groups=None):
     sample_weight : ndarray of shape (n_trials,)
     groups : ndarray of shape (n_trials,), or None
     """
-    X, counts, levels = validate_rated_trials(estimator, X, y, levels)
-    groups = check_groups(groups, X)
-    sample_weight = check_weights(sample_weight, X)
+    trials = X  # whose row labels tell whether others are in their order
+    X, counts, levels = validate_rated_trials(estimator, trials, y, levels)
+    groups = check_groups(groups, trials)
+    sample_weight = check_weights(sample_weight, trials)
     used = sample_weight > 0
     if used.all():
         used = slice(None)  # which copies nothing

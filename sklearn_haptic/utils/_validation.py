@@ -117,10 +117,12 @@ def check_weights(sample_weight, X):
     """Validate the weights of trials; return them as float64, by default all 1.
 
     A ValueError says that they are not one finite, non-negative number per trial, that
-    their sum overflows, or that all are 0.
+    they have the trials' row labels in another order, that their sum overflows, or that
+    all are 0.
     """
     if sample_weight is not None:
         check_numbers(sample_weight, "sample_weight")
+        check_order(X, sample_weight, "sample_weight")
     weight = _check_sample_weight(
         sample_weight, X, dtype=np.float64, ensure_non_negative=True
     )
