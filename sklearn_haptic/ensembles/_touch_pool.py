@@ -82,7 +82,8 @@ class TouchPool(
         DataFrame or indices of an array, one or a list of them. A member of all columns
         learns from their joined features, and serves where all are there.
     cv : int, splitter or iterable of (train, test), default=5
-        The folds for the predictions out of fold. A number keeps objects whole.
+        The folds for the predictions out of fold. A number keeps objects whole, which
+        are dealt to the folds in the order of their rows.
     n_jobs : int, default=None
         Number of jobs, each of which fits one model.
 
