@@ -7,6 +7,7 @@ import pytest
 from callback_recorder import Recorder
 from sklearn import config_context
 from sklearn.base import BaseEstimator, ClassifierMixin, clone
+from sklearn.compose import ColumnTransformer
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LogisticRegression
@@ -20,17 +21,23 @@ from sklearn.model_selection import (
     StratifiedKFold,
     TimeSeriesSplit,
 )
+from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import (
     NNPOM,
     PAPER_2020,
     DistributionalOrdinalRegressor,
     DummyDistribution,
+    SensorFusionNNPOM,
     make_haptic_pipeline,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.metrics import neg_rps_scorer
-from sklearn_haptic.model_selection import cross_val_predict_proba
+from sklearn_haptic.model_selection import (
+    cross_val_predict_proba,
+    sensor_contributions,
+    sensor_subsets,
+)
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_thread")]
 
@@ -203,6 +210,29 @@ class TestFolds:
     def test_folds_that_are_no_partition_are_refused(self, cv, message):
         with pytest.raises(ValueError, match=f"^cv {message}"):
             cross_val_predict_proba(REGRESSOR, X, COUNTS, cv=cv)
+
+    def test_folds_that_divide_objects_are_warned_of(self):
+        folds = list(KFold(3).split(X))
+        divided = "^cv trains on some trials and tests others of "
+        with pytest.warns(UserWarning, match=divided) as warned:
+            proba = cross_val_predict_proba(
+                REGRESSOR, X, COUNTS, groups=OBJECTS, cv=folds
+            )
+        assert warned[0].filename == __file__
+        np.testing.assert_array_equal(proba, by_hand(REGRESSOR, X, COUNTS, folds))
+        fusion = DistributionalOrdinalRegressor(
+            SensorFusionNNPOM({"a": [0], "b": [1, 2]})
+        )
+        with pytest.warns(UserWarning, match=divided) as warned:
+            sensor_contributions(
+                fusion, X, COUNTS, groups=OBJECTS, cv=folds[:1], n_repeats=1
+            )
+        assert warned[0].filename == __file__
+        columns = [("a", "passthrough", [0]), ("b", "passthrough", [1, 2])]
+        model = make_pipeline(ColumnTransformer(columns), REGRESSOR)
+        with pytest.warns(UserWarning, match=divided) as warned:
+            sensor_subsets(model, X, COUNTS, groups=OBJECTS, cv=folds)
+        assert warned[0].filename == __file__
 
 
 class TestLevels:

@@ -156,8 +156,8 @@ def check_folds(folds, n_trials, least=1, objects=None, names=None):
     ----------
     folds : iterable of (train, test)
     n_trials : int
-    least : int or array-like of shape (n_trials,), default=1
-        How often each trial is tested at least; at most it is once.
+    least : int, array-like of shape (n_trials,) or None, default=1
+        How often each trial is tested at least; at most it is once. None is any number.
     objects : ndarray of int of shape (n_trials,), default=None
         What a fold must not both train on and test; by default the trials.
     names : ndarray of shape (n_trials,), default=None
@@ -182,7 +182,7 @@ def check_folds(folds, n_trials, least=1, objects=None, names=None):
                 f"cv trains on {what} in the fold that tests it; keep whole objects "
                 "on one side."
             )
-    wrong = (n_tests > 1) | (n_tests < least)
+    wrong = np.zeros(1) if least is None else (n_tests > 1) | (n_tests < least)
     if wrong.any():
         trial = wrong.argmax()
         raise ValueError(
@@ -191,6 +191,24 @@ def check_folds(folds, n_trials, least=1, objects=None, names=None):
             "LeaveOneGroupOut."
         )
     return folds
+
+
+def warn_of_divided(folds, groups, *, stacklevel=4):
+    """Warn of folds that train on other trials of the objects that they test."""
+    if groups is None:
+        return
+    for train, test in folds:
+        divided = np.isin(groups[test], groups[train])
+        if divided.any():
+            warnings.warn(
+                "cv trains on some trials and tests others of "
+                f"{groups[test][divided].tolist()[0]!r}, so that scores are better "
+                "than those of new objects; take a splitter that keeps groups whole, "
+                "such as GroupKFold.",
+                UserWarning,
+                stacklevel=stacklevel,
+            )
+            return
 
 
 def check_folds_know(y, folds):
@@ -217,7 +235,7 @@ def is_frozen(estimator):
     )
 
 
-def warn_of_frozen(estimators, *, stacklevel=3):
+def warn_of_frozen(estimators, *, stacklevel):
     """Warn of models whose predictions are of no fold."""
     if any(map(is_frozen, estimators)):
         warnings.warn(FROZEN, UserWarning, stacklevel=stacklevel)

@@ -19,6 +19,7 @@ from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils import check_random_state
 from sklearn.utils.parallel import Parallel, delayed
 
+from ..ensembles._out_of_fold import check_folds, warn_of_divided
 from ..metrics._trial_scores import predict_and_score
 from ..models import DistributionalOrdinalRegressor, SensorFusionNNPOM
 from ..ratings._checks import check_adjectives, check_rated
@@ -110,7 +111,13 @@ def sensor_contributions(
     TypeError
         If ``model`` does not end in a regressor of a ``SensorFusionNNPOM``.
     ValueError
-        If ``model`` already leaves a sensor out, or a sensor is called "none".
+        If ``model`` already leaves a sensor out, or a sensor is called "none"; if a
+        fold trains on a trial that it tests.
+
+    Warns
+    -----
+    UserWarning
+        If a fold trains on some trials of a group and tests others.
 
     See Also
     --------
@@ -158,7 +165,8 @@ def sensor_contributions(
     starts = check_random_state(random_state).randint(
         np.iinfo(np.int32).max, size=n_repeats
     )
-    folds = list(splitter.split(X, y, groups))
+    folds = check_folds(splitter.split(X, y, groups), len(counts), least=None)
+    warn_of_divided(folds, groups)
     parallel = Parallel(n_jobs=n_jobs)
     features_of = parallel(
         delayed(_compute_features)(features, X, y, train, test) for train, test in folds

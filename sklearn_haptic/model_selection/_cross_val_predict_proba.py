@@ -17,6 +17,7 @@ from ..ensembles._out_of_fold import (
     fit_fold,
     in_order,
     predict_fold,
+    warn_of_divided,
     warn_of_frozen,
 )
 from ..ratings._checks import check_rated, check_ratings
@@ -115,6 +116,12 @@ def cross_val_predict_proba(
         test; a trial has no group; or the estimator predicts no distribution, or one
         array for each column of the counts.
 
+    Warns
+    -----
+    UserWarning
+        If a fold trains on some trials of a group and tests others, or the estimator is
+        frozen.
+
     See Also
     --------
     sklearn_haptic.metrics : Scores of predicted distributions.
@@ -151,7 +158,8 @@ def cross_val_predict_proba(
     splitter = make_splitter(estimator, y, groups, cv)
     for_fit = groups_for(estimator, groups) | dict(params)
     folds = check_folds(splitter.split(X, y, groups), _num_samples(X))
-    warn_of_frozen([estimator])
+    warn_of_divided(folds, groups)
+    warn_of_frozen([estimator], stacklevel=4)
     outcomes = Parallel(n_jobs=n_jobs)(
         delayed(_run_fold)(estimator, X, y, *fold, for_fit, method) for fold in folds
     )

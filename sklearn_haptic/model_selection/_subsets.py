@@ -16,6 +16,7 @@ from sklearn.metrics import check_scoring
 from sklearn.pipeline import Pipeline
 from sklearn.utils.parallel import Parallel, delayed
 
+from ..ensembles._out_of_fold import check_folds, warn_of_divided
 from ..ratings._checks import check_rated
 from ..utils._folds import groups_for, make_splitter
 from ..utils._sklearn import (
@@ -24,6 +25,7 @@ from ..utils._sklearn import (
     Trials,
     _check_method_params,
     _get_adapter_from_container,
+    _num_samples,
     _safe_indexing,
 )
 from ..utils._validation import check_groups
@@ -93,7 +95,12 @@ def sensor_subsets(
     ValueError
         If nothing follows the ColumnTransformer, its ``remainder`` is not
         ``"drop"``, its transformers are all dropped or share a name, or a trial has
-        no group.
+        no group; if a fold trains on a trial that it tests.
+
+    Warns
+    -----
+    UserWarning
+        If a fold trains on some trials of a group and tests others.
 
     See Also
     --------
@@ -140,15 +147,17 @@ def sensor_subsets(
     groups = check_groups(groups, X)
     scorer = check_scoring(model, scoring)
     splitter = make_splitter(model, y, groups, cv)
+    folds = check_folds(splitter.split(X, y, groups), _num_samples(X), least=None)
+    warn_of_divided(folds, groups, stacklevel=3)
     rest = model[1:]
     for_fit = groups_for(rest, groups)
-    folds = Parallel(n_jobs=n_jobs)(
+    outcomes = Parallel(n_jobs=n_jobs)(
         delayed(_score_subsets)(
             sensors, rest, subsets, scorer, X, y, train, test, for_fit
         )
-        for train, test in splitter.split(X, y, groups)
+        for train, test in folds
     )
-    return _as_cv_results(subsets, folds)
+    return _as_cv_results(subsets, outcomes)
 
 
 def _split_sensors(model):
