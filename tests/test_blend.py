@@ -358,7 +358,38 @@ def test_objects_of_weight_zero_are_as_if_left_out():
         blend.fit(X, counts, objects == 3, groups=objects)
 
 
+@pytest.mark.parametrize("told", [True, False])
+def test_a_touch_of_weight_zero_is_as_if_left_out(told):
+    """Also one of other ratings than its object, and many that tell other objects."""
+    X, counts, objects = made()
+    extra = np.arange(12)
+    X_more, weight = np.r_[X, X[extra]], np.r_[np.ones(len(X)), np.zeros(12)]
+    y_more = np.r_[counts, counts[extra] + 1 + extra[:, None]]
+    blend = DistributionBlend(members())
+    blend.fit(X, counts, np.ones(len(X)), groups=objects if told else None)
+    expected = blend.predict_proba(X)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        groups = np.r_[objects, objects[extra]] if told else None
+        blend.fit(X_more, y_more, weight, groups=groups)
+    assert_allclose(blend.predict_proba(X), expected, atol=1e-6)
+
+
 # Objects --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("routing", [False, True])
+def test_touches_of_an_object_weigh_one_in_a_pipeline(routing):
+    X, counts, objects = made()
+    copies = np.repeat(np.arange(len(X)), 1 + objects // 2)
+    X, counts, objects = X[copies], counts[copies], objects[copies]
+    pair = [("linear", make_pipeline(StandardScaler(), NNPOM(0))), *members()[1:]]
+    with config_context(enable_metadata_routing=routing):
+        blend = DistributionBlend(pair).fit(X, counts, groups=objects)
+    alone = make_pipeline(StandardScaler(), NNPOM(0))
+    alone.fit(X, counts, nnpom__sample_weight=1 / np.bincount(objects)[objects])
+    learned = blend.estimators_["linear"][-1].coefs_[0]
+    assert_allclose(learned, alone[-1].coefs_[0], atol=1e-9)
 
 
 def test_groups_reach_it_and_the_searches_in_it_by_metadata_routing():
@@ -397,15 +428,18 @@ def test_sample_weight_goes_to_members_that_request_it():
     neighbours = RegressedDistribution(KNeighborsRegressor(2))
     linear = NNPOM(0)
     with config_context(enable_metadata_routing=True):
+        linear.set_fit_request(sample_weight=True)
         pair = [
-            ("linear", linear.set_fit_request(sample_weight=True)),
+            ("linear", linear),
+            ("piped", make_pipeline(FunctionTransformer(), linear)),
             ("near", neighbours.set_fit_request(sample_weight=False)),
         ]
         blend = DistributionBlend(pair)
         blend.fit(X, counts, sample_weight=weight, groups=objects)
     of_objects = np.bincount(objects, weight)
     alone = NNPOM(0).fit(X, counts, weight / of_objects[objects])
-    assert_array_equal(blend.estimators_["linear"].coefs_[0], alone.coefs_[0])
+    for learned in blend.estimators_["linear"], blend.estimators_["piped"][-1]:
+        assert_allclose(learned.coefs_[0], alone.coefs_[0], atol=1e-9)
     in_pipeline = [("near", make_pipeline(StandardScaler(), neighbours))]
     with pytest.raises(ValueError, match="The member 'near' takes no sample_weight"):
         DistributionBlend(in_pipeline).fit(X, counts, weight, groups=objects)

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn import get_config
+from sklearn import config_context, get_config
 from sklearn.base import BaseEstimator, MetaEstimatorMixin
 from sklearn.pipeline import Pipeline
 from sklearn.utils import indexable
@@ -104,7 +104,8 @@ class DistributionBlend(
     -----
     Without metadata routing, `sample_weight` goes to all members, and `groups` to those
     that request them, for instance to a search that chooses a penalty by folds of whole
-    objects. With it, both go to the members that request them.
+    objects. With it, both go to the members that request them. If no `sample_weight` is
+    given, the weights by object reach every member that takes weights, in either case.
 
     Examples
     --------
@@ -215,8 +216,10 @@ class DistributionBlend(
             objects = number_objects(groups, len(counts))
             total = np.bincount(objects, weight)
             held_out = weight / np.where(total, total, 1)[objects]
-            weight = held_out if _are_of_objects(counts, objects) else weight
-        elif (groups := infer_objects(counts)) is not None:
+            used = weight > 0
+            of_objects = _are_of_objects(counts[used], objects[used])
+            weight = held_out if of_objects else weight
+        elif (groups := infer_objects(counts, weight)) is not None:
             # Objects that share counts are not all told apart, so trials weigh alike.
             weight = weight * (len(np.unique(groups[weight > 0])) / weight.sum())
             held_out = weight
@@ -283,9 +286,13 @@ class DistributionBlend(
             argument = _weight_argument(member)
             if routing:
                 params[name] = dict(routed[name].fit)
-                requested = given.keys() <= params[name].keys()
-                if not requested or argument != "sample_weight":
-                    argument = None
+                if given:
+                    argument = (
+                        "sample_weight" if given.keys() <= {*params[name]} else None
+                    )
+                elif argument not in (None, "sample_weight"):  # a step's, by its name
+                    with config_context(enable_metadata_routing=False):
+                        params[name] = groups_for(member, params[name].get("groups"))
             elif given and argument is None:
                 raise ValueError(
                     f"The member {name!r} takes no sample_weight; give none, or enable "
@@ -301,7 +308,7 @@ class DistributionBlend(
 
 def _are_of_objects(counts, objects):
     """Whether all trials of each object have the same ratings."""
-    _, first = np.unique(objects, return_index=True)
+    _, first, objects = np.unique(objects, return_index=True, return_inverse=True)
     below = cdf(counts)
     return np.allclose(below, below[first][objects], rtol=0, atol=1e-9)
 

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from sklearn import config_context
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 from sklearn.model_selection import check_cv
@@ -43,7 +44,7 @@ FROZEN = (
 # Folds -------------------------------------------------------------------------
 
 
-def infer_objects(y):
+def infer_objects(y, weight=None):
     """Return the number of each trial's object, as far as counts tell; None if not.
 
     Trials of one object have the same counts of its ratings, so trials of equal counts
@@ -51,7 +52,7 @@ def infer_objects(y):
     to be shared by several objects of median size, whose trials stand together: else
     most objects would be held out at once where people agree about most. Labels and
     counts of a single rating each tell nothing, nor do counts of which more than a
-    tenth are of one trial alone.
+    tenth are of one trial alone. Trials of weight 0 are objects of their own.
 
     Examples
     --------
@@ -67,7 +68,8 @@ def infer_objects(y):
     """
     if np.ndim(y) < 2:
         return None
-    counts = np.reshape(np.asarray(y, dtype=float), (len(y), -1))
+    used = np.flatnonzero(np.ones(len(y)) if weight is None else weight)
+    counts = np.reshape(np.asarray(y, dtype=float), (len(y), -1))[used]
     if not (np.count_nonzero(counts, axis=1) > 1).any():
         return None
     same = number_objects([row.tobytes() for row in counts], len(counts))
@@ -78,7 +80,9 @@ def infer_objects(y):
     sharing[size <= len(counts) / 5] = 1
     place = pd.Series(same).groupby(same).cumcount().to_numpy()
     part = place * sharing[same] // size[same]
-    return number_objects(same + len(size) * part, len(counts))
+    objects = -1 - np.arange(len(y))
+    objects[used] = same + len(size) * part
+    return number_objects(objects, len(y))
 
 
 def make_folds(
@@ -121,7 +125,7 @@ def make_folds(
     """
     check_rated(X, y)
     n_trials, cv = _num_samples(X), estimator.cv
-    groups = infer_objects(y) if groups is None else check_groups(groups, X)
+    groups = infer_objects(y, weight) if groups is None else check_groups(groups, X)
     if groups is None:
         warn_of_no_groups(estimator, stacklevel=stacklevel)
     warn_of_frozen(members, stacklevel=stacklevel)
@@ -372,11 +376,16 @@ def _run(task, model, classes, fit):
 
 
 def fit_fold(estimator, X, y, train, params, fit=fit_clone, name=None):
-    """Return a clone of an estimator, fitted to the training trials."""
+    """Return a clone of an estimator, fitted to the training trials.
+
+    Arguments of a step by its name are those of a pipeline without metadata routing.
+    """
     params = _check_method_params(X, params, indices=train)
     X, y = _safe_indexing(X, train), _safe_indexing(y, train)
+    routing = None if all("__" not in name for name in params) else False
     try:
-        return fit(estimator, X, y, **params)
+        with config_context(enable_metadata_routing=routing):
+            return fit(estimator, X, y, **params)
     except ValueError as error:
         if np.ndim(y) < 2 or "1d array" not in str(error):
             raise

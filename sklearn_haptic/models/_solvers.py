@@ -12,6 +12,8 @@ _GROW, _SHRINK, _FIRST_STEP, _LARGEST_STEP = 1.2, 0.5, 0.0123, 50.0
 # Size of the gradient where the last digits of a cost near 1 no longer change.
 _ROUNDING = 1e-6
 
+_TIE = 1e-12  # share by which errors may differ that are the same but for rounding
+
 _CACHED = 8192  # parameters that a step is computed for at once, to stay in the cache
 
 _VALIDATION_INTERVAL = 10  # iterations between two looks at the validation error
@@ -163,7 +165,7 @@ class Monitor:
         if self.validation_error is None or iteration % _VALIDATION_INTERVAL:
             return False
         error = self.validation_error(params)
-        if error < self.best_error:
+        if error < self.best_error * (1 - _TIE):
             self.best_error, self.best_iter = error, iteration
             self.best_params = params.copy()
         return iteration - self.best_iter >= self.patience
