@@ -595,6 +595,10 @@ ask(direct(NNPOM(n_hidden=0).fit, X=X, y=COUNTS),
 ask(direct(DistributionalOrdinalRegressor().fit, X=X, y=COUNTS),
     check("X_val, and no early stopping", X_val=X, y_val=COUNTS,
         says="X_val requires an estimator that stops early; use an NNPOM"))
+OWN_LEVELS = DistributionalOrdinalRegressor(NNPOM(0, levels=[1, 2, 3]))
+ask(direct(OWN_LEVELS.fit, X=X, y=COUNTS),
+    check("levels of the estimator inside",
+        says=r"^estimator has levels=\[1, 2, 3\], which would be ignored; give them"))
 STOPPING = DistributionalOrdinalRegressor(NNPOM(early_stopping=True))
 ask(direct(STOPPING.fit, X=X, y=COUNTS),
     check("X_val without y_val", X_val=X, says="X_val and y_val belong together"),

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import minimize
 from sklearn import config_context
-from sklearn.base import clone
+from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.neighbors import KNeighborsRegressor
@@ -378,17 +378,40 @@ def test_a_touch_of_weight_zero_is_as_if_left_out(told):
 # Objects --------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("routing", [False, True])
-def test_touches_of_an_object_weigh_one_in_a_pipeline(routing):
+class WithObjects(TransformerMixin, BaseEstimator):
+    """A step that is told the objects."""
+
+    __metadata_request__fit = {"groups": True}  # noqa: RUF012
+
+    def fit(self, X, y=None, groups=None):
+        assert groups is not None
+        return self
+
+    def transform(self, X):
+        return X
+
+
+def test_touches_of_an_object_weigh_one_in_pipelines_and_blends():
     X, counts, objects = made()
     copies = np.repeat(np.arange(len(X)), 1 + objects // 2)
     X, counts, objects = X[copies], counts[copies], objects[copies]
-    pair = [("linear", make_pipeline(StandardScaler(), NNPOM(0))), *members()[1:]]
-    with config_context(enable_metadata_routing=routing):
-        blend = DistributionBlend(pair).fit(X, counts, groups=objects)
-    alone = make_pipeline(StandardScaler(), NNPOM(0))
-    alone.fit(X, counts, nnpom__sample_weight=1 / np.bincount(objects)[objects])
-    learned = blend.estimators_["linear"][-1].coefs_[0]
+    weight = 1 / np.bincount(objects)[objects]
+    scaled = StandardScaler(), NNPOM(0)
+    alone = make_pipeline(*scaled).fit(X, counts, nnpom__sample_weight=weight)
+    inner = DistributionBlend([("piped", make_pipeline(*scaled)), *members()])
+    pair = [("piped", make_pipeline(*scaled)), ("blend", make_pipeline(inner))]
+    blend = DistributionBlend(pair)
+    expected = clone(blend).fit(X, counts, groups=objects)
+    with config_context(enable_metadata_routing=True):
+        routed = clone(blend).fit(X, counts, groups=objects)
+        told = make_pipeline(WithObjects(), *scaled)
+        told = DistributionBlend([("told", told)]).fit(X, counts, groups=objects)
+    for each in expected, routed:
+        learned = each.estimators_["piped"][-1].coefs_[0]
+        assert_allclose(learned, alone[-1].coefs_[0], atol=1e-9)
+    assert routed.weights_ == pytest.approx(expected.weights_, abs=1e-9)
+    assert_allclose(routed.predict_proba(X), expected.predict_proba(X), atol=1e-9)
+    learned = told.estimators_["told"][-1].coefs_[0]
     assert_allclose(learned, alone[-1].coefs_[0], atol=1e-9)
 
 

@@ -103,6 +103,21 @@ def test_hundreds_of_jumps(estimator):
         np.testing.assert_allclose(cdf, exact, atol=0.005)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_trees_of_touches_that_most_people_rate_alike(order):
+    """Whatever the order of the rows, of which the first are not disputed."""
+    rng = np.random.default_rng(0)
+    alike = [[12, 0, 0]] * 4 + [[0, 0, 12]] * 3
+    disputed = [[5, 3, 4], [2, 6, 4], [3, 3, 6], [4, 4, 4], [6, 3, 3]]
+    counts = np.repeat(alike + disputed, 5, axis=0)
+    X = np.c_[counts @ [0, 2, 4] / 12 + rng.normal(scale=0.1, size=60)]
+    tree = DecisionTreeClassifier(min_samples_leaf=3, random_state=0)
+    model = DistributionalOrdinalRegressor(tree).fit(X[::order], counts[::order])
+    for x, cdf in zip(X[35:], model.predict_cdf(X[35:])[:, :-1]):
+        exact = cdf_of_many_rows(model.estimator_, x, 3, "mixture")
+        np.testing.assert_allclose(cdf, exact, atol=0.005)
+
+
 class Staircase(BaseEstimator):
     """The level jumps at given positions, up and down, whatever the features."""
 

@@ -381,6 +381,16 @@ def test_no_vibration_comes_out_as_a_slower_one():
     assert np.abs(trial[::10][10:-10]).max() > 0.9
 
 
+@pytest.mark.parametrize(
+    "rate, new, frequency", [(150, 100, 70), (1600, 1000, 700), (250, 100, 120)]
+)
+def test_no_image_of_a_vibration_comes_out_as_a_slower_one(rate, new, frequency):
+    times = np.arange(6 * rate) / rate
+    trial = np.sin(2 * np.pi * frequency * times)
+    resampled = resample_trials([trial], [times], new)[0]
+    assert np.abs(resampled[50:-50]).max() < 0.01
+
+
 def test_dropped_frames_are_not_invented():
     times = np.delete(np.arange(50) / 35, [10, 20, 21, 22])
     trial = waves(times)

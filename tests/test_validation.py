@@ -21,7 +21,7 @@ from sklearn_haptic import (
     resample_trials,
 )
 from sklearn_haptic.datasets import describe_corpus
-from sklearn_haptic.metrics import ranked_probability_score
+from sklearn_haptic.metrics import neg_macro_mae_scorer, ranked_probability_score
 from sklearn_haptic.model_selection import cross_val_predict_proba, model_report
 from sklearn_haptic.ratings import outlying_raters, rating_counts
 from sklearn_haptic.recordings._sequences import Sequences, row_index
@@ -300,6 +300,30 @@ def test_what_is_given_of_named_touches_in_another_order(model, name):
     given = pd.Series(range(1, 13), y.index[::-1])
     with pytest.raises(ValueError, match=f"^{name} " + REORDERED.format("X")):
         model.fit(X, y, **{name: given})
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda X, y, given: make_haptic_pipeline(None).fit(X, y, model__groups=given),
+        lambda X, y, given: make_haptic_pipeline(None).score(X, y, given),
+        lambda X, y, given: DummyDistribution().fit(X, y).score(X, y, given),
+        lambda X, y, given: ContinuousRatingsRegressor().fit(X, y).score(X, y, given),
+        lambda X, y, given: neg_macro_mae_scorer(
+            DummyDistribution().fit(X, y), X, y, given
+        ),
+        lambda X, y, given: cross_val_predict_proba(
+            DummyDistribution(), X, y, cv=2, params={"sample_weight": given}
+        ),
+    ],
+    ids=["pipeline", "its score", "score", "score of sliders", "scorer", "params"],
+)
+def test_what_is_handed_on_of_named_touches_in_another_order(use):
+    X, y = counts_by_name()
+    y = y.loc[X.index]
+    given = pd.Series(range(1, 13), y.index[::-1])
+    with pytest.raises(ValueError, match=REORDERED.format("X")):
+        use(X, y, given)
 
 
 def test_objects_of_named_touches_in_another_order():

@@ -8,8 +8,8 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn import config_context, get_config
-from sklearn.base import BaseEstimator, MetaEstimatorMixin
+from sklearn import get_config
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils import indexable
 from sklearn.utils.metadata_routing import (
@@ -224,7 +224,7 @@ class DistributionBlend(
             weight = weight * (len(np.unique(groups[weight > 0])) / weight.sum())
             held_out = weight
         members = self._check_members()
-        params = self._route(given, groups, weight)
+        params = self._route(members, given, groups, weight)
         # Counts of a single level would be taken for ratings.
         y = counts if len(levels) > 1 else np.repeat(levels, len(counts))
         folds, _ = make_folds(self, X, y, groups, members.values(), weight)
@@ -276,8 +276,8 @@ class DistributionBlend(
         self._validate_names([*names, MARGINAL])
         return dict(self.estimators) | {MARGINAL: DummyDistribution()}
 
-    def _route(self, sample_weight, groups, weight):
-        """Return the arguments of each member's ``fit``."""
+    def _route(self, members, sample_weight, groups, weight):
+        """Return the arguments of each of `members`, which may become another."""
         given = {} if sample_weight is None else {"sample_weight": sample_weight}
         params = {}
         routing = get_config()["enable_metadata_routing"]
@@ -286,13 +286,13 @@ class DistributionBlend(
             argument = _weight_argument(member)
             if routing:
                 params[name] = dict(routed[name].fit)
-                if given:
-                    argument = (
-                        "sample_weight" if given.keys() <= {*params[name]} else None
-                    )
-                elif argument not in (None, "sample_weight"):  # a step's, by its name
-                    with config_context(enable_metadata_routing=False):
-                        params[name] = groups_for(member, params[name].get("groups"))
+                if given and "sample_weight" not in params[name]:
+                    argument = None
+                elif given:
+                    argument = "sample_weight"
+                elif argument is not None:
+                    members[name] = _asking_for_weights(member)
+                    argument = "sample_weight"
             elif given and argument is None:
                 raise ValueError(
                     f"The member {name!r} takes no sample_weight; give none, or enable "
@@ -323,6 +323,32 @@ def _weight_argument(member):
     known = [member] if inner is None else [member, inner]
     takes = all(has_fit_parameter(each, "sample_weight") for each in known)
     return "sample_weight" if takes else None
+
+
+def _asking_for_weights(member):
+    """Return a clone that gets weights by metadata routing where it takes any.
+
+    Of a pipeline that is its last step, as without routing.
+    """
+    member = clone(member)
+    if _weight_argument(member) is None:
+        return _without_weights(member)
+    if isinstance(member, Pipeline):
+        *others, (name, last) = member.steps
+        others = [(key, _without_weights(step)) for key, step in others]
+        return member.set_params(steps=[*others, (name, _asking_for_weights(last))])
+    if isinstance(member, DistributionBlend):
+        inner = [(name, _asking_for_weights(each)) for name, each in member.estimators]
+        member.set_params(estimators=inner)
+    return member.set_fit_request(sample_weight=True)
+
+
+def _without_weights(estimator):
+    """Return an estimator of which no part requests weights."""
+    for part in [estimator, *getattr(estimator, "get_params", dict)().values()]:
+        if hasattr(part, "fit") and has_fit_parameter(part, "sample_weight"):
+            part.set_fit_request(sample_weight=False)
+    return estimator
 
 
 def _learn(proba, counts, weight):

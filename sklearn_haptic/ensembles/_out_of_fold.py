@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from sklearn import config_context
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 from sklearn.model_selection import check_cv
@@ -28,7 +27,7 @@ from ..ratings._distributions import cdf, shares
 from ..utils._folds import ObjectKFold, number_objects, warn_of_no_groups
 from ..utils._pipeline_steps import last_step
 from ..utils._sklearn import _check_method_params, _num_samples, _safe_indexing
-from ..utils._validation import check_groups, check_weights
+from ..utils._validation import check_groups, check_orders, check_weights
 
 Fold = tuple[NDArray[np.intp], NDArray[np.intp]]
 
@@ -376,16 +375,12 @@ def _run(task, model, classes, fit):
 
 
 def fit_fold(estimator, X, y, train, params, fit=fit_clone, name=None):
-    """Return a clone of an estimator, fitted to the training trials.
-
-    Arguments of a step by its name are those of a pipeline without metadata routing.
-    """
+    """Return a clone of an estimator, fitted to the training trials."""
+    check_orders(X, **params)
     params = _check_method_params(X, params, indices=train)
     X, y = _safe_indexing(X, train), _safe_indexing(y, train)
-    routing = None if all("__" not in name for name in params) else False
     try:
-        with config_context(enable_metadata_routing=routing):
-            return fit(estimator, X, y, **params)
+        return fit(estimator, X, y, **params)
     except ValueError as error:
         if np.ndim(y) < 2 or "1d array" not in str(error):
             raise

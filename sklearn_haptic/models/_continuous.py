@@ -23,7 +23,7 @@ from ..ratings._continuous import cdf_at, check_answers, check_values, quantile_
 from ..ratings._distributions import cdf, shares
 from ..utils._folds import TakesGroups, groups_for
 from ..utils._sklearn import HasMethods, Interval, Trials, _fit_context
-from ..utils._validation import check_groups, check_numbers, check_order, check_weights
+from ..utils._validation import check_groups, check_numbers, check_orders, check_weights
 from ._distributional import DistributionalOrdinalRegressor
 from ._ordinal import DistributionMixin
 
@@ -310,6 +310,6 @@ class ContinuousRatingsRegressor(
         score : float
             Higher is better; :func:`~sklearn_haptic.metrics.crps` with another sign.
         """
-        check_order(X, y)
+        check_orders(X, y=y, sample_weight=sample_weight)
         below = self.predict_cdf(X)
         return -float(crps(y, below, self.grid_, sample_weight=sample_weight))

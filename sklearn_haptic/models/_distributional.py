@@ -265,6 +265,7 @@ class DistributionalOrdinalRegressor(
         levels = self.levels
         if levels is None and frozen:
             levels = getattr(self.estimator, "levels_", None)
+        _refuse_own_levels(self.estimator, levels)
         X, counts, levels, sample_weight, groups = used_trials(
             self, X, y, levels, sample_weight, groups
         )
@@ -426,6 +427,16 @@ class DistributionalOrdinalRegressor(
         return rating if p.ndim else rating[..., 0]
 
 
+def _refuse_own_levels(estimator, levels):
+    """Refuse levels of an estimator inside, which would be ignored."""
+    own = getattr(estimator, "levels", None)
+    if own is not None and (levels is None or [*own] != [*levels]):
+        raise ValueError(
+            f"estimator has levels={[*own]}, which would be ignored; give them to the "
+            "DistributionalOrdinalRegressor."
+        )
+
+
 def fit_linear_models(models, X, counts, sample_weights, levels, names=None):
     """Fit linear models of ratings to the same trials, all at once.
 
@@ -474,7 +485,7 @@ def fit_linear_models(models, X, counts, sample_weights, levels, names=None):
     fit_linear_networks(networks, X, observations, levels)
     for model, weight in zip(models, sample_weights):
         some = np.flatnonzero(weight)
-        model._smooth = is_smooth(model._predict_at, X[some[:: len(some) // 32 + 1]])
+        model._smooth = is_smooth(model._predict_at, X, among=some)
     return models
 
 
@@ -482,7 +493,11 @@ def is_linear(model):
     """Return whether `fit_linear_models` can fit a model."""
     return type(model) is DistributionalOrdinalRegressor and (
         model.estimator is None
-        or (type(model.estimator) is NNPOM and model.estimator.n_hidden == 0)
+        or (
+            type(model.estimator) is NNPOM
+            and model.estimator.n_hidden == 0
+            and model.estimator.levels is None
+        )
     )
 
 

@@ -22,7 +22,7 @@ from ..ratings._distributions import level_at, quantile_grid, shares
 # less than 1e-3 up to 4. They are used if on some training trials they differ from the
 # smallest number of cells by no more than the error below.
 _MIXTURE_NODES = 20
-_SMOOTH_ERROR, _SMOOTH_TRIALS = 0.003, 32
+_SMOOTH_ERROR, _SMOOTH_TRIALS, _SMOOTH_AMONG = 0.003, 32, 256
 
 # What jumps is averaged over cells, over more while the CDF may be off by this much.
 _CELLS = (384, 1024, 4096, 16384)
@@ -177,12 +177,21 @@ def decide(proba, rule):
     return np.sum(np.cumsum(proba[..., :-1], axis=-1) < 0.5, axis=-1)
 
 
-def is_smooth(predict, X):
-    """Whether few nodes give about the same mixture of some trials as many cells do."""
-    some = X[:: max(1, len(X) // _SMOOTH_TRIALS)][:_SMOOTH_TRIALS]
+def is_smooth(predict, X, among=None):
+    """Whether few nodes give about the same mixture of trials as many cells do.
+
+    Of evenly spaced trials, or of those `among` them, it asks the most disputed: where
+    all people agree, any nodes give the same.
+    """
+    among = np.arange(len(X)) if among is None else among
+    spaced = np.unique(np.linspace(0, len(among) - 1, _SMOOTH_AMONG).astype(np.intp))
+    some = X[among[spaced]]
     few, _ = _average(predict, some, *population_quadrature(_MIXTURE_NODES))
-    many, _ = _average(predict, some, *population_cells(_CELLS[0]))
-    return np.abs(np.cumsum(few - many, axis=-1)).max() <= _SMOOTH_ERROR
+    agreement = few.max(axis=-1).reshape(len(few), -1).min(axis=1)
+    disputed = np.argsort(agreement, kind="stable")[:_SMOOTH_TRIALS]
+    many, _ = _average(predict, some[disputed], *population_cells(_CELLS[0]))
+    error = np.cumsum(few[disputed] - many, axis=-1)
+    return np.abs(error).max() <= _SMOOTH_ERROR
 
 
 def mixture(predict, X, smooth):

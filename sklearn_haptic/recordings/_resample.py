@@ -188,8 +188,12 @@ def _resample(trial, stamps, rate, longest_gap, i):
         longest_gap = 1.5 * step
     slack = 1e-6 / rate + resolution  # rounding must not cost the last
     n_samples = int((stamps[-1] + slack) * rate) + 1
-    # Samples a tenth closer than the new ones need no filter.
-    factor = max(1, int(np.ceil(1 / (step * rate) - 0.1)))
+    # At a whole multiple of the rate, images of the line fall beside their signal. At
+    # others they may come out slower, unless it is sampled far more closely.
+    ratio = 1 / (step * rate)
+    factor = max(1, round(ratio))
+    if ratio > factor + 0.1 or 1 < ratio < factor - 0.1:
+        factor = int(np.ceil(8 * ratio))
     fine = np.arange((n_samples - 1) * factor + 1) / (rate * factor)
     flat = trial.reshape(len(trial), -1)
     out = np.full((n_samples, flat.shape[1]), np.nan, dtype=trial.dtype)

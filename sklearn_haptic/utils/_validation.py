@@ -211,6 +211,12 @@ def check_order(X, rows, name="y", of="X"):
         refuse_other_order(X, rows, of, name)
 
 
+def check_orders(X, **given):
+    """Refuse each that is given of the named trials X in another order."""
+    for name, rows in given.items():
+        check_order(X, rows, name)
+
+
 def check_groups(groups, X):
     """Validate the object of each trial; None stays None."""
     if groups is None:
