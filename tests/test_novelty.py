@@ -319,6 +319,23 @@ def test_touches_of_one_channel_may_be_of_one_length():
             )
 
 
+def test_the_unit_of_recordings_changes_no_p_value():
+    """Codes that no training touch has tell no scale."""
+    corpus = make_haptic_corpus(40, 2, "fast_slide", sensors=["pdc"], random_state=0)
+    new = np.isin(corpus.objects, np.unique(corpus.objects)[1::2])
+    model = make_haptic_pipeline(["pdc"], random_state=0)
+    model.set_params(model=DummyDistribution())
+    p_values = []
+    for unit in 1.0, 0.0365, 36500.0:
+        trials = corpus.trials.map(lambda trial, unit=unit: unit * trial)
+        guard = NoveltyGuard(model).fit(
+            trials[~new], corpus.ratings["hard"][~new], groups=corpus.objects[~new]
+        )
+        p_values.append(guard.p_values(trials[new]))
+        assert guard.distances(trials[~new]).max() == pytest.approx(0, abs=1e-9)
+    assert_allclose(p_values[1:], [p_values[0]] * 2, atol=1e-9)
+
+
 def test_groups_that_are_the_classes_are_refused():
     X, _, objects = made(6)
     model = NoveltyGuard(make_pipeline(StandardScaler(), LogisticRegression()))

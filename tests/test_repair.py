@@ -100,6 +100,14 @@ def test_saturated_samples_stay_at_the_limit():
     assert set(repair.faults_["answer"]) == {"kept at the limit"}
 
 
+def test_samples_beside_a_saturated_one_are_interpolated_to_the_limit():
+    rng = np.random.default_rng(0)
+    trial = np.array([100, np.nan, np.nan, np.nan, 65535, 200])
+    trials = [trial, *rng.uniform(0, 4000, (12, 20))]
+    repaired = RepairTrials(limits=(0, 4095)).fit_transform(trials)[0]
+    assert_allclose(np.ravel(repaired)[:5], np.linspace(100, 4095, 5))
+
+
 @pytest.mark.parametrize("channels", [[0], [0, 1, 2, 3]])
 def test_a_trial_that_is_saturated_throughout_is_kept_at_the_limit(channels):
     trials = [trial[:, channels] for trial in recordings()]

@@ -57,6 +57,9 @@ from ._out_of_fold import (
 _FEW_OBJECTS = 19
 # Distances that are computed at once.
 _BLOCK = 2**22
+# Features that vary by less than this share of the most variable one are constant.
+_CONSTANT = 1e-12
+
 # Beyond this, in units of the largest departure in training, all are equally far.
 _FAR = 1e100
 
@@ -76,9 +79,15 @@ def nearest_distances(rows, train, objects=None, train_objects=None):
     Returns
     -------
     distance : ndarray of shape (n_rows,)
-        Root mean square difference over features.
+        Root mean square difference over features. Features that are constant in
+        training, which tell no scale, count as the same in all rows.
     """
     rows, train = (np.asarray(each, dtype=np.float64) for each in (rows, train))
+    with np.errstate(over="ignore"):
+        spread = np.ptp(train, axis=0)
+    constant = spread <= _CONSTANT * spread.max()
+    if not constant.all():
+        rows = np.where(constant, train[0], rows)
     centre = np.median(train, axis=0)  # one row that lies far out does not move it
     departure = np.abs(train - centre)
     unit = np.median(departure[departure > 0]) if departure.any() else 1.0

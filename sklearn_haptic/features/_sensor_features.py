@@ -71,6 +71,8 @@ def block_weights(varies, blocks):
 class BlockScaler(StandardScaler):
     """Standardise features, and give the blocks of each sensor equal total variance.
 
+    Features that are constant in training stay at 0, whatever a later touch has.
+
     Parameters
     ----------
     blocks : list of list of int, default=None
@@ -94,11 +96,11 @@ class BlockScaler(StandardScaler):
     def partial_fit(self, X: Any, y: Any = None, sample_weight: Any = None) -> Self:
         """Learn means and variances, as `fit` does by this method."""
         super().partial_fit(X, y, sample_weight)
-        # A feature that varies by no more than rounding is constant: its scale is 1.
+        # One that varies by no more than rounding is constant, and tells no scale.
         level = 4 * np.finfo(np.result_type(X, np.float32)).eps
         deviation = np.sqrt(self.var_)
         varies = (self.scale_ == deviation) & (deviation > level * np.abs(self.mean_))
-        self.scale_ = np.where(varies, deviation, 1)
+        self.scale_ = np.where(varies, deviation, np.finfo(np.float32).max)
         if self.blocks is not None:
             self.scale_ /= block_weights(varies, self.blocks)
         return self

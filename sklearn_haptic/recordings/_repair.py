@@ -175,11 +175,10 @@ def repair_channels(cell, limits, rest):
         faults.append((_ALL, "dropped frames", int(dropped.sum()), "interpolated"))
         missing = missing & ~dropped[:, np.newaxis]
     faults += _each(missing.sum(axis=0), "missing samples", "interpolated")
-    repaired = fill_samples(cell)
     if limits is not None:
         beyond = (cell <= limits[0]) | (cell >= limits[1])
         faults += _each(beyond.sum(axis=0), "saturated", "kept at the limit")
-        repaired = repaired.clip(*limits)
+    repaired = fill_samples(cell if limits is None else cell.clip(*limits))
     faults = [(*fault, np.nan) for fault in faults]
     if rest is not None:
         resting = pd.DataFrame(np.where(np.isnan(cell), np.nan, repaired)[:rest])

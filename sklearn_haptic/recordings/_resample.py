@@ -40,11 +40,11 @@ def resample_trials(
     """Resample trials to an even rate, from the time stamps of their samples.
 
     Between two stamps the signal is a straight line. If the stamps are closer than the
-    new samples, the line is sampled at a whole multiple of the rate and decimated by
-    the filter of :func:`scipy.signal.resample_poly`, so that no vibration comes out as
-    a slower one; only the first and the last samples keep a part of it. Where frames
-    were dropped, the new samples are NaN, which :class:`RepairTrials` fills and
-    reports.
+    new samples by more than a tenth, the line is sampled at a whole multiple of the
+    rate and decimated by the filter of :func:`scipy.signal.resample_poly`, so that no
+    vibration comes out as a slower one; only the first and the last samples keep a part
+    of it. Where frames were dropped, the new samples are NaN, which
+    :class:`RepairTrials` fills and reports.
 
     Parameters
     ----------
