@@ -351,6 +351,28 @@ def slid(seed=0, n_objects=30):
     return X, [crowds[i].tolist() for i in objects], objects
 
 
+@pytest.mark.parametrize("share", [0.15, 0.4])
+def test_intervals_of_sliders_that_people_leave_at_an_end(share):
+    """As narrow as where the cells of the same grid are levels, and no surer."""
+    rng, grid = np.random.default_rng(0), np.linspace(0, 100, 21)
+    feel = rng.normal(size=260)
+    answers = 40 + 15 * feel[:, np.newaxis] + 8 * rng.normal(size=(260, 8))
+    answers = answers.clip(1, 99)
+    answers[rng.random(answers.shape) < share] = 0
+    X = feel[:, np.newaxis] + 0.3 * rng.normal(size=(260, 1))
+    ordinal = DistributionalOrdinalRegressor(NNPOM(0, alpha=0.1))
+    sliders = ConformalRatings(ContinuousRatingsRegressor(ordinal, grid=grid))
+    sliders.fit(X[:60], answers[:60], groups=range(60))
+    lower, upper = sliders.predict_interval(X[60:], 0.2)
+    held = (answers[60:] >= lower[:, None]) & (answers[60:] <= upper[:, None])
+    assert 0.75 < held.mean() < 0.9
+    cell = np.clip(np.searchsorted(grid[1:-1], answers), 0, 19)
+    counts = (cell[:, :, np.newaxis] == np.arange(20)).sum(axis=1)
+    levels = ConformalRatings(ordinal).fit(X[:60], counts[:60], groups=range(60))
+    low, high = levels.predict_interval(X[60:], 0.2)
+    assert (upper - lower).mean() < 1.1 * (grid[high] - grid[low - 1]).mean()
+
+
 @pytest.mark.parametrize("grid", [None, np.linspace(-99, 199, 50)])
 def test_intervals_of_sliders(grid):
     X, answers, objects = slid()
@@ -358,15 +380,21 @@ def test_intervals_of_sliders(grid):
     base = ContinuousRatingsRegressor(n_cells=8, grid=grid)
     model = ConformalRatings(base, cv=folds).fit(X, answers, groups=objects)
     assert not is_classifier(model)
-    new, at = world(7, 6)[0], np.linspace(-40, 140, 91)
+    new = world(7, 6)[0]
+    ends = [each.grid_[[0, -1]] for each in model.estimators_]
+    at = np.unique(np.r_[np.linspace(-40, 140, 91), np.ravel(ends)])
 
     def score(fold, x, values):
         grid = fold.grid_
         beyond = np.maximum(grid[0] - values, values - grid[-1]) / np.ptp(grid)
-        share = fold.predict_cdf(x[np.newaxis], values)[0]
+        share, (low, high) = (
+            fold.predict_cdf(x[np.newaxis], each)[0] for each in (values, grid[[1, -2]])
+        )
+        share = np.where(values == grid[0], min(low, 0.5), share)  # as all its cell
+        share = np.where(values == grid[-1], max(high, 0.5), share)
         return abs(2 * share - 1) + np.maximum(beyond, 0)
 
-    weight = np.ones((6, 91))
+    weight = np.ones((6, len(at)))
     for fold, (_, test) in zip(model.estimators_, folds):
         for t, i in product(test, range(6)):
             known = score(fold, X[t], np.array(answers[t]))
@@ -375,12 +403,13 @@ def test_intervals_of_sliders(grid):
     p = model.p_values(new, at)
     assert_allclose(p, weight / (len(set(objects)) + 1))
     before = [np.full(6, -np.inf), np.full(6, np.inf)]
+    gap = 2 + (np.diff(model.grid_).max() if grid is None else 0)  # an end of one fold
     for alpha in (0.05, 0.1, 0.2, 0.4):
         lower, upper = model.predict_interval(new, alpha)
         for i in range(6):
             inside = at[p[i] > alpha]
-            assert lower[i] <= inside[0] < max(lower[i] + 2, -39)
-            assert min(upper[i] - 2, 139) < inside[-1] <= upper[i]
+            assert lower[i] - 1e-6 <= inside[0] < max(lower[i] + gap, -39)
+            assert min(upper[i] - gap, 139) < inside[-1] <= upper[i] + 1e-6
         assert (before[0] <= lower).all() and (upper <= before[1]).all()
         before = lower, upper
         low, high = model.predict_band(new, alpha)

@@ -18,6 +18,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
 from scipy.spatial.distance import pdist
 from sklearn import config_context
 from sklearn.base import clone
@@ -36,7 +37,7 @@ from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.recordings._biotac import PROCEDURES
 from sklearn_haptic.recordings._biotac import SENSORS as SENSORS_OF_PHAC2
 from sklearn_haptic.study import read_study, run_study
-from sklearn_haptic.study._corpus import compute_trials
+from sklearn_haptic.study._corpus import compute_trials, open_corpus
 from sklearn_haptic.study._features import (
     cells_of,
     choose_trials,
@@ -319,6 +320,18 @@ def test_corpus_that_changed(tmp_path, monkeypatch, size):
     ) as raised:
         run_study(corpus_of_size, tmp_path, **SETTINGS)
     assert "('features', 'fast_slide', 'pdc')" in raised.value.__notes__[0]
+
+
+@pytest.mark.parametrize("form", [np.asarray, list, pd.Series])
+def test_one_rating_per_trial_is_a_count_of_one(form):
+    corpus = CORPUS(procedure="fast_slide", sensors=["tdc"])
+    labels = [1, 1, 2, 2, 2, 2, 4, 4, 4, 4, 5, 5, 5, 5, 1, 1]
+    ratings = {"hard": form(labels)}
+    load, *_ = open_corpus({"slide": Bunch(**{**corpus, "ratings": ratings})})
+    columns, _ = compute_trials(Bunch(corpus=load, sensors=["tdc"]), "slide")
+    counts = np.stack([columns[f"hard_{k}"] for k in range(1, 5)], axis=1)
+    assert_array_equal(counts, np.equal.outer(labels, [1, 2, 4, 5]))
+    assert "hard_5" not in columns
 
 
 # Checks at the start ------------------------------------------------------------

@@ -118,13 +118,14 @@ class ConformalRatings(
     -----
     A level's score is how far it is from the predicted median,
     :math:`2\max(F(y - 1) - 1/2,\, 1/2 - F(y),\, 0)`, and larger beyond all that is
-    predicted. Its p-value is the weight of the
-    training ratings with a score as large, each from the model fitted without its
-    object, and of one more for the new object, divided by the number of objects and 1.
-    The ratings of an object weigh 1 together, as many as there are. With a model
-    fitted before, the set of levels with :math:`p > \alpha` holds a new rating with a
-    probability of :math:`1 - \alpha` or more [1]_ [2]_. With the models of folds it
-    does so in practice; for folds of one object :math:`1 - 2\alpha` is proved [3]_.
+    predicted. A value of a slider has :math:`|2F(y) - 1|`, and an end of the scale the
+    smallest of its cell, because many people may leave a slider there. The p-value is
+    the weight of the training ratings with a score as large, each from the model fitted
+    without its object, and of one more for the new object, divided by the number of
+    objects and 1. The ratings of an object weigh 1 together, as many as there are. With
+    a model fitted before, the set of levels with :math:`p > \alpha` holds a new rating
+    with a probability of :math:`1 - \alpha` or more [1]_ [2]_. With the models of folds
+    it does so in practice; for folds of one object :math:`1 - 2\alpha` is proved [3]_.
     The predicted median and the levels between chosen ones are always added.
 
     References

@@ -40,6 +40,9 @@ def level_scores(below):
 def value_scores(values, below, grid):
     """Return the scores of values on a slider, which grow on beyond the grid.
 
+    Many people may leave a slider at an end, which no CDF within a cell can tell. So an
+    end is as far from the median as the nearest value of its cell.
+
     Parameters
     ----------
     values : ndarray of shape (n_trials, n_values)
@@ -51,8 +54,11 @@ def value_scores(values, below, grid):
     score : ndarray of shape (n_trials, n_values)
     """
     at = [np.interp(each, grid, row) for each, row in zip(values, below, strict=True)]
+    at = np.reshape(at, values.shape)
+    at = np.where(values == grid[0], np.minimum(below[:, 1:2], 0.5), at)
+    at = np.where(values == grid[-1], np.maximum(below[:, -2:-1], 0.5), at)
     beyond = np.maximum(grid[0] - values, values - grid[-1]) / (grid[-1] - grid[0])
-    return 2 * np.abs(np.reshape(at, values.shape) - 0.5) + np.maximum(beyond, 0)
+    return 2 * np.abs(at - 0.5) + np.maximum(beyond, 0)
 
 
 def highest_values(score, below, grid):
@@ -65,6 +71,7 @@ def highest_values(score, below, grid):
     start, width = below[cell - 1], below[cell] - below[cell - 1]
     share = np.divide(p - start, width, out=np.ones_like(p), where=width > 0)
     inside = grid[cell - 1] + np.clip(share, 0, 1) * (grid[cell] - grid[cell - 1])
+    inside = np.where(p + TOLERANCE >= below[-2], grid[-1], inside)  # with its cell
     beyond = np.maximum(score - 1 - 2 * TOLERANCE, 0)  # ends of a scale stay exact
     return inside + beyond * (grid[-1] - grid[0])
 

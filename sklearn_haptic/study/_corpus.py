@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch
 
+from ..ratings._checks import check_ratings
 from ..ratings._levels import in_order_of_levels, levels_of_columns
 from ..recordings._biotac import PROCEDURES, SENSORS
 from ..utils._validation import check_order
@@ -102,7 +103,10 @@ def compute_trials(study, procedure):
         )
     columns = names_of_trials(corpus)
     for adjective, counts in corpus.ratings.items():
-        _, order = levels_of_columns(counts, None, f"ratings[{adjective!r}]")
+        name = f"ratings[{adjective!r}]"
+        if np.shape(counts)[1:] in ((), (1,)):  # one rating per trial
+            counts = check_ratings(counts, name=name)[0].astype(int)
+        _, order = levels_of_columns(counts, None, name)
         counts = in_order_of_levels(np.asarray(counts), order)
         for k, count in enumerate(counts.T, start=1):
             columns[f"{adjective}_{k}"] = count
