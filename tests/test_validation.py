@@ -1,5 +1,6 @@
 """Which inputs are tables, which are trials, and what bad ones are told."""
 
+import re
 from datetime import date, timedelta
 from itertools import permutations
 
@@ -21,8 +22,20 @@ from sklearn_haptic import (
     resample_trials,
 )
 from sklearn_haptic.datasets import describe_corpus
-from sklearn_haptic.metrics import neg_macro_mae_scorer, ranked_probability_score
+from sklearn_haptic.metrics import (
+    crps,
+    macro_mae_at_positions,
+    neg_macro_mae_scorer,
+    noise_ceiling,
+    ranked_probability_score,
+)
 from sklearn_haptic.model_selection import cross_val_predict_proba, model_report
+from sklearn_haptic.plotting import (
+    InterraterAgreementDisplay,
+    PITHistogramDisplay,
+    RatingsDisplay,
+    TouchTimeDisplay,
+)
 from sklearn_haptic.ratings import outlying_raters, rating_counts
 from sklearn_haptic.recordings._sequences import Sequences, row_index
 from sklearn_haptic.recordings._trials import channel_names, check_trials, is_table
@@ -324,6 +337,46 @@ def test_what_is_handed_on_of_named_touches_in_another_order(use):
     given = pd.Series(range(1, 13), y.index[::-1])
     with pytest.raises(ValueError, match=REORDERED.format("X")):
         use(X, y, given)
+
+
+RATED = pd.DataFrame([[1, 2], [3, 5], [6, 9]], ["tin", "mat", "cup"])
+OTHERWISE = RATED.astype(float).iloc[::-1]
+
+
+@pytest.mark.parametrize(
+    "name, score",
+    [
+        ("values", lambda y: crps(y, [0, 1], OTHERWISE)),
+        ("y_pred", lambda y: macro_mae_at_positions(y, OTHERWISE, [0.2, 0.8])),
+        ("sample_weight", lambda y: noise_ceiling(y, sample_weight=OTHERWISE[0])),
+        (
+            "groups",
+            lambda y: PITHistogramDisplay.from_predictions(
+                y, [[0.5, 0.5]] * 3, groups=OTHERWISE[0]
+            ),
+        ),
+        (
+            "groups",
+            lambda y: TouchTimeDisplay.from_predictions(
+                y, [[[0.5, 0.5]]] * 3, [1], groups=OTHERWISE[0]
+            ),
+        ),
+    ],
+    ids=["crps", "positions", "weights", "objects of a histogram", "of touch times"],
+)
+def test_scores_and_displays_of_named_touches_in_another_order(name, score):
+    with pytest.raises(ValueError, match=f"^{name} " + REORDERED.format("y_true")):
+        score(RATED)
+
+
+def test_drawn_ratings_of_named_objects_in_another_order():
+    first = re.escape("counts['soft']")
+    tables = {"soft": RATED, "hard": OTHERWISE}
+    for display in RatingsDisplay, InterraterAgreementDisplay:
+        with pytest.raises(ValueError, match=REORDERED.format(first)):
+            display.from_counts(tables)
+        with pytest.raises(ValueError, match="^objects " + REORDERED.format("counts")):
+            display.from_counts(RATED, objects=pd.Series(range(3), OTHERWISE.index))
 
 
 def test_objects_of_named_touches_in_another_order():

@@ -1,13 +1,14 @@
 """What scores have in common: their arguments, and the mean over trials."""
 
 from collections.abc import Callable
+from functools import wraps
 from inspect import signature
 from typing import Any, TypeVar
 
 import numpy as np
 
 from ..utils._sklearn import StrOptions, validate_params
-from ..utils._validation import check_weights
+from ..utils._validation import check_order, check_weights
 
 _SHARED = {
     "y_true": ["array-like"],
@@ -22,14 +23,26 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def as_score(**constraints: list[Any]) -> Callable[[F], F]:
-    """Decorate a score: validate its parameters, those that scores share alike."""
+    """Decorate a score: validate its parameters, those that scores share alike.
+
+    What is given of the trials of ``y_true`` in another order is refused.
+    """
 
     def decorate(score: F) -> F:
-        own = [name for name in signature(score).parameters if name in all_known]
+        arguments = signature(score)
+        own = [name for name in arguments.parameters if name in all_known]
         validate = validate_params(
             {name: all_known[name] for name in own}, prefer_skip_nested_validation=True
         )
-        validated: F = validate(score)
+
+        @wraps(score)
+        def in_order(*args, **kwargs):
+            given = arguments.bind(*args, **kwargs).arguments
+            for name, rows in given.items():
+                check_order(given["y_true"], rows, name, "y_true")
+            return score(*args, **kwargs)
+
+        validated: F = validate(in_order)
         return validated
 
     all_known = {**_SHARED, **constraints}

@@ -18,7 +18,7 @@ from ..ratings._checks import check_distributions
 from ..ratings._distributions import cdf, shares
 from ..ratings._levels import predict_in_named_order
 from ..utils._sklearn import Trials
-from ..utils._validation import check_groups
+from ..utils._validation import check_groups, check_order
 from ._display import Axes, Display
 from ._style import BLUE, colours_of, legend_beside
 
@@ -124,6 +124,7 @@ class _CalibrationDisplay(Display):
         n_bins = cls._n_bins if n_bins is None else n_bins
         check_scalar(n_bins, "n_bins", Integral, min_val=1)
         counts, proba, levels = check_distributions(y_true, y_proba, levels)
+        check_order(y_true, groups, "groups", "y_true")
         objects = None if groups is None else _check_groups(groups, counts)
         return cls._of(counts, proba, levels, n_bins, objects).plot(ax)
 

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_consistent_length
 
 from ..ratings import adjective_correlation, interrater_agreement
 from ..ratings._checks import check_counts, check_two_ratings
-from ..utils._validation import check_objects
+from ..utils._validation import check_objects, check_order
 from ._display import Axes, Display
 from ._style import BLUE
 
@@ -456,12 +456,15 @@ def _counts_of_objects(
     }
     tables = {name: table for name, (table, _) in checked.items()}
     first_name, (first_table, levels_of_all) = next(iter(checked.items()))
+    check_order(given[first_name], objects, "objects", _called(first_name, counts))
     for name, (table, its_levels) in checked.items():
+        called, called_first = _called(name, counts), _called(first_name, counts)
+        check_order(given[first_name], given[name], called, called_first)
         same_levels = its_levels.tolist() == levels_of_all.tolist()
         if not same_levels or table.shape != first_table.shape:
             raise ValueError(
-                f"{_called(name, counts)} has other rows or levels than "
-                f"{_called(first_name, counts)}; give the same for each."
+                f"{called} has other rows or levels than {called_first}; give the same "
+                "for each."
             )
     if objects is None:
         return tables, [*map(str, range(len(first_table)))], levels_of_all

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..metrics import ranked_probability_score
 from ..ratings._checks import check_distributions, check_ratings
-from ..utils._validation import check_groups, check_numbers
+from ..utils._validation import check_groups, check_numbers, check_order
 from ._display import Axes, Display
 from ._style import colours_of, legend_beside
 
@@ -133,6 +133,7 @@ class TouchTimeDisplay(Display):
             [_scores(counts, proba[:, k], levels, metric) for k in range(len(seconds))],
             axis=1,
         )
+        check_order(y_true, groups, "groups", "y_true")
         groups = check_groups(groups, scores)
         rules, last = {}, None
         for name, index in ({} if stopped is None else stopped).items():
