@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import wraps
 from inspect import signature
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -42,8 +42,7 @@ def as_score(**constraints: list[Any]) -> Callable[[F], F]:
                 check_order(given["y_true"], rows, name, "y_true")
             return score(*args, **kwargs)
 
-        validated: F = validate(in_order)
-        return validated
+        return cast(F, validate(in_order))
 
     all_known = {**_SHARED, **constraints}
     return decorate
