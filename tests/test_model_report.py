@@ -12,6 +12,7 @@ from sklearn.frozen import FrozenEstimator
 from sklearn.metrics import accuracy_score, balanced_accuracy_score, confusion_matrix
 from sklearn.model_selection import GridSearchCV, GroupKFold, KFold
 from sklearn.naive_bayes import GaussianNB
+from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from test_out_of_fold import COUNTS, OBJECTS, REGRESSOR, X
@@ -245,11 +246,11 @@ def test_classes_have_no_order():
     features = X + 2 * (words == "cork")[:, None]
     report = model_report(GaussianNB(), features, words, groups=OBJECTS, cv=3)
     folds = list(GroupKFold(3).split(X, groups=pd.factorize(OBJECTS)[0]))
-    predicted, guess = np.empty((2, len(X)), dtype=words.dtype)
+    predicted = np.empty(len(X), dtype=words.dtype)
     for train, test in folds:
         model = GaussianNB().fit(features[train], words[train])
         predicted[test] = model.predict(features[test])
-        guess[test] = max(words[train], key=words[train].tolist().count)
+    guess = np.full(len(X), max(words, key=words.tolist().count))
     for who, each in {"model": predicted, "most frequent": guess}.items():
         row = report.scores.loc["ratings", who]
         assert row["accuracy"] == pytest.approx(accuracy_score(words, each))
@@ -267,6 +268,20 @@ def test_classes_have_no_order():
     unordered = pd.Series(words, dtype="category")
     again = model_report(GaussianNB(), features, unordered, groups=OBJECTS, cv=3)
     pd.testing.assert_frame_equal(again.gains, report.gains)
+
+
+def test_noise_does_not_look_better_than_the_most_frequent_class():
+    """Of equally frequent classes that of the training trials is the rarest tested."""
+    rng = np.random.default_rng(0)
+    words = np.repeat(["wood", "cork", "foam", "felt"], 10)
+    folds = KFold(5, shuffle=True, random_state=0)
+    verdicts = []
+    for _ in range(20):
+        noise = rng.normal(size=(40, 2))
+        report = model_report(KNeighborsClassifier(1), noise, words, cv=folds)
+        assert report.gains["accuracy_guess"].item() == 0.25
+        verdicts += report.gains["verdict"].tolist()
+    assert verdicts.count("better") <= 2
 
 
 @pytest.mark.filterwarnings("ignore:GridSearchCV has cv=2, which splits by trial")

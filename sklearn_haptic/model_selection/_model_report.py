@@ -107,9 +107,8 @@ def model_report(
     For each adjective and fold, a clone of the model is fitted to the training trials
     and predicts the test trials, and so do both strategies of
     :class:`~sklearn_haptic.DummyDistribution`, which ignore the touch; classes without
-    an order are guessed to be the most frequent one of the training trials. Sliders are
-    those that a `ContinuousRatingsRegressor` predicts, around or behind any steps. A
-    notebook
+    an order are guessed to be the most frequent one of all trials. Sliders are those
+    that a `ContinuousRatingsRegressor` predicts, around or behind any steps. A notebook
     shows the result as tables, and `print` as text; its last sentence says how much
     better than guessing the model is, or that it is not.
 
@@ -424,15 +423,17 @@ def _guessed(dummy, y, folds, method=None):
 
 
 def _compare_classes(name, y, outcomes, folds, tested):
-    """Score the classes predicted beside the most frequent one of training.
+    """Score the classes predicted beside the most frequent one of all trials.
+
+    That of a fold's training trials would be the rarest of those it tests, if classes
+    are equally frequent, and any model would look better than guessing.
 
     Yield what `_compare_ratings` does, by the accuracy.
     """
     y = np.asarray(y)
     true, predicted = y[tested], in_order([each for each, _ in outcomes], folds)
-    frequent = [pd.Series(y[train]).value_counts().index[0] for train, _ in folds]
-    guesses = [np.full(len(test), each) for each, (_, test) in zip(frequent, folds)]
-    by_predictor = {"model": predicted, "most frequent": in_order(guesses, folds)}
+    frequent = np.full(len(tested), pd.Series(y).mode()[0])
+    by_predictor = {"model": predicted, "most frequent": frequent}
     scores, right = {}, {}
     for who, each in by_predictor.items():
         right[who] = pd.Series((each == true).astype(float))
