@@ -1,4 +1,5 @@
 import numpy as np
+import pandas as pd
 import pytest
 
 from sklearn_haptic.metrics import ranked_probability_score
@@ -29,6 +30,40 @@ def test_the_curve_is_the_mean_over_objects():
     line = display.errorbar_[0].get_xydata()
     np.testing.assert_allclose(line, np.column_stack([SECONDS, display.score]))
     assert display.stops_ is None
+
+
+def test_objects_change_errors_not_means():
+    counts = np.array([[4, 0]] * 8 + [[0, 4]])
+    proba = np.tile([[[0.5, 0.5], [0.9, 0.1]]], (9, 1, 1))
+    objects, stops = [0] * 8 + [1], {"rule": np.array([0] * 8 + [1])}
+    alone, grouped = (
+        TouchTimeDisplay.from_predictions(
+            counts, proba, [1, 2], stopped=stops, groups=groups
+        )
+        for groups in (None, objects)
+    )
+    expected = ranked_probability_score(counts, proba[:, 1])
+    for display in alone, grouped:
+        assert display.score == pytest.approx([0.25, expected])
+        assert display.rules["rule"][0, :2] == pytest.approx([10 / 9, 2.81 / 9])
+    # Both deviations, 8/9 below and above, divided by what a mean of two takes away.
+    away = 8 / 9 * (0.81 - 0.01) / 9
+    se = away * np.sqrt(1 / (1 - 8 / 9) + 1 / (1 - 1 / 9))
+    assert grouped.score_se[1] == pytest.approx(se)
+
+
+def test_columns_in_the_order_of_the_classes_of_the_model():
+    """By brute force; the alphabet puts "large" before "medium" and "small"."""
+    order = ["small", "medium", "large"]
+    sizes = pd.Series(pd.Categorical(["small", "medium"], order, ordered=True))
+    proba = np.array([[[0.1, 0.1, 0.8]], [[0.7, 0.2, 0.1]]])
+    alphabet = np.sort(order)
+    error = TouchTimeDisplay.from_predictions(
+        sizes.astype(str), proba, [1], levels=alphabet, metric="error"
+    )
+    assert error.score == 0.5
+    rps = TouchTimeDisplay.from_predictions(sizes, proba, [1], levels=alphabet)
+    assert rps.score == pytest.approx((0.2**2 + 0.1**2 + 0.1**2 + (0.9 - 0.2) ** 2) / 2)
 
 
 def test_rules_are_points_of_mean_seconds_and_score():

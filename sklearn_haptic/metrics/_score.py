@@ -58,3 +58,27 @@ def weighted_mean(values, sample_weight):
     weight = check_weights(sample_weight, values)
     used = weight > 0
     return np.average(values[used], axis=0, weights=weight[used])
+
+
+def mean_over_objects(values, objects):
+    """Return the mean of trials, its error over objects, and degrees of freedom.
+
+    Trials count equally, so that objects count by their trials. The error and the
+    degrees of freedom of Student's t are those of a mean of independent objects with
+    these weights, as of Bell and McCaffrey (2002). Of a single object they are NaN.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.metrics._score import mean_over_objects
+    >>> mean_over_objects(np.array([1.0, 3.0, 2.0, 2.5]), ["a", "a", "b", "b"])
+    (2.125, 0.125, 1.0)
+    """
+    ids, which = np.unique(objects, return_inverse=True)
+    mean = float(values.mean())
+    if len(ids) == 1:
+        return mean, np.nan, np.nan
+    weight = np.bincount(which) / len(values)
+    deviation = np.bincount(which, values - mean) / len(values)
+    error = np.sqrt((deviation**2 / (1 - weight)).sum())
+    return mean, float(error), float(1 / (weight**2).sum() - 1)

@@ -27,6 +27,7 @@ from ..ensembles._out_of_fold import (
     predict_fold,
 )
 from ..metrics import crps, dispersion, noise_ceiling
+from ..metrics._score import mean_over_objects
 from ..metrics._trial_scores import score_trials
 from ..models import ContinuousRatingsRegressor, DummyDistribution
 from ..models._ordinal import DistributionMixin
@@ -452,10 +453,6 @@ def _compare_classes(name, y, outcomes, folds, tested):
 def gain_over_objects(gains, objects):
     """Return the mean gain of trials, its error and interval over objects, and verdict.
 
-    Trials count equally, so that objects count by their trials. The error and the
-    degrees of freedom of Student's t are those of a mean of independent objects with
-    these weights, as of Bell and McCaffrey (2002).
-
     Examples
     --------
     >>> import numpy as np
@@ -463,19 +460,14 @@ def gain_over_objects(gains, objects):
     >>> gain_over_objects(np.array([1.0, 3.0, 2.0, 2.5]), ["a", "a", "b", "b"])
     {'gain': 2.125, 'standard_error': 0.125, 'lower': ..., 'verdict': 'better'}
     """
-    ids, which = np.unique(objects, return_inverse=True)
-    gain, error, margin = gains.mean(), np.nan, np.nan
-    if len(ids) > 1:
-        weight = np.bincount(which) / len(gains)
-        deviation = np.bincount(which, gains - gain) / len(gains)
-        error = np.sqrt((deviation**2 / (1 - weight)).sum())
-        margin = error * student.ppf(0.975, 1 / (weight**2).sum() - 1)
+    gain, error, freedom = mean_over_objects(gains, objects)
+    margin = error * student.ppf(0.975, freedom)
     verdict = "not shown"
     if abs(gain) > margin:
         verdict = "better" if gain > 0 else "worse"
     return {
-        "gain": float(gain),
-        "standard_error": float(error),
+        "gain": gain,
+        "standard_error": error,
         "lower": float(gain - margin),
         "upper": float(gain + margin),
         "verdict": verdict,

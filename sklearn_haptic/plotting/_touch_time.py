@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..metrics import ranked_probability_score
-from ..ratings._checks import check_distributions, check_ratings
+from ..metrics._score import mean_over_objects
+from ..ratings._checks import check_distributions
+from ..ratings._levels import in_named_order
 from ..utils._validation import check_groups, check_numbers, check_order
 from ._display import Axes, Display
 from ._style import colours_of, legend_beside
@@ -85,6 +87,7 @@ class TouchTimeDisplay(Display):
         *,
         stopped: Mapping[str, ArrayLike] | None = None,
         groups: ArrayLike | None = None,
+        levels: ArrayLike | None = None,
         metric: str = "rps",
         ax: Axes | None = None,
     ) -> Self:
@@ -105,6 +108,10 @@ class TouchTimeDisplay(Display):
         groups : array-like of shape (n_trials,), default=None
             The object of each trial, over which standard errors are taken; by default
             trials.
+        levels : array-like of shape (n_levels,), default=None
+            What the columns of ``y_proba`` are, such as the model's ``classes_``; an
+            ordered categorical puts them in its order. By default they are the levels
+            that ``y_true`` names, else those that occur in it.
         metric : {"rps", "error"}, default="rps"
             The ranked probability score, or the share of trials whose most probable
             class is wrong.
@@ -128,25 +135,27 @@ class TouchTimeDisplay(Display):
         seconds = _check_seconds(seconds, proba)
         if metric not in ("rps", "error"):
             raise ValueError(f"metric={metric!r} must be 'rps' or 'error'.")
-        counts, levels = check_ratings(y_true, name="y_true")
         scores = np.stack(
-            [_scores(counts, proba[:, k], levels, metric) for k in range(len(seconds))],
+            [_scores(y_true, proba[:, k], levels, metric) for k in range(len(seconds))],
             axis=1,
         )
         check_order(y_true, groups, "groups", "y_true")
-        groups = check_groups(groups, scores)
+        objects = np.arange(len(scores)) if groups is None else groups
+        objects = check_groups(objects, scores)
         rules, last = {}, None
         for name, index in ({} if stopped is None else stopped).items():
             index = np.atleast_2d(_check_index(index, name, scores.shape))
             each = np.take_along_axis(scores.T, index, axis=0)
             rules[name] = np.array(
                 [
-                    (seconds[at].mean(), *_mean_and_se(own, groups))
+                    (seconds[at].mean(), *mean_over_objects(own, objects)[:2])
                     for at, own in zip(index, each)
                 ]
             )
             last = seconds[index[-1]]
-        score, score_se = np.transpose([_mean_and_se(s, groups) for s in scores.T])
+        score, score_se, _ = np.transpose(
+            [mean_over_objects(each, objects) for each in scores.T]
+        )
         name = {"rps": "RPS", "error": "share of errors"}[metric]
         return cls(seconds, score, score_se, rules=rules, stops=last, metric=name).plot(
             ax
@@ -211,21 +220,13 @@ class TouchTimeDisplay(Display):
         legend_beside(ax)
 
 
-def _scores(counts, proba, levels, metric):
-    if metric == "rps":
-        return ranked_probability_score(counts, proba, average=False, levels=levels)
-    counts, proba, _ = check_distributions(counts, proba, levels)
-    right = counts[np.arange(len(counts)), proba.argmax(axis=1)]
-    return 1 - right / counts.sum(axis=1)
-
-
-def _mean_and_se(scores, groups):
-    """Return the mean over objects, and its standard error."""
-    if groups is not None:
-        _, which = np.unique(groups, return_inverse=True)
-        scores = np.bincount(which, scores) / np.bincount(which)
-    n = len(scores)
-    return scores.mean(), scores.std(ddof=1) / np.sqrt(n) if n > 1 else np.nan
+def _scores(y_true, proba, levels, metric):
+    counts, proba, levels = check_distributions(y_true, proba, levels)
+    if metric == "error":
+        right = counts[np.arange(len(counts)), proba.argmax(axis=1)]
+        return 1 - right / counts.sum(axis=1)
+    proba, levels = in_named_order(proba, levels, y_true)
+    return ranked_probability_score(y_true, proba, average=False, levels=levels)
 
 
 def _check_seconds(seconds, proba):
