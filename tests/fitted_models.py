@@ -220,7 +220,7 @@ def methods_of(model, X, y):
         "start": lambda: model.start(),
         "sample": lambda: model.sample(X, 2, random_state=0),
         "weights": lambda: model.weights([["a"]]),
-        "blur": lambda: model.blur([["a"]]),
+        "breadth": lambda: list(model.breadth([["a"]]).values()),
         "expected_excess": lambda: model.expected_excess([["a"]]),
         "score": lambda: model.score(X, y),
         "get_params": lambda: model.get_params(),

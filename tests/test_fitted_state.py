@@ -307,7 +307,7 @@ def test_what_is_not_fitted_says_so(name):
     unfitted, X, y = MODELS[name]
     asked = 0
     for method, call in methods_of(clone(unfitted), X, y).items():
-        if method in ("transform", "distances", "p_values", "weights", "blur") or (
+        if method in ("transform", "distances", "p_values", "weights", "breadth") or (
             method.startswith(("predict", "sample", "score", "start", "expected"))
         ):
             asked += 1

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.optimize import brentq, minimize
+from scipy.optimize import minimize
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.ensemble import AdaBoostClassifier
@@ -25,10 +25,10 @@ from sklearn_haptic import (
 )
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.ensembles._pool_moments import (
-    blur_share,
     error_moments,
-    mean_products,
+    means_of_touches,
     pairs_of,
+    pool_breadth,
     pool_weights,
     spread_moments,
 )
@@ -155,10 +155,12 @@ def test_touches_that_err_together_are_worth_one():
     assert one[1] == pytest.approx(five[1])
 
 
-def blurred_by_hand(proba, blur):
-    """Give half of a share of each level to either neighbour, one after the other."""
-    out = (1 - blur) * np.asarray(proba)
-    for k, p in enumerate(proba):
+def broad_by_hand(proba, power, blur):
+    """Sort what is a CDF but for rounding and negative weights; raise or blur it."""
+    below = np.sort(np.clip(np.append(np.cumsum(proba)[:-1], 1), 0, 1))
+    proba = np.diff(below, prepend=0) ** power
+    out = (1 - blur) * proba / proba.sum()
+    for k, p in enumerate(proba / proba.sum()):
         for neighbour in (k - 1, k + 1):
             out[min(max(neighbour, 0), len(proba) - 1)] += blur * p / 2
     return out
@@ -177,10 +179,12 @@ def too_sure(n_objects=60, n_touches=3, seed=0):
     return proba / proba.sum(axis=2, keepdims=True), counts, objects
 
 
+@pytest.mark.parametrize("sure", [True, False])
 @pytest.mark.parametrize("touches", [[[0]], [[1]], [[0, 1]], [[0], [1]], [[0, 1]] * 3])
-def test_a_blurred_pool_is_as_broad_as_it_errs(touches):
+def test_a_pool_is_as_broad_as_it_errs(touches, sure):
     """Of all ways to take such touches from the three of each object."""
     proba, counts, objects = too_sure()
+    proba = proba if sure else 0.4 * proba + 0.15
     share = np.array([0.5, 0.4, 0.1]) * [
         *(any(i in t for t in touches) for i in (0, 1)),
         1,
@@ -188,7 +192,6 @@ def test_a_blurred_pool_is_as_broad_as_it_errs(touches):
     share /= share.sum()
     spread = spread_moments(proba, counts / 15, objects)
     there = np.array([[i in touch for i in (0, 1)] for touch in touches])
-    blur = blur_share(spread, share, pairs_of(there))
     pooled, true = [], []
     for each in np.unique(objects):
         rows = np.flatnonzero(objects == each)
@@ -200,44 +203,66 @@ def test_a_blurred_pool_is_as_broad_as_it_errs(touches):
                     mean = mean + share[i] * proba[of, i].mean(axis=0)
             pooled.append(mean)
             true.append(counts[rows[0]])
-    assert dispersion(true, pooled) < 0.97
-    assert 0 < blur < 1
-    pooled = [blurred_by_hand(each, blur) for each in pooled]
-    assert dispersion(true, pooled) == pytest.approx(1, abs=1e-9)
+    pooled = np.array(pooled)
+    before = dispersion(true, pooled)
+    assert before < 0.97 if sure else before > 1.1
+    shares = np.array(true) / 15
+    breadth = pool_breadth(pooled, shares, spread, share, pairs_of(there))
+    assert breadth.blur > 0 if sure else breadth.power > 1
+    pooled = [broad_by_hand(each, *breadth) for each in pooled]
+    assert dispersion(true, pooled) == pytest.approx(1, abs=0.02)
 
 
-def test_a_pool_that_is_broad_enough_is_not_blurred():
+@pytest.mark.parametrize(
+    "useless, expected",
+    [([0.25] * 4, (1, 0)), ([0.5, 0, 0, 0.5], (1, 0)), ([1, 0, 0, 0], (1, 1))],
+)
+def test_a_pool_that_nothing_makes_as_broad_as_it_errs(useless, expected):
+    """It is changed as far as that helps."""
     proba, counts, objects = too_sure()
-    proba[:] = 0.25
+    proba[:] = useless
     spread = spread_moments(proba, counts / 15, objects)
-    assert blur_share(spread, np.array([0.5, 0.5, 0]), pairs_of([[True, True]])) == 0
+    share, pairs = np.array([0.5, 0.5, 0]), pairs_of([[True, True]])
+    breadth = pool_breadth(proba[:, 0], counts / 15, spread, share, pairs)
+    assert breadth == expected
 
 
-def test_a_pool_that_no_blur_makes_broad_enough_is_blurred_as_far_as_it_helps():
-    proba, counts, objects = too_sure()
-    proba[:] = [1, 0, 0, 0]
-    spread = spread_moments(proba, counts / 15, objects)
-    assert blur_share(spread, np.array([0.5, 0.5, 0]), pairs_of([[True, True]])) == 1
+def test_means_of_touches_by_hand():
+    nan = [np.nan, np.nan]
+    first = [[1, 0], [0.5, 0.5], nan, [0, 1], [0.2, 0.8]]
+    second = [[0.9, 0.1], [0.7, 0.3], [0.3, 0.7], [0.1, 0.9], nan]
+    proba = np.stack([first, second], axis=1)
+    objects = np.array([0, 0, 0, 1, 2])
+    one, of = means_of_touches(proba, objects, np.array([1, 1]))
+    assert of.tolist() == [0, 1, 0]
+    assert_allclose(one[:, 0, 0], [1, 0, 0.5])  # the last has no second member
+    assert_allclose(one[:, 1, 0], [0.9, 0.1, 0.7])
+    two, of = means_of_touches(proba, objects, np.array([2, 1]))
+    assert_allclose(two[:, :, 0], [[0.75, 0.9], [0, 0.1]])
 
 
-@pytest.mark.parametrize("ends", [0, 1e-16, 1e-12, 1e-8, 1e-4])
-def test_the_blur_is_exact_where_the_ends_are_rare(ends):
-    """Then blurring moves no mean, and the equation is next to linear."""
-    proba, counts, objects = too_sure()
-    proba = np.pad(proba, ((0, 0), (0, 0), (2, 2)), constant_values=ends)
-    proba /= proba.sum(axis=2, keepdims=True)
-    share = np.array([0.5, 0.4, 0.1])
-    pairs = pairs_of([[True, True]])
-    true = np.pad(counts / 15, ((0, 0), (2, 2)))
-    spread = spread_moments(proba, true, objects)
-    error = mean_products(spread.means, np.tile(pairs, (2, 2)))
+@pytest.mark.parametrize("n_touches", [1, 3])
+@pytest.mark.parametrize("noise", [0.3, 0.7, 1.5])
+def test_pools_of_touches_that_differ_are_calibrated(noise, n_touches):
+    """New objects; the mean distribution has a negative weight."""
+    rng, dispersions = np.random.default_rng(0), []
 
-    def lacking_breadth(blur):
-        every = np.concatenate(((1 - blur) * share, blur * share))
-        return every @ spread.square - 2 * every @ error @ every - spread.within
+    def touched(n_objects, n_touches):
+        felt = rng.normal(size=n_objects)
+        objects = np.repeat(range(n_objects), n_touches)
+        ratings = 3 + 1.2 * felt[:, None] + 0.5 * rng.normal(size=(n_objects, 12))
+        ratings = np.clip(np.round(ratings), 1, 5)
+        counts = (ratings[:, :, None] == range(1, 6)).sum(axis=1)
+        X = felt[objects] + noise * rng.normal(size=len(objects))
+        return X[:, None], counts[objects], objects
 
-    expected = brentq(lacking_breadth, 0, 1, xtol=1e-14)
-    assert blur_share(spread, share, pairs) == pytest.approx(expected, abs=1e-9)
+    for _ in range(3):
+        X, counts, objects = touched(80, 3)
+        member = "touch", DistributionalOrdinalRegressor(), [0]
+        pool = TouchPool([member]).fit(X, counts, groups=objects)
+        X, counts, objects = touched(300, n_touches)
+        dispersions.append(dispersion(counts, pool.predict_proba(X, groups=objects)))
+    assert np.mean(dispersions) == pytest.approx(1, abs=0.12)
 
 
 # The estimator ---------------------------------------------------------------
@@ -293,10 +318,9 @@ def test_predictions_equal_a_plain_loop():
                 ).mean(axis=0)
             else:
                 assert weights[name] == 0
-        expected = blurred_by_hand(expected, pool.blur(touches))
-        below = np.sort(np.clip(np.cumsum(expected)[:-1], 0, 1))
+        expected = broad_by_hand(expected, **pool.breadth(touches))
         for row in proba[new_objects == each]:
-            assert_allclose(np.cumsum(row)[:-1], below, atol=1e-12)
+            assert_allclose(row, expected, atol=1e-12)
 
 
 def test_predictions_out_of_fold_are_of_models_without_the_object():
@@ -400,8 +424,8 @@ def test_members_that_are_too_sure_make_calibrated_pools(touches):
     new, true, groups = made(300, seed=1)
     groups = None if touches == 1 else groups
     proba = pool.predict_proba(new, groups)
-    assert 0.9 < dispersion(true, proba) < 1.1
-    assert pool.blur([[]]) == 0
+    assert 0.85 < dispersion(true, proba) < 1.1
+    assert pool.breadth([[]]) == {"power": 1, "blur": 0}
     excess = np.cumsum(proba, axis=1) - np.cumsum(true, axis=1) / 15
     assert pool.expected_excess([["a", "b"]] * touches) == pytest.approx(
         (excess**2).sum(axis=1).mean(), rel=0.25
@@ -496,10 +520,9 @@ def test_recordings_of_which_some_are_missing():
     alone = pool.estimators_["fast_slide"].predict_proba(trials[both[2:]][:5])
     weight = pool.weights([["fast_slide"]])
     pooled = weight["fast_slide"] * alone + weight["marginal"] * pool.shares_
-    blur = pool.blur([["fast_slide"]])
-    pooled = np.array([blurred_by_hand(each, blur) for each in pooled])
-    below = np.sort(np.clip(np.cumsum(pooled, axis=1), 0, 1), axis=1)
-    assert_allclose(np.cumsum(proba[:5], axis=1), below, atol=1e-12)
+    breadth = pool.breadth([["fast_slide"]])
+    pooled = np.array([broad_by_hand(each, **breadth) for each in pooled])
+    assert_allclose(proba[:5], pooled, atol=1e-12)
 
 
 def test_classes_in_the_order_of_their_categories():

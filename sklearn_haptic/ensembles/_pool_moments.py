@@ -5,9 +5,10 @@ The score of a mean of predictions is a quadratic function of its weights, so th
 products of errors out of fold, of two predictions of the same touch and of two touches
 of the same object, give the best weights for any set of touches.
 
-The weights with the best score do not make a pool as broad as it errs, because it errs
-in where it puts an object, little for most objects and much for a few. So it is
-blurred, a share of each level going to its neighbours, until it is as broad.
+The weights with the best score do not make a pool as broad as it errs. It is narrower
+where it errs little for most objects and much for a few; then it is blurred, a share of
+each level going to its neighbours. It is broader where touches differ much; then it is
+raised to a power.
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from scipy.optimize import nnls
+
+from ..ratings._distributions import raised
 
 # A member no further from the marginal, as a share of the marginal's mean square error,
 # says no more than rounding and unfinished solving do. Its weight could be anything.
@@ -134,42 +138,18 @@ def root_of(products):
 
 
 class Spread(NamedTuple):
-    """What tells how broad a pool is and how far it errs, in levels.
+    """What tells how far pools err in the mean rating, in levels.
 
     Attributes
     ----------
     means : Moments
-        Of the departures of the means of the members, and of the members blurred.
-    square : ndarray of shape (2 * n_members,)
-        Their mean squared distances from the true means.
+        Of the departures of the means of the members.
     within : float
         Mean variance of the true distributions.
     """
 
     means: Moments
-    square: np.ndarray
     within: float
-
-
-def blurred(proba):
-    """Return distributions of which each level goes to its neighbours, half to each.
-
-    At the ends one half stays.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from sklearn_haptic.ensembles._pool_moments import blurred
-    >>> blurred(np.array([0.5, 0.5, 0.0, 0.0]))
-    array([0.5 , 0.25, 0.25, 0.  ])
-    """
-    ends = np.concatenate((proba[..., :1], proba, proba[..., -1:]), axis=-1)
-    return (ends[..., :-2] + ends[..., 2:]) / 2
-
-
-def with_blurred(proba):
-    """Return the members of shape (n_rows, n_members, n_levels), and them blurred."""
-    return np.concatenate((proba, blurred(proba)), axis=1)
 
 
 def spread_moments(proba, true, objects):
@@ -186,38 +166,90 @@ def spread_moments(proba, true, objects):
     -------
     spread : Spread
     """
-    level = np.arange(proba.shape[2])
-    mean = true @ level
-    squares = (level - mean[:, np.newaxis]) ** 2
-    proba = with_blurred(proba)
-    departure = proba @ level - mean[:, np.newaxis]
-    total = np.einsum("rmk,rk->rm", proba, squares)
-    within = np.einsum("rk,rk->r", true, squares)
-    return Spread(
-        error_moments(departure[..., np.newaxis], objects),
-        _mean_of_objects(total, objects),
-        float(_mean_of_objects(within[:, np.newaxis], objects)[0]),
-    )
+    mean, variance = _mean_and_variance(true)
+    departure = _mean_and_variance(proba)[0] - mean[:, np.newaxis]
+    within = np.bincount(objects, variance) / np.bincount(objects)
+    means = error_moments(departure[..., np.newaxis], objects)
+    return Spread(means, float(within.mean()))
 
 
-def _mean_of_objects(values, objects):
-    """Return the mean over objects of their mean values that are not NaN."""
-    there = np.isfinite(values)
-    total, n = np.zeros((2, objects.max() + 1, values.shape[1]))
-    np.add.at(total, objects, np.where(there, values, 0))
-    np.add.at(n, objects, there)
-    return _ratio(_ratio(total, n).sum(axis=0), (n > 0).sum(axis=0).astype(np.float64))
-
-
-def blur_share(spread, share, pairs):
-    """Return the share of a pool to blur so that it is as broad as it errs.
-
-    A pool's variance is its squared distance from the true mean less its squared error,
-    and what it is to equal is the variance of the true ratings and that error. Both are
-    quadratic in the share.
+def means_of_touches(proba, objects, n_touches):
+    """Return means of so many touches at a time, of objects that have all members.
 
     Parameters
     ----------
+    proba : ndarray of shape (n_rows, n_members, n_levels)
+        NaN where a member has nothing to predict from.
+    objects : ndarray of int of shape (n_rows,)
+    n_touches : ndarray of int of shape (n_members,)
+        How many of an object's rows with a member are taken at a time, or all if there
+        are fewer.
+
+    Returns
+    -------
+    means : ndarray of shape (n_means, n_members, n_levels)
+    objects : ndarray of int of shape (n_means,)
+    """
+    n_objects, (n_rows, n_members, n_levels) = objects.max() + 1, proba.shape
+    means = np.full((n_objects * n_rows, n_members, n_levels), np.nan)
+    for i, n in enumerate(n_touches):
+        rows = np.flatnonzero(np.isfinite(proba[:, i, 0]))
+        own = pd.Series(rows).groupby(objects[rows])
+        turn = own.cumcount().to_numpy() // n
+        whole = turn < np.maximum(own.transform("size").to_numpy() // n, 1)
+        rows, turn = rows[whole], turn[whole]
+        which, place = np.unique(objects[rows] + n_objects * turn, return_inverse=True)
+        total = np.zeros((len(which), n_levels))
+        np.add.at(total, place, proba[rows, i])
+        means[which, i] = total / np.bincount(place)[:, np.newaxis]
+    there = np.flatnonzero(np.isfinite(means).all(axis=(1, 2)))
+    return means[there], there % n_objects
+
+
+class Breadth(NamedTuple):
+    """What makes a pool as broad as it errs; at most one changes it.
+
+    Attributes
+    ----------
+    power : float or ndarray of shape (n, 1)
+        To which probabilities are raised, from 1 to 4.
+    blur : float or ndarray of shape (n, 1)
+        How much of each level goes to its neighbours, half to each, from 0 to 1.
+    """
+
+    power: float | np.ndarray = 1.0
+    blur: float | np.ndarray = 0.0
+
+
+def with_breadth(proba, breadth):
+    """Return distributions of shape (n, n_levels) as broad as they err.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.ensembles._pool_moments import Breadth, with_breadth
+    >>> with_breadth(np.array([[0.5, 0.5, 0.0, 0.0]]), Breadth(blur=1.0))
+    array([[0.5 , 0.25, 0.25, 0.  ]])
+    """
+    proba = raised(proba, breadth.power)
+    ends = np.concatenate((proba[:, :1], proba, proba[:, -1:]), axis=1)
+    neighbours = (ends[:, :-2] + ends[:, 2:]) / 2
+    return (1 - breadth.blur) * proba + breadth.blur * neighbours
+
+
+def pool_breadth(proba, true, spread, share, pairs):
+    """Return the breadth with which pools of some touches are as broad as they err.
+
+    The mean variance is to equal that of the true ratings and the mean squared error of
+    the means, which is that of `spread` and what the breadth changes of it. It goes as
+    far as brings both nearer.
+
+    Parameters
+    ----------
+    proba : ndarray of shape (n_pools, n_levels)
+        Pools of training touches.
+    true : ndarray of shape (n_pools, n_levels)
+        The true distributions of their objects.
     spread : Spread
     share : ndarray of shape (n_members,)
         As of `pool_weights`.
@@ -226,22 +258,34 @@ def blur_share(spread, share, pairs):
 
     Returns
     -------
-    blur : float
-        From 0, also where the pool is broad enough, to 1.
+    breadth : Breadth
     """
-    error = mean_products(spread.means, np.tile(pairs, (2, 2)))
-    start = np.concatenate((share, np.zeros(len(share))))
-    step = np.concatenate((-share, share))
-    missing = start @ spread.square - 2 * start @ error @ start - spread.within
-    slope = step @ spread.square - 4 * start @ error @ step
-    bend = -2 * step @ error @ step
-    if missing >= 0 or slope <= 0:
-        return 0.0
-    root = slope**2 - 4 * bend * missing
-    if root < 0:  # never as broad as it errs; here it is nearest to that
-        return float(min(1.0, -slope / (2 * bend)))
-    # In this form nothing cancels where ends are rare and bend is next to 0.
-    return float(min(1.0, -2 * missing / (slope + np.sqrt(root))))
+    true_mean, _ = _mean_and_variance(true)
+
+    def beyond_error(breadth):
+        mean, variance = _mean_and_variance(with_breadth(proba, breadth))
+        return np.mean(variance - (mean - true_mean) ** 2)
+
+    error = root_of(mean_products(spread.means, pairs)) @ share
+    mean, _ = _mean_and_variance(proba)
+    wanted = spread.within + error @ error - np.mean((mean - true_mean) ** 2)
+    best = Breadth()
+    excess = beyond_error(best) - wanted
+    steps = np.linspace(0, 1, 65)[1:].tolist()
+    further = [Breadth(4**x) if excess > 0 else Breadth(blur=x) for x in steps]
+    least = abs(excess)
+    for breadth in further:
+        off = abs(beyond_error(breadth) - wanted)
+        if off >= least:
+            break
+        best, least = breadth, off
+    return best
+
+
+def _mean_and_variance(proba):
+    level = np.arange(proba.shape[-1])
+    mean = proba @ level
+    return mean, np.einsum("...k,...k", proba, (level - mean[..., np.newaxis]) ** 2)
 
 
 def mean_products(moments, pairs):

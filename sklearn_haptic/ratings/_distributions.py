@@ -32,7 +32,7 @@ def raised(proba, power):
     >>> raised(np.array([0.5, 0.25, 0.25]), 2.0).round(2)
     array([0.67, 0.17, 0.17])
     """
-    if power == 1:
+    if np.all(power == 1):
         return proba
     return shares((proba / proba.max(axis=-1, keepdims=True)) ** power)
 
