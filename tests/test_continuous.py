@@ -144,7 +144,8 @@ def test_noise_ceiling_of_continuous_ratings_is_the_gini_mean_difference():
 def test_answers_in_any_container(y):
     assert_array_equal(check_answers(y), [[1, 2], [3, np.nan]])
     with pytest.warns(DataConversionWarning, match="column-vector"):
-        assert_array_equal(check_answers([[1], [2]]), [[1], [2]])
+        assert_array_equal(check_answers(np.array([[1], [2]])), [[1], [2]])
+    assert_array_equal(check_answers([[1], [2]]), [[1], [2]])
 
 
 # The regressor
@@ -191,7 +192,8 @@ def test_quantiles_invert_the_cdf():
 def test_grid_of_quantiles_holds_equally_many_and_gives_heaps_a_cell():
     y = np.r_[np.zeros(50), np.arange(1, 51)]
     model = ContinuousRatingsRegressor(n_cells=10).fit(np.zeros((100, 1)), y)
-    assert_allclose(model.grid_, [0, 1 / 51, 10.5, 20.5, 30.5, 40.5, 50])
+    halved = (1 / 51 + 10.5) / 2  # as wider than a fifth of the range
+    assert_allclose(model.grid_, [0, 1 / 51, halved, 10.5, 20.5, 30.5, 40.5, 50])
     y = [[0, 10], [20, np.nan], [30, np.nan]]  # the answers of a trial share its weight
     uneven = ContinuousRatingsRegressor(n_cells=3).fit(np.eye(3), y)
     assert_allclose(uneven.grid_, [0, 10 + 10 * 2 / 3, 25, 30])
@@ -201,6 +203,24 @@ def test_grid_of_quantiles_holds_equally_many_and_gives_heaps_a_cell():
     model = ContinuousRatingsRegressor().fit(np.zeros((100, 1)), heaps)
     found = model.predict_quantile([[0.0]], [0.2, 0.6, 0.9])[0]
     assert_allclose(found, [0, 41, 100], atol=0.5)
+
+
+def test_answers_far_from_the_others_are_predicted_where_they_are():
+    """One object of sixty, one answer of two hundred, and a long tail."""
+    rng = np.random.default_rng(0)
+    mean = np.append(rng.uniform(20, 60, 59), 90)
+    answers = mean[:, None] + 4 * rng.normal(size=(60, 12))
+    model = ContinuousRatingsRegressor().fit(mean[:, None] / 10, answers)
+    assert model.predict([[9.0]])[0] == pytest.approx(90, abs=3)
+    nothing = np.zeros((60, 1))
+    few_far = np.where(rng.uniform(size=(60, 12)) < 0.005, 500, answers)
+    for far in few_far, np.exp(1.5 * rng.normal(size=(60, 12))):
+        model = ContinuousRatingsRegressor(DummyDistribution()).fit(nothing, far)
+        assert len(model.grid_) <= 46
+        mean, middle = far.mean(), np.median(far)
+        assert model.predict(nothing)[0] == pytest.approx(mean, rel=0.02)
+        found = model.predict_quantile(nothing, 0.5)[0]
+        assert found == pytest.approx(middle, rel=0.05)
 
 
 @pytest.mark.parametrize("top", [2, 5, 10, 20])

@@ -361,6 +361,26 @@ def test_by_threshold_takes_the_terms_apart(scores):
     pd.testing.assert_series_equal(sums, whole["difference"])
 
 
+def test_by_threshold_of_adjectives_of_different_levels(scores):
+    """The adjective of fewer levels has fewer terms, as it would have alone."""
+    few = scores.assign(adjective="dry", rps_3=np.nan, rps_4=np.nan)
+    both = pd.concat([scores.assign(adjective="hard"), few])
+    by = ["adjective", "threshold"]
+    summary = contribution_summary(both, by=by).set_index(by)
+    assert {*summary.index} == {
+        *(("hard", k) for k in (1, 2, 3, 4)),
+        *(("dry", k) for k in (1, 2)),
+    }
+    alone = contribution_summary(scores, by="threshold").set_index("threshold")
+    np.testing.assert_allclose(
+        summary.loc[("dry", 2), "difference"], alone.loc[2, "difference"]
+    )
+    damaged = scores.assign(rps_2=np.nan)
+    damaged["rps_1"] = np.nan
+    with pytest.raises(ValueError, match="rps is not finite in some rows"):
+        contribution_summary(damaged, by="threshold")
+
+
 def test_by_adjective_and_procedure_keeps_their_order():
     names = [("soft", "squeeze"), ("soft", "hold"), ("hard", "squeeze")]
     tables = [

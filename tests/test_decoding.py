@@ -59,6 +59,20 @@ def cdf_of_many_rows(estimator, x, n_levels, decode, n_rows=20_000):
     return np.array([np.mean(level <= k) for k in range(n_levels - 1)])
 
 
+def test_crossings_of_a_network_where_people_are_of_two_minds():
+    """The shares are those of the network's own ratings along the population."""
+    rng, p = np.random.RandomState(0), (np.arange(20_000) + 0.5) / 20_000
+    X, new = rng.normal(size=(60, 3)), rng.normal(size=(10, 3))
+    shares = np.where(X[:, :1] > 0, [0.5, 0, 0, 0, 0.5], [0, 0.5, 0, 0.5, 0])
+    counts = np.array([rng.multinomial(12, each) for each in shares])
+    model = DistributionalOrdinalRegressor(
+        NNPOM(10, alpha=0.01), decode="quantile", random_state=0
+    ).fit(X, counts)
+    ratings = model.predict_rating(new, p)
+    swept = (ratings[:, :, None] <= model.classes_).mean(axis=1)
+    np.testing.assert_allclose(model.predict_cdf(new), swept, atol=0.005)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda e: type(e).__name__)
 def test_any_estimator_is_decoded_within_half_a_percent(estimator):

@@ -476,10 +476,24 @@ def test_percentages_are_warned_of_where_the_number_of_people_matters():
         for function in (noise_ceiling, interrater_agreement):
             with pytest.warns(UserWarning, match="rows that sum to 100.* percentages"):
                 function(percentages)
+        assert round(percentages.sum(axis=1).max()) >= 100
         as_told = percentages * 12 / 100
         truth = noise_ceiling(counts).truth
         assert_allclose(noise_ceiling(as_told).truth, truth, rtol=0.01)
     noise_ceiling(rng.multinomial(90, [0.5, 0.3, 0.2], size=30))  # no warning
+    people = np.array([[4, 4, 4, 4, 1], [0, 1, 5, 9, 2], [8, 6, 3, 0, 0]])
+    rounded = np.round(100 * people / 17)
+    assert rounded.sum(axis=1).tolist() == [102, 100, 100]
+    with pytest.warns(UserWarning, match="rows that sum to 100"):
+        noise_ceiling(rounded)
+    with pytest.raises(ValueError, match="look like shares of people"):
+        noise_ceiling(rounded / 100)
+
+
+def test_weights_within_a_score_are_refused():
+    weighted = partial(ranked_probability_score, sample_weight=[1, 0])
+    with pytest.raises(ValueError, match=r"^score is given \['sample_weight'\]"):
+        noise_ceiling([[6, 6], [12, 0]], weighted)
 
 
 def test_noise_ceiling_of_people_who_agree_is_zero():

@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import ttest_1samp
 from sklearn.base import BaseEstimator, clone
 from sklearn.compose import ColumnTransformer
+from sklearn.dummy import DummyClassifier
 from sklearn.frozen import FrozenEstimator
 from sklearn.metrics import accuracy_score, balanced_accuracy_score, confusion_matrix
 from sklearn.model_selection import GridSearchCV, GroupKFold, KFold
@@ -237,6 +238,19 @@ def test_words_are_in_the_order_of_the_ratings_not_of_the_alphabet():
         named.predicted["ratings"][:, :3], numbers.predicted["ratings"]
     )
     assert named.gains["levels"].tolist() == ["2 to 11"]
+
+
+def test_a_gain_of_rounding_is_no_verdict():
+    model = DistributionalOrdinalRegressor(DummyClassifier(strategy="prior"))
+    for seed in range(6, 16):
+        rng = np.random.default_rng(seed)
+        n_objects = int(rng.integers(6, 21))
+        objects = np.repeat(range(n_objects), 3)
+        shares = rng.dirichlet(np.ones(5), n_objects)
+        counts = np.array([rng.multinomial(12, each) for each in shares])[objects]
+        features = rng.normal(size=(len(objects), 3))
+        report = model_report(model, features, counts, groups=objects, cv=5)
+        assert report.gains["verdict"].item() == "not shown"
 
 
 def test_classes_have_no_order():

@@ -480,6 +480,22 @@ def test_few_false_alarms_whatever_the_habits():
 
 
 @pytest.mark.parametrize(
+    "n_raters, n_objects, each", [(60, 30, 5), (100, 20, 4), (40, 10, 3)]
+)
+def test_few_false_alarms_among_people_who_rated_few_objects(n_raters, n_objects, each):
+    rng, alarms = np.random.default_rng(0), 0
+    raters = np.repeat(range(n_raters), each)
+    for _ in range(60):
+        objects = np.concatenate(
+            [rng.choice(n_objects, each, replace=False) for _ in range(n_raters)]
+        )
+        felt = rng.normal(size=n_objects)[objects]
+        answers = np.rint(3 + felt + 0.8 * rng.normal(size=len(felt))).clip(1, 5)
+        alarms += outlying_raters(answers[:, None], objects, raters)["outlying"].any()
+    assert alarms <= 6
+
+
+@pytest.mark.parametrize(
     "n_objects, noise, n_levels, found",
     [(6, 0.3, 5, 0.5), (20, 0.2, 5, 0.9), (20, 0.2, 3, 0.9), (60, 0.1, 2, 0.9)],
 )

@@ -1,6 +1,7 @@
 """Rules that stop a touch, against what can be worked out by hand."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.base import clone
 
@@ -20,6 +21,18 @@ def random_touches(n=200, seed=0):
     speed = rng.choice([0.1, 3], n)
     weight = np.exp(-speed[:, None] * DURATIONS)[..., None]
     return weight * guess + (1 - weight) * true[:, None], true, speed
+
+
+def test_labelled_counts_are_put_in_the_order_of_levels():
+    proba, true, _ = random_touches()
+    counts = np.rint(20 * true) + 1
+    labelled = pd.DataFrame(counts[:, ::-1], columns=[5, 4, 3, 2, 1])
+    one, other = (
+        ExpectedGain(0.005).fit(proba, y, durations=DURATIONS).stop_at(proba)
+        for y in (counts, labelled)
+    )
+    np.testing.assert_array_equal(one, other)
+    assert len({*one}) > 1
 
 
 def test_losses_are_those_of_the_metrics():

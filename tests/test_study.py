@@ -334,6 +334,32 @@ def test_one_rating_per_trial_is_a_count_of_one(form):
     assert "hard_5" not in columns
 
 
+def test_labelled_truth_is_put_in_the_order_of_levels():
+    corpus = CORPUS(procedure="fast_slide", sensors=["tdc"])
+    asked = Bunch(corpus=lambda **_: corpus, sensors=["tdc"])
+    expected, _ = compute_trials(asked, "fast_slide")
+    for kind in ("ratings", "true_proba"):
+        corpus[kind] = {
+            name: pd.DataFrame(np.asarray(table)[:, ::-1], columns=[5, 4, 3, 2, 1])
+            for name, table in corpus[kind].items()
+        }
+    columns, _ = compute_trials(asked, "fast_slide")
+    pd.testing.assert_frame_equal(columns, expected, check_dtype=False)
+
+
+def test_levels_that_differ_between_procedures():
+    tap, slide = (
+        Bunch(
+            trials=pd.DataFrame({"mic": [np.zeros((9, 1))] * 4}),
+            objects=[*"abcd"],
+            ratings={"itchy": labels},
+        )
+        for labels in ([1, 2, 3, 4], [2, 3, 4, 5])
+    )
+    with pytest.raises(ValueError, match=r"\['slide'\] has the levels \[2, 3, 4, 5\]"):
+        open_corpus({"tap": tap, "slide": slide})
+
+
 # Checks at the start ------------------------------------------------------------
 
 

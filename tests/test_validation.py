@@ -379,6 +379,19 @@ def test_drawn_ratings_of_named_objects_in_another_order():
             display.from_counts(RATED, objects=pd.Series(range(3), OTHERWISE.index))
 
 
+def test_ratings_of_different_objects_are_not_drawn_side_by_side():
+    other = RATED.rename({"cup": "pot"})
+    with pytest.raises(ValueError, match="has other rows or levels"):
+        RatingsDisplay.from_counts({"soft": RATED, "hard": other})
+    RatingsDisplay.from_counts({"soft": RATED, "hard": other.reset_index(drop=True)})
+
+
+def test_ratings_of_several_adjectives_in_another_order():
+    model, X = DummyDistribution(), np.zeros((3, 1))
+    with pytest.raises(ValueError, match=REORDERED.format(r"y\['soft'\]")):
+        model_report(model, X, {"soft": RATED, "hard": OTHERWISE}, cv=3)
+
+
 def test_objects_of_named_touches_in_another_order():
     X, y = counts_by_name()
     y = y.loc[X.index]

@@ -133,6 +133,9 @@ def _melt_thresholds(scores, by):
         )
     keys = scores.columns.intersection([*by, *_UNIT, "held_out"], sort=False)
     long = scores[[*keys, *terms]].melt(keys, var_name="threshold", value_name="rps")
+    # An adjective of fewer levels has fewer terms, but at least one.
+    without_term = long["rps"].isna() & np.tile(scores["rps_1"].notna(), len(terms))
+    long = long[~without_term]
     return long.assign(threshold=long["threshold"].str.removeprefix("rps_").astype(int))
 
 

@@ -45,7 +45,7 @@ from ..utils._sklearn import (
     _safe_indexing,
     validate_params,
 )
-from ..utils._validation import check_groups, count, is_text
+from ..utils._validation import check_groups, check_order, count, is_text
 from ._cost import predictor, seconds_per_trial, timed
 from ._cross_val_predict_proba import join_folds
 
@@ -228,6 +228,9 @@ def model_report(
         raise ValueError("y has no adjectives; give the ratings of one or more.")
     params = {} if params is None else params
     groups = params.get("groups") if groups is None else groups
+    first, *others = targets
+    for name in others:
+        check_order(targets[first], targets[name], f"y[{name!r}]", f"y[{first!r}]")
     X, *ratings = check_rated(X, *targets.values())
     groups = check_groups(groups, X)
     targets, kind = _checked(model, dict(zip(targets, ratings)))
@@ -463,7 +466,7 @@ def gain_over_objects(gains, objects):
     gain, error, freedom = mean_over_objects(gains, objects)
     margin = error * student.ppf(0.975, freedom)
     verdict = "not shown"
-    if abs(gain) > margin:
+    if abs(gain) > max(margin, 1e-12):  # of rounding
         verdict = "better" if gain > 0 else "worse"
     return {
         "gain": gain,

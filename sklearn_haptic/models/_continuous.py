@@ -34,7 +34,8 @@ def make_grid(answers, weight, n_cells):
     A trial's weight is shared by its answers. Of the gaps between neighbouring answers,
     those nearest to quantiles hold an edge. It divides the gap inversely to the weights
     of the two answers: a heap of equal answers has a narrow cell, and where each answer
-    has a cell, the mean of the cells' middles is that of the answers.
+    has a cell, the mean of the cells' middles is that of the answers. If not, cells are
+    divided that are wider than two such cells of equal width would be.
 
     Examples
     --------
@@ -57,7 +58,15 @@ def make_grid(answers, weight, n_cells):
     inner = np.clip(
         (1 - part) * lower + part * upper, lower, np.nextafter(upper, lower)
     )
-    return np.concatenate((values[:1], inner, values[-1:]))
+    edges = np.concatenate((values[:1], inner, values[-1:]))
+    if len(inner) == len(values) - 1:
+        return edges
+    n_parts = np.ceil(np.diff(edges) / (2 / n_cells * np.ptp(edges))).astype(int)
+    parts = [
+        np.linspace(*cell, n, endpoint=False)
+        for *cell, n in zip(edges, edges[1:], n_parts)
+    ]
+    return np.concatenate((*parts, edges[-1:]))
 
 
 def count_in_cells(answers, edges):
@@ -96,10 +105,12 @@ class ContinuousRatingsRegressor(
     grid : array-like of shape (n_edges,), default=None
         The edges of the cells, ascending, such as ``numpy.linspace(0, 100, 31)``. A
         rating on an edge counts in the cell below it. By default equally many training
-        ratings lie between two edges, and the edges between different ratings.
+        ratings lie between two edges, and the edges between different ratings; where
+        they lie far apart, cells are divided.
     n_cells : int, default=30
         Number of cells, if the grid is not given. Where many ratings are equal, there
-        are fewer.
+        are fewer, and where some lie far from the others, up to half as many more: no
+        cell is wider than two of `n_cells` equal ones.
 
     Attributes
     ----------

@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY, dataclass
 from typing import Self, TypeAlias
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 from sklearn.utils.validation import check_consistent_length
@@ -461,7 +462,8 @@ def _counts_of_objects(
         called, called_first = _called(name, counts), _called(first_name, counts)
         check_order(given[first_name], given[name], called, called_first)
         same_levels = its_levels.tolist() == levels_of_all.tolist()
-        if not same_levels or table.shape != first_table.shape:
+        other_rows = objects is None and _other_rows(given[first_name], given[name])
+        if not same_levels or table.shape != first_table.shape or other_rows:
             raise ValueError(
                 f"{called} has other rows or levels than {called_first}; give the same "
                 "for each."
@@ -483,6 +485,14 @@ def _counts_of_objects(
     rows = np.sort(first)
     labels = [*map(str, objects[rows])]
     return {name: table[rows] for name, table in tables.items()}, labels, levels_of_all
+
+
+def _other_rows(first, table):
+    """Whether two tables name other rows than each other."""
+    named = [getattr(each, "index", None) for each in (first, table)]
+    known = all(isinstance(index, pd.Index) for index in named)
+    numbered = any(isinstance(index, pd.RangeIndex) for index in named)
+    return known and not numbered and {*named[0]} != {*named[1]}
 
 
 def _called(adjective, counts):

@@ -109,9 +109,9 @@ class TouchTimeDisplay(Display):
             The object of each trial, over which standard errors are taken; by default
             trials.
         levels : array-like of shape (n_levels,), default=None
-            What the columns of ``y_proba`` are, such as the model's ``classes_``; an
-            ordered categorical puts them in its order. By default they are the levels
-            that ``y_true`` names, else those that occur in it.
+            What the columns of ``y_proba`` are, such as the model's ``classes_``;
+            labels that are an ordered categorical put them in its order. By default
+            they are the levels that ``y_true`` names, else those that occur in it.
         metric : {"rps", "error"}, default="rps"
             The ranked probability score, or the share of trials whose most probable
             class is wrong.

@@ -126,12 +126,13 @@ def refuse(bad, what, mend, name):
 
 def check_people(counts, name):
     """Refuse shares, and warn of percentages, where the number of people matters."""
-    if np.allclose(counts.sum(axis=1), 1) and (counts % 1 != 0).any():
+    people = counts.sum(axis=1)  # of rounded shares and percentages about 1 or 100
+    if np.allclose(people, 1, atol=0.03) and (counts % 1 != 0).any():
         raise ValueError(
             f"{name} has rows that sum to 1, which look like shares of people; "
             "multiply each row by the number of people who rated."
         )
-    if np.allclose(counts.sum(axis=1), 100, atol=1):
+    if np.allclose(people, 100, atol=3):
         warnings.warn(
             f"{name} has rows that sum to 100, which are taken for the ratings of 100 "
             "people each; if they are percentages, multiply each row by the number of "

@@ -37,7 +37,7 @@ def check_answers(y, name="y"):
         input_name=name,
     )
     if answers.ndim == 2 and answers.shape[1] == 1:
-        answers = column_or_1d(answers, warn=True)
+        answers = column_or_1d(answers, warn=not isinstance(y, list))
     if answers.ndim == 1:
         answers = answers[:, None]
     given = ~np.isnan(answers)

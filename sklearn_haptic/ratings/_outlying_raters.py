@@ -224,16 +224,23 @@ def _largest_of(usual, freedom, number):
     """Draw the largest score of people who differ by chance; return sorted draws.
 
     The agreements are drawn as correlations of normal deviates, with the usual
-    correlation and each person's degrees of freedom.
+    correlation and each person's degrees of freedom. The scores are at least those of
+    normal deviates as such, since people may differ by more than chance.
     """
     rng = np.random.default_rng(0)
     usual = np.clip(usual, 0, _MOST_USUAL)
     slope = usual / np.sqrt(1 - usual**2)
-    largest = np.empty(_N_DRAWS)
+    largest = np.empty((_N_DRAWS, 2))
     for block in np.array_split(largest, ceil(_N_DRAWS * len(number) / _BLOCK)):
         size = len(block), len(number)
         along = slope * np.sqrt(2 * rng.standard_gamma(freedom / 2, size))
         along += rng.normal(size=size)
         across = np.sqrt(2 * rng.standard_gamma(np.maximum(freedom - 1, 0) / 2, size))
-        block[:] = _scores(along / np.hypot(along, across), number).max(axis=1)
-    return np.sort(largest)
+        block[:, 0] = _scores(along / np.hypot(along, across), number).max(axis=1)
+        below = rng.normal(size=size)
+        below -= np.median(below, axis=1, keepdims=True)
+        unit = np.median(np.abs(below), axis=1)
+        block[:, 1] = np.divide(
+            below.max(axis=1), unit, out=np.zeros(len(block)), where=unit > 0
+        )
+    return np.sort(largest, axis=0).max(axis=1)

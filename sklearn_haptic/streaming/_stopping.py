@@ -16,6 +16,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
 from ..ratings._distributions import shares as as_shares
+from ..ratings._levels import in_order_of_levels, levels_of_columns
 from ..utils._sklearn import Interval, _fit_context
 from ..utils._validation import check_numbers
 
@@ -129,7 +130,8 @@ class _Rule(BaseEstimator):
             Predictions of touches by models fitted without them, such as `oof_proba_`
             of `AnytimeRegressor`. NaN where a touch is not so long.
         y : array-like of shape (n_trials, ..., n_levels)
-            Counts of ratings, or 1 for the true class and 0 for others.
+            Counts of ratings, or 1 for the true class and 0 for others. Labelled
+            columns of levels are put in their order.
         durations : array-like of shape (n_durations,)
             Seconds.
         ordered : bool, default=True
@@ -140,7 +142,12 @@ class _Rule(BaseEstimator):
         self : object
             The fitted rule.
         """
-        shape, expected = np.shape(proba), np.shape(y)
+        check_numbers(y, "y")
+        counts = np.asarray(y, dtype=np.float64)
+        if ordered and counts.ndim == 2:
+            _, order = levels_of_columns(y, None, "y")
+            counts = in_order_of_levels(counts, order)
+        shape, expected = np.shape(proba), counts.shape
         if len(shape) < 3 or shape[1] != len(np.atleast_1d(durations)):
             raise ValueError(
                 f"proba has shape {shape}; give one distribution per duration, as the "
@@ -153,8 +160,6 @@ class _Rule(BaseEstimator):
             )
         if (np.diff(durations) <= 0).any():
             raise ValueError("durations do not ascend; put the shortest first.")
-        check_numbers(y, "y")
-        counts = np.asarray(y, dtype=np.float64)
         if not ((counts >= 0) & (counts < np.inf)).all() or (counts.sum(-1) == 0).any():
             raise ValueError(
                 "y has a negative or missing count, or a trial without ratings; give "

@@ -54,7 +54,7 @@ def open_corpus(corpus):
         return corpus, list(PROCEDURES), list(SENSORS)
     if not corpus:
         raise ValueError("corpus has no procedures; give one at least.")
-    shared = None
+    shared, levels = None, {}
     for procedure, touches in corpus.items():
         try:
             trials, ratings = touches["trials"], touches["ratings"]
@@ -73,7 +73,15 @@ def open_corpus(corpus):
             )
         check_order(trials, touches["objects"], "objects", "trials")
         for adjective, counts in ratings.items():
-            check_order(trials, counts, f"ratings[{adjective!r}]", "trials")
+            name = f"ratings[{adjective!r}]"
+            check_order(trials, counts, name, "trials")
+            own = _levels_of(counts, name)
+            if own != levels.setdefault(adjective, own):
+                raise ValueError(
+                    f"corpus[{procedure!r}] has the levels {own} of {adjective!r}, but "
+                    f"another procedure has {levels[adjective]}; give counts of the "
+                    "same levels."
+                )
         shared = [s for s in sensors if shared is None or s in shared]
     if not shared:
         raise ValueError(
@@ -81,6 +89,13 @@ def open_corpus(corpus):
             "columns of trials, or make one study per procedure."
         )
     return partial(_take, corpus), [*corpus], shared
+
+
+def _levels_of(ratings, name):
+    if np.ndim(ratings) == 1:
+        return check_ratings(ratings, name=name)[1].tolist()
+    named, _ = levels_of_columns(ratings, None, name)
+    return [*range(1, np.shape(ratings)[-1] + 1)] if named is None else named.tolist()
 
 
 def _take(corpus, *, procedure, sensors):
@@ -111,7 +126,9 @@ def compute_trials(study, procedure):
         for k, count in enumerate(counts.T, start=1):
             columns[f"{adjective}_{k}"] = count
     for adjective, proba in corpus.get("true_proba", {}).items():
-        for k, p in enumerate(np.asarray(proba, dtype=float).T, start=1):
+        _, order = levels_of_columns(proba, None, f"true_proba[{adjective!r}]")
+        proba = in_order_of_levels(np.asarray(proba, dtype=float), order)
+        for k, p in enumerate(proba.T, start=1):
             columns[f"{adjective}_{k}_true"] = p
     return pd.DataFrame(columns), {}
 
