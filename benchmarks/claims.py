@@ -1,21 +1,27 @@
-"""Do the statistics of reports keep their word? Each claim, simulated.
+r"""Do the statistics of reports keep their word? Each claim, simulated.
 
-    python benchmarks/claims.py --parts interval ceiling raters report contributions
+    python benchmarks/claims.py \
+        --parts interval ceiling raters report classes contributions
 
 interval       share of 95% intervals of `model_report` that hold the true gain
 ceiling        bias of `noise_ceiling`
 raters         false alarms of `outlying_raters`, and careless people found
 report         adjectives that cannot be felt: verdicts of `model_report`
+classes        classes that cannot be felt: verdicts of `model_report`
 contributions  sensors that tell nothing: p-values of `contribution_summary`
 
 Brackets hold standard errors over repetitions.
 """
 
 import warnings
+from itertools import product
 
 import numpy as np
 from measure import command, head, machine, plus_minus, row
 from scipy.stats import entropy
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import KFold
+from sklearn.neighbors import KNeighborsClassifier
 
 from sklearn_haptic import (
     DistributionalOrdinalRegressor,
@@ -75,10 +81,11 @@ def ceiling(n_repeats):
 def raters(n_repeats):
     """Honest people differ in shift, spread and care; one or three may be careless."""
     columns = ("false alarm", "one at random", "three at random", "one reversed")
-    known = "objects", "people", "habits", "care"
+    known = "objects", "people", "rated", "habits", "care"
     head(*known, *columns, title="Raters called outlying")
     rng = np.random.default_rng(0)
-    for n_objects, n_people in [(20, 12), (60, 12), (20, 36)]:
+    designs = [(20, 12, 20), (60, 12, 60), (20, 36, 20), (30, 60, 5), (20, 100, 10)]
+    for n_objects, n_people, n_rated in designs:
         for habit, care in [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (1.0, 0.3)]:
             found = np.empty((4, n_repeats))
             for kind, each in np.ndindex(found.shape):
@@ -93,11 +100,13 @@ def raters(n_repeats):
                 random = kind != 3  # or reversed
                 theirs[:] = rng.integers(1, 6, theirs.shape) if random else 6 - theirs
                 objects, people = map(np.ravel, np.indices((n_objects, n_people)))
+                order = rng.random((n_objects, n_people)).argsort(axis=0)
+                answers[order >= n_rated] = np.nan
                 called = outlying_raters(answers.reshape(-1, 3), objects, people)
                 called = called["outlying"].to_numpy()
                 found[kind, each] = called[:careless].mean() if kind else called.any()
             shown = [plus_minus(each, 2, sign="") for each in found]
-            row(n_objects, n_people, habit, care, *shown)
+            row(n_objects, n_people, n_rated, habit, care, *shown)
 
 
 def report(n_repeats):
@@ -132,6 +141,31 @@ def report(n_repeats):
         row(n_objects, *shown)
 
 
+def classes(n_repeats):
+    """Labels and features that have nothing to do with each other."""
+    models = {"1 neighbour": KNeighborsClassifier(1), "logistic": LogisticRegression()}
+    head("classes", "touches", "folds", *models, title="Classes of noise: better")
+    rng = np.random.default_rng(0)
+    for n_classes, n_each in [(2, 10), (2, 40), (5, 8), (10, 10)]:
+        names = np.repeat(np.arange(n_classes), n_each).astype(str)
+        runs = np.tile(np.arange(n_each), n_classes)
+        designs = {
+            "by run": (None, runs),
+            "shuffled": (KFold(5, shuffle=True, random_state=0), None),
+            "by object": (None, np.arange(len(names)) // 2),
+        }
+        for design, (cv, groups) in designs.items():
+            better = np.empty((len(models), n_repeats))
+            for (i, model), each in product(
+                enumerate(models.values()), range(n_repeats)
+            ):
+                noise = rng.normal(size=(len(names), 3))
+                report = model_report(model, noise, names, groups=groups, cv=cv)
+                better[i, each] = report.gains["verdict"].item() == "better"
+            shown = [plus_minus(each, 2, sign="") for each in better]
+            row(n_classes, len(names), design, *shown)
+
+
 def contributions(n_repeats):
     """One sensor of four tells the ratings of 24 objects."""
     head("score", "useless sensors, p < .05", "the useful one", title="Contributions")
@@ -159,7 +193,7 @@ def contributions(n_repeats):
 
 PARTS = {
     function.__name__: function
-    for function in (interval, ceiling, raters, report, contributions)
+    for function in (interval, ceiling, raters, report, classes, contributions)
 }
 
 

@@ -256,8 +256,8 @@ def test_pools_of_touches_that_differ_are_calibrated(noise, n_touches):
         X = felt[objects] + noise * rng.normal(size=len(objects))
         return X[:, None], counts[objects], objects
 
-    for _ in range(3):
-        X, counts, objects = touched(80, 3)
+    for n_objects in (80, 80, 1200):  # of which some tell the breadth
+        X, counts, objects = touched(n_objects, 3)
         member = "touch", DistributionalOrdinalRegressor(), [0]
         pool = TouchPool([member]).fit(X, counts, groups=objects)
         X, counts, objects = touched(300, n_touches)

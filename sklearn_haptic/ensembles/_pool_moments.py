@@ -190,8 +190,9 @@ def means_of_touches(proba, objects, n_touches):
     means : ndarray of shape (n_means, n_members, n_levels)
     objects : ndarray of int of shape (n_means,)
     """
-    n_objects, (n_rows, n_members, n_levels) = objects.max() + 1, proba.shape
-    means = np.full((n_objects * n_rows, n_members, n_levels), np.nan)
+    n_rows = np.bincount(objects)  # of each object
+    n_objects = len(n_rows)
+    means = np.full((n_objects * n_rows.max(), *proba.shape[1:]), np.nan)
     for i, n in enumerate(n_touches):
         rows = np.flatnonzero(np.isfinite(proba[:, i, 0]))
         own = pd.Series(rows).groupby(objects[rows])
@@ -199,7 +200,7 @@ def means_of_touches(proba, objects, n_touches):
         whole = turn < np.maximum(own.transform("size").to_numpy() // n, 1)
         rows, turn = rows[whole], turn[whole]
         which, place = np.unique(objects[rows] + n_objects * turn, return_inverse=True)
-        total = np.zeros((len(which), n_levels))
+        total = np.zeros((len(which), proba.shape[2]))
         np.add.at(total, place, proba[rows, i])
         means[which, i] = total / np.bincount(place)[:, np.newaxis]
     there = np.flatnonzero(np.isfinite(means).all(axis=(1, 2)))

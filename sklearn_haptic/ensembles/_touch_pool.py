@@ -55,6 +55,7 @@ from ._pool_moments import (
 )
 
 MARGINAL = "marginal"
+_MOST_OBJECTS = 500  # by which the breadth is judged
 
 
 class TouchPool(
@@ -233,10 +234,11 @@ class TouchPool(
         departure = compared(proba, ordered) - compared(true, ordered)[:, np.newaxis]
         self._moments, self._ordered = error_moments(departure, objects), ordered
         self._spread = spread_moments(proba, true, objects) if ordered else None
-        self._objects, self._marginal = objects, marginal
-        self._true = means_of_touches(true[:, np.newaxis], objects, [len(true)])[0][
-            :, 0
-        ]
+        step = -(-len(np.unique(objects)) // _MOST_OBJECTS)
+        some = objects % step == 0
+        self._objects, self._proba = objects[some] // step, proba[some]
+        means, _ = means_of_touches(true[some, np.newaxis], self._objects, [len(true)])
+        self._true = means[:, 0]
         self.classes_ = classes
         self.shares_ = true.mean(axis=0)
         self.oof_proba_ = oof
@@ -330,8 +332,8 @@ class TouchPool(
         if not self._ordered or not share[:-1].any():
             return share, Breadth()
         used = np.flatnonzero(share)
-        proba = np.concatenate((self.oof_proba_, self._marginal), axis=1)[:, used]
         n_touches = pairs.diagonal()[used].astype(np.intp)
+        proba = self._proba[:, used]
         means, objects = means_of_touches(proba, self._objects, n_touches)
         if not len(means):  # members that no object has together
             return share, Breadth()

@@ -80,9 +80,9 @@ def outlying_raters(
     -----
     The p-values are those of scores of correlations that differ by chance, drawn with
     a fixed seed. In simulations at most one study in twenty has a false alarm, up to
-    one in six where people differ much in how surely they feel. Who rated few objects
-    can hardly be found: of people who answer at random about one adjective, nine in ten
-    are found with twenty objects each, half with ten, and hardly any with five.
+    one in seven where people differ much in how surely they feel. Who rated few objects
+    can hardly be found: of people who answer at random about three adjectives, nearly
+    all are found with twenty objects each, and one in three with five.
 
     Leave out people, not single ratings: the ratings that lie furthest from others are
     mostly honest, and without them predicted distributions are too narrow.
