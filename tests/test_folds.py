@@ -301,3 +301,18 @@ def test_classes_are_put_in_place():
     known, classes = np.array(["foam", "cork"]), np.array(["cork", "tile", "foam"])
     placed = at_classes(proba, known, classes)
     np.testing.assert_array_equal(placed, [[[0.75, 0, 0.25]]])
+
+
+@pytest.mark.parametrize("n_classes, n_folds", [(5, 5), (10, 5), (3, 3)])
+def test_objects_of_classes_in_turn(n_classes, n_folds):
+    """Every fold trains on every class, whatever the classes are called."""
+    objects = np.repeat(np.arange(3 * n_classes), 2)
+    y = objects % n_classes
+    rows = np.zeros((len(y), 1))
+    folds = list(ObjectKFold(n_folds).split(rows, y, objects))
+    for train, test in folds:
+        assert {*y[train]} == {*y} and {*objects[train]}.isdisjoint(objects[test])
+    words = np.array([*"jihgfedcba"])[y]
+    for named in words, words[:, None], words.tolist(), pd.Series(words):
+        for one, other in zip(folds, ObjectKFold(n_folds).split(rows, named, objects)):
+            np.testing.assert_array_equal(one[1], other[1])

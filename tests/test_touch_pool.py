@@ -458,13 +458,14 @@ def test_labels_with_an_order_and_without(ordered):
     labels = names[counts.argmax(axis=1)]
     member = NNPOM(0) if ordered else LogisticRegression()
     members = [(n, member, columns) for n, _, columns in MEMBERS]
-    pool = TouchPool(members).fit(X, labels, groups=objects)
+    folds = list(GroupKFold(5).split(X, groups=objects))
+    pool = TouchPool(members, cv=folds).fit(X, labels, groups=objects)
     assert pool.classes_.tolist() == sorted(names)
     share_right = np.mean(pool.predict(X) == labels)
     assert share_right > 0.4 and (pool.score(X, labels) == share_right) != ordered
     truth = labels[:, None] == pool.classes_
     marginal = np.full(truth.shape, np.nan)
-    for train, test in GroupKFold(5).split(X, groups=objects):
+    for train, test in folds:
         marginal[test] = truth[train].mean(axis=0)
     departure = marginal - truth
     if ordered:
@@ -475,6 +476,35 @@ def test_labels_with_an_order_and_without(ordered):
     with pytest.warns(DataConversionWarning, match="column-vector"):
         same = clone(pool).fit(X, column, groups=objects)
     assert_allclose(same.predict_proba(X), pool.predict_proba(X), atol=1e-12)
+
+
+@pytest.mark.parametrize("told", ["objects", "runs"])
+def test_pools_of_classes_are_as_sure_as_they_are_right(told):
+    """Touches of a run are of several materials, of which each is an object."""
+    rng, found = np.random.default_rng(0), []
+    names = np.array(["cork", "felt", "foam", "wood"])
+    for _ in range(4):
+        centre = 1.5 * rng.normal(size=(4, 3))
+
+        def touched(n_objects, own, centre=centre):
+            kind, objects = np.arange(n_objects) % 4, np.repeat(range(n_objects), 3)
+            place = centre[kind] + own * rng.normal(size=(n_objects, 3))
+            X = place[objects] + 1.5 * rng.normal(size=(len(objects), 3))
+            return X, names[kind][objects], objects
+
+        own = 0.5 if told == "objects" else 0
+        X, y, objects = touched(80, own)
+        groups = objects if told == "objects" else objects // 4
+        pool = TouchPool([("a", LogisticRegression(), [0, 1, 2])])
+        pool.fit(X, y, groups=groups)
+        X, y, objects = touched(400, own)
+        proba = pool.predict_proba(X, groups=objects)
+        right = y[:, None] == pool.classes_
+        brier = ((proba - right) ** 2).sum(axis=1).mean()
+        sure, share = proba.max(axis=1).mean(), right[range(1200), proba.argmax(1)]
+        found.append([sure - share.mean(), pool.expected_excess([["a"]] * 3) - brier])
+    too_sure, excess = np.mean(found, axis=0)
+    assert abs(too_sure) < 0.05 and abs(excess) < 0.08
 
 
 def test_a_fold_may_lack_a_class():

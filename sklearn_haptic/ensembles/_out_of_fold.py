@@ -148,7 +148,7 @@ def make_folds(
         fold[np.argsort(label, kind="stable")] = np.arange(len(used)) % n_folds
         split = [(fold != k, fold == k) for k in range(n_folds)]
     else:
-        split = ObjectKFold(n_folds).split(used, groups=objects[used])
+        split = ObjectKFold(n_folds).split(used, _safe_indexing(y, used), objects[used])
     return [(used[train], used[test]) for train, test in split], objects
 
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import nnls
+from scipy.optimize import minimize_scalar, nnls
 
 from ..ratings._distributions import raised
 
@@ -213,7 +213,7 @@ class Breadth(NamedTuple):
     Attributes
     ----------
     power : float or ndarray of shape (n, 1)
-        To which probabilities are raised, from 1 to 4.
+        To which probabilities are raised, from 1 to 4, of classes from 1/4.
     blur : float or ndarray of shape (n, 1)
         How much of each level goes to its neighbours, half to each, from 0 to 1.
     """
@@ -281,6 +281,27 @@ def pool_breadth(proba, true, spread, share, pairs):
             break
         best, least = breadth, off
     return best
+
+
+def class_power(proba, true):
+    """Return the power of pools of classes that has the lowest Brier score.
+
+    Parameters
+    ----------
+    proba : ndarray of shape (n_pools, n_classes)
+    true : ndarray of shape (n_pools, n_classes)
+
+    Returns
+    -------
+    breadth : Breadth
+        From 1/4 to 4.
+    """
+
+    def brier(log_power):
+        return ((raised(proba, 4**log_power) - true) ** 2).sum()
+
+    found = minimize_scalar(brier, bounds=(-1, 1), method="bounded")
+    return Breadth(float(4**found.x))
 
 
 def _mean_and_variance(proba):

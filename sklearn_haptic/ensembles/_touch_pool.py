@@ -43,6 +43,7 @@ from ._out_of_fold import (
 )
 from ._pool_moments import (
     Breadth,
+    class_power,
     error_moments,
     mean_products,
     means_of_touches,
@@ -116,7 +117,8 @@ class TouchPool(
     members. Pools of more touches than a training object has are somewhat too broad.
 
     If the members know no order of the levels, as those of scikit-learn, the Brier
-    score takes the place of the ranked probability score.
+    score takes the place of the ranked probability score, also for the power, and the
+    touches of a class within a group are those of an object.
 
     Where a negative weight of the mean distribution makes a probability negative, the
     nearest distribution is predicted. It may give a level no probability at all.
@@ -230,6 +232,9 @@ class TouchPool(
         ordered = np.size(y) > len(true) or all(map(knows_order, fitted.values()))
         if not ordered:
             check_folds_know(y, folds)
+            # Of what is touched in a run, each class is an object.
+            objects = objects * true.shape[1] + true.argmax(axis=1)
+            objects = number_objects(objects, len(true))
         proba = np.concatenate((oof, marginal), axis=1)
         departure = compared(proba, ordered) - compared(true, ordered)[:, np.newaxis]
         self._moments, self._ordered = error_moments(departure, objects), ordered
@@ -329,7 +334,7 @@ class TouchPool(
     def _weights(self, pairs):
         """Return the weights of the members, the marginal the last; the breadth."""
         share, _ = pool_weights(self._moments, pairs)
-        if not self._ordered or not share[:-1].any():
+        if not share[:-1].any():
             return share, Breadth()
         used = np.flatnonzero(share)
         n_touches = pairs.diagonal()[used].astype(np.intp)
@@ -339,6 +344,8 @@ class TouchPool(
             return share, Breadth()
         pools = self._mean(means, np.tile(share[used], (len(means), 1)))
         true = self._true[objects]
+        if not self._ordered:
+            return share, class_power(pools, true)
         return share, pool_breadth(pools, true, self._spread, share, pairs)
 
     def _mean(self, proba, share):
@@ -379,8 +386,8 @@ class TouchPool(
         breadth : dict of str to float
             The ``"power"`` to which probabilities are raised, from 1 to 4, and the
             ``"blur"``: how much of each level goes to its neighbours, half to each,
-            from 0 to 1. At most one changes the pool; neither where levels have no
-            order.
+            from 0 to 1. At most one changes the pool. Classes are never blurred, and
+            their power may be below 1.
         """
         return self._weights(self._pairs(touches))[1]._asdict()
 

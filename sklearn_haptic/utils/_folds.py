@@ -57,13 +57,20 @@ def number_objects(groups, n_trials):
 class ObjectKFold(GroupKFold):
     """Folds of whole objects, of which names do not matter and sizes are balanced.
 
-    Objects of equal size are dealt in the order of their first trials.
+    Objects of equal size are dealt in the order of their first trials. If each has one
+    label, those of each label are dealt in turn, so that every fold knows all labels.
     """
 
     def split(self, X, y=None, groups=None):
         """Return an iterator of the training and test trials of each fold."""
         if groups is not None:
             groups = number_objects(groups, len(groups))
+            if y is not None and np.size(y) == len(groups):
+                first = np.unique(groups, return_index=True)[1]
+                label, _ = pd.factorize(np.ravel(y))
+                if (label == label[first][groups]).all():
+                    order = label[first].argsort(kind="stable")
+                    groups = order.argsort()[groups]
         return super().split(X, y, groups)
 
 
