@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import minimize
+from scipy.special import expit
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.ensemble import AdaBoostClassifier
@@ -505,6 +506,33 @@ def test_pools_of_classes_are_as_sure_as_they_are_right(told):
         found.append([sure - share.mean(), pool.expected_excess([["a"]] * 3) - brier])
     too_sure, excess = np.mean(found, axis=0)
     assert abs(too_sure) < 0.05 and abs(excess) < 0.08
+
+
+@pytest.mark.parametrize("n_objects", [12, 40])
+def test_the_expected_excess_is_that_of_new_objects(n_objects):
+    """Also of few objects and many members, whose weights were chosen by it."""
+    rng, found = np.random.default_rng(0), []
+    names = [f"m{i}" for i in range(6)]
+    members = [(m, DistributionalOrdinalRegressor(), [i]) for i, m in enumerate(names)]
+
+    def touched(n_objects):
+        felt = rng.normal(size=n_objects)
+        place = 1.5 * felt + 0.75 * rng.normal(size=n_objects)
+        below = expit(1.7 * (np.array([-2.2, -0.7, 0.7, 2.2]) - place[:, None]))
+        proba = np.diff(below, axis=1, prepend=0, append=1)
+        objects = np.repeat(range(n_objects), 2)
+        X = felt[objects, None] + 1.5 * rng.normal(size=(len(objects), 6))
+        return X, rng.multinomial(12, proba)[objects], objects
+
+    for _ in range(8):
+        X, counts, objects = touched(n_objects)
+        pool = TouchPool(members).fit(X, counts, groups=objects)
+        X, counts, objects = touched(200)
+        off = pool.predict_cdf(X, groups=objects) - np.cumsum(counts, axis=1) / 12
+        excess = pool.expected_excess([names] * 2)
+        found.append([excess, (off**2).sum(axis=1).mean()])
+    expected, measured = np.mean(found, axis=0)
+    assert expected == pytest.approx(measured, rel=0.2)
 
 
 def test_a_fold_may_lack_a_class():

@@ -35,10 +35,13 @@ class Moments(NamedTuple):
         Of two members' predictions from one row.
     other : ndarray of shape (n_members, n_members)
         Of predictions from two rows of one object.
+    n_objects : int
+        How many objects they are means of.
     """
 
     same: np.ndarray
     other: np.ndarray
+    n_objects: int
 
 
 def error_moments(departure, objects):
@@ -76,7 +79,7 @@ def error_moments(departure, objects):
     size = np.sqrt(_ratio(same, n_same).diagonal())
     same = np.where(n_same > 0, _ratio(same, n_same), np.outer(size, size))
     other = np.where(n_other > 0, _ratio(other, n_other), same)
-    return Moments(same, other)
+    return Moments(same, other, int(objects.max()) + 1)
 
 
 def pairs_of(there):
@@ -267,9 +270,9 @@ def pool_breadth(proba, true, spread, share, pairs):
         mean, variance = _mean_and_variance(with_breadth(proba, breadth))
         return np.mean(variance - (mean - true_mean) ** 2)
 
-    error = root_of(mean_products(spread.means, pairs)) @ share
+    error = expected_error(spread.means, share, pairs)
     mean, _ = _mean_and_variance(proba)
-    wanted = spread.within + error @ error - np.mean((mean - true_mean) ** 2)
+    wanted = spread.within + error - np.mean((mean - true_mean) ** 2)
     best = Breadth()
     excess = beyond_error(best) - wanted
     steps = np.linspace(0, 1, 65)[1:].tolist()
@@ -308,6 +311,17 @@ def _mean_and_variance(proba):
     level = np.arange(proba.shape[-1])
     mean = proba @ level
     return mean, np.einsum("...k,...k", proba, (level - mean[..., np.newaxis]) ** 2)
+
+
+def expected_error(moments, share, pairs):
+    """Return the mean squared error that pools of new objects are expected to have.
+
+    That of training objects is less, by a share of one object for each member used,
+    because their errors chose the weights.
+    """
+    error = root_of(mean_products(moments, pairs)) @ share
+    n_members = np.count_nonzero(share[:-1])
+    return float(error @ error) * (1 + n_members / moments.n_objects)
 
 
 def mean_products(moments, pairs):
