@@ -316,3 +316,7 @@ def test_objects_of_classes_in_turn(n_classes, n_folds):
     for named in words, words[:, None], words.tolist(), pd.Series(words):
         for one, other in zip(folds, ObjectKFold(n_folds).split(rows, named, objects)):
             np.testing.assert_array_equal(one[1], other[1])
+    answers = [[1.0], [2.0, 3.0], [4.0]] * (2 * n_classes)  # on sliders, of no label
+    several = ObjectKFold(n_folds).split(rows, answers, objects)
+    for one, other in zip(several, ObjectKFold(n_folds).split(rows, None, objects)):
+        np.testing.assert_array_equal(one[1], other[1])

@@ -54,6 +54,15 @@ def number_objects(groups, n_trials):
     return pd.factorize(np.asarray(groups))[0]
 
 
+def _number_labels(y, n_trials):
+    """Return the number of each trial's label; 0 of counts and of lists of answers."""
+    one_each = y is not None and getattr(y, "shape", ())[1:] in ((), (1,))
+    labels = np.array(y if one_each else None, dtype=object).ravel()
+    if len(labels) != n_trials or any(map(np.ndim, labels)):
+        return np.zeros(n_trials, dtype=np.intp)
+    return pd.factorize(labels)[0]
+
+
 class ObjectKFold(GroupKFold):
     """Folds of whole objects, of which names do not matter and sizes are balanced.
 
@@ -65,12 +74,11 @@ class ObjectKFold(GroupKFold):
         """Return an iterator of the training and test trials of each fold."""
         if groups is not None:
             groups = number_objects(groups, len(groups))
-            if y is not None and np.size(y) == len(groups):
-                first = np.unique(groups, return_index=True)[1]
-                label, _ = pd.factorize(np.ravel(y))
-                if (label == label[first][groups]).all():
-                    order = label[first].argsort(kind="stable")
-                    groups = order.argsort()[groups]
+            first = np.unique(groups, return_index=True)[1]
+            label = _number_labels(y, len(groups))
+            if (label == label[first][groups]).all():
+                order = label[first].argsort(kind="stable")
+                groups = order.argsort()[groups]
         return super().split(X, y, groups)
 
 
