@@ -479,6 +479,28 @@ def test_labels_with_an_order_and_without(ordered):
     assert_allclose(same.predict_proba(X), pool.predict_proba(X), atol=1e-12)
 
 
+@pytest.mark.parametrize("n_touches", [2, 5])
+def test_pools_of_touches_with_a_rating_each_are_calibrated(n_touches):
+    """Touches of an object are rated by other people each, once."""
+    rng, dispersions = np.random.default_rng(0), []
+
+    def touched(n_objects):
+        objects = np.repeat(range(n_objects), n_touches)
+        felt = rng.normal(size=n_objects)[objects]
+        ratings = np.rint(3 + felt + 0.8 * rng.normal(size=len(felt))).clip(1, 5)
+        X = felt[:, None] + 0.7 * rng.normal(size=(len(felt), 1))
+        return X, ratings.astype(int), objects
+
+    for _ in range(3):
+        X, ratings, objects = touched(80)
+        member = "touch", DistributionalOrdinalRegressor(), [0]
+        pool = TouchPool([member]).fit(X, ratings, groups=objects)
+        X, ratings, objects = touched(300)
+        proba = pool.predict_proba(X, groups=objects)
+        dispersions.append(dispersion(ratings, proba))
+    assert np.mean(dispersions) == pytest.approx(1, abs=0.12)
+
+
 @pytest.mark.parametrize("told", ["objects", "runs"])
 def test_pools_of_classes_are_as_sure_as_they_are_right(told):
     """Touches of a run are of several materials, of which each is an object."""

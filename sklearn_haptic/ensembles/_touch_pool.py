@@ -7,6 +7,7 @@ from numbers import Integral
 from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, MetaEstimatorMixin
 from sklearn.utils.validation import check_is_fitted
@@ -234,15 +235,17 @@ class TouchPool(
             # Of what is touched in a run, each class is an object.
             objects = objects * true.shape[1] + true.argmax(axis=1)
             objects = number_objects(objects, len(true))
+        # A pool is to predict the ratings of an object, not of one of its touches.
+        of_objects = pd.DataFrame(true).groupby(objects).mean().to_numpy()
+        true = of_objects[objects]
         proba = np.concatenate((oof, marginal), axis=1)
         departure = compared(proba, ordered) - compared(true, ordered)[:, np.newaxis]
         self._moments, self._ordered = error_moments(departure, objects), ordered
         self._spread = spread_moments(proba, true, objects) if ordered else None
-        step = -(-len(np.unique(objects)) // _MOST_OBJECTS)
+        step = -(-len(of_objects) // _MOST_OBJECTS)
         some = objects % step == 0
         self._objects, self._proba = objects[some] // step, proba[some]
-        means, _ = means_of_touches(true[some, np.newaxis], self._objects, [len(true)])
-        self._true = means[:, 0]
+        self._true = of_objects[::step]
         self.classes_ = classes
         self.shares_ = true.mean(axis=0)
         self.oof_proba_ = oof
