@@ -254,8 +254,8 @@ def test_the_description_of_a_biotac_is_that_of_its_name():
     assert repr(named.get_params()) == repr(described.get_params())
 
 
-@pytest.mark.parametrize("factor", [1000, 0.001])
-def test_touches_in_another_unit_are_warned_of(factor):
+@pytest.mark.parametrize("factor", [1000, 0.001, 0])
+def test_touches_in_another_unit_or_of_a_sensor_that_is_off_are_warned_of(factor):
     trials, y = touches()
     model = make_haptic_pipeline(
         {"skin": TaxelGrid((4, 4)), "acc": Signal(rate=1000)}, random_state=0

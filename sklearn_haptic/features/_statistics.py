@@ -272,14 +272,13 @@ def peak_of(trial):
 def check_peaks(trials, known, shortest, name):
     """Warn of a trial whose peak is a hundred times beyond the `known` range.
 
-    That of a trial with fewer samples than the `shortest` may be lower, and that of a
-    dead sensor, which RepairTrials knows, is 0.
+    That of a trial with fewer samples than the `shortest` may be lower.
     """
     lowest, highest = known
     for i, trial in enumerate(trials):
         peak = peak_of(trial)
         high = peak > _FAR * highest > 0
-        if high or (0 < _FAR * peak < lowest and len(trial) >= shortest):
+        if high or (_FAR * peak < lowest and len(trial) >= shortest):
             factor = peak / (highest if high else lowest)
             warn(
                 f"Trial {i} of {name} has a peak of {factor:.2g} times the "
@@ -334,7 +333,7 @@ class SignalStatistics(TrialRows, BaseEstimator):
         Samples per second, if they are known.
     peaks_ : tuple of float (lowest, highest)
         Of the largest magnitude in each trial. `transform` warns of a trial that lies
-        a hundred times beyond, such as one in another unit.
+        a hundred times beyond, such as one in another unit or of a sensor that is off.
     takes_trials_ : bool
         Whether trials or sequences were fitted; else a table.
     n_features_in_ : int
