@@ -266,7 +266,7 @@ def typical_deviations(trials, n_channels):
 
 def peak_of(trial):
     """Return the largest magnitude in a trial."""
-    return max(float(trial.max()), -float(trial.min()))
+    return max(abs(float(trial.max())), abs(float(trial.min())))
 
 
 def check_peaks(trials, known, shortest, name):
