@@ -61,7 +61,8 @@ def _described(sensors):
                 f"sensors[{name!r}]={description!r} must be a Signal, a TaxelGrid, or "
                 "None to find out from the trials."
             )
-    return dict(sensors)
+    # ColumnTransformer refuses names that are numpy.str_.
+    return {str(name): each for name, each in sensors.items()}
 
 
 class _Features:

@@ -122,8 +122,8 @@ def test_one_touch_is_asked_for_as_a_table(corpus):
 
 
 def test_a_model_says_what_it_was_fitted_on(corpus):
-    """Also when it was saved, and in a notebook."""
-    model = make_haptic_pipeline(["pac", "electrodes"], random_state=0)
+    """Also when it was saved, in a notebook, and of names that are numpy.str_."""
+    model = make_haptic_pipeline(np.array(["pac", "electrodes"]), random_state=0)
     model.fit(corpus.trials, corpus.ratings["hard"])
     features = pickle.loads(pickle.dumps(model))["features"]
     assert features.fitted_on_.tolist() == [
