@@ -388,8 +388,9 @@ def _check_trial(trial, name, ndims, finite):
             for n in ndims
         )
         raise ValueError(
-            f"{name} has shape {trial.shape}; it must be {wanted}. For images describe "
-            "the sensor as TaxelGrid(), or use reshape(len(trial), -1)."
+            f"{name} has shape {trial.shape}; it must be {wanted}. For images take "
+            "STHMPTransformer(layout=None), or TaxelGrid() in make_haptic_pipeline, or "
+            "use reshape(len(trial), -1)."
         )
     _check_length(name, len(trial))
     if trial.size == 0:
