@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_array_equal
 from short_touches import (
     COUNTS,
     DURATIONS,
@@ -23,7 +24,7 @@ from sklearn import config_context
 from sklearn.base import clone
 from sklearn.compose import make_column_transformer
 from sklearn.linear_model import LogisticRegression
-from sklearn.model_selection import GroupKFold
+from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline, make_union
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from told_groups import Told
@@ -41,6 +42,7 @@ from sklearn_haptic import (
     make_haptic_pipeline,
 )
 from sklearn_haptic.metrics import log_score, ranked_probability_score
+from sklearn_haptic.streaming import ExpectedGain
 from sklearn_haptic.streaming._heads import best_power
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*fit was given no groups")
@@ -53,6 +55,21 @@ def model():
 
 def flattened(proba, power):
     return proba**power / (proba**power).sum(axis=-1, keepdims=True)
+
+
+def test_a_search_as_head_knows_the_order_of_its_levels(model):
+    search = GridSearchCV(HEAD, {}, cv=GroupKFold(3))
+    estimator = make_pipeline(features(), StandardScaler(), search)
+    same = make_model(estimator, sharing=0.0, stopping=ExpectedGain())
+    with config_context(enable_metadata_routing=True):
+        same.fit(TOUCHES, COUNTS, groups=OBJECTS)
+    own = make_model(sharing=0.0, stopping=ExpectedGain())
+    own.fit(TOUCHES, COUNTS, groups=OBJECTS)
+    for found, expected in zip(
+        same.predict_when_done(TOUCHES), own.predict_when_done(TOUCHES)
+    ):
+        assert_array_equal(found, expected)
+    assert same.score(TOUCHES, COUNTS) == own.score(TOUCHES, COUNTS)
 
 
 def test_a_blend_learns_the_same_with_metadata_routing():

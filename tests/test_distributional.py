@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
 from scipy.special import expit, logit
-from sklearn.base import BaseEstimator, clone
+from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestClassifier
 from sklearn.linear_model import LogisticRegression, Ridge, RidgeClassifier
 from sklearn.neighbors import KNeighborsClassifier
@@ -289,6 +289,34 @@ def test_equal_weights_count_beside_the_penalty_of_a_base():
         for C, weight in [(2.0, 1.0), (1.0, 2.0)]
     )
     assert_allclose(once, twice, atol=1e-7)
+
+
+class Predicts(RegressorMixin, BaseEstimator):
+    """Predicts one number, in an array of some shape."""
+
+    def __init__(self, number, shape=(-1,)):
+        self.number = number
+        self.shape = shape
+
+    def fit(self, X, y, sample_weight=None):
+        return self
+
+    def predict(self, X):
+        return np.full(len(X), self.number).reshape(self.shape)
+
+
+@pytest.mark.parametrize("base", [Predicts(1.0, (-1, 1)), Predicts(np.nan)])
+def test_a_base_that_predicts_a_column_or_nan_is_refused(base):
+    """A column would be matched with every row, and NaN be the lowest level."""
+    with pytest.raises(ValueError, match="estimator predicts an array of shape"):
+        DistributionalOrdinalRegressor(base).fit([[0.0], [1.0]], [[1, 2], [2, 1]])
+
+
+@pytest.mark.parametrize("number", [1.6, 7, 1e19, 1e300])
+def test_what_a_base_predicts_beyond_the_levels_is_the_last(number):
+    model = DistributionalOrdinalRegressor(Predicts(number))
+    model.fit([[0.0], [1.0]], [[1, 2, 2], [2, 1, 2]])
+    assert model.predict_proba([[0.5]]).tolist() == [[0, 0, 1]]
 
 
 def test_base_without_weights_says_what_to_do():

@@ -206,6 +206,21 @@ def test_labels_of_columns(labels, levels):
     assert_array_equal(counts, COUNTS)
 
 
+@pytest.mark.parametrize(
+    "labels",
+    [
+        ["row_0", 1, 2, 3],  # of pd.crosstab(...).reset_index()
+        ["Unnamed: 0", "1", "2", "3"],  # of read_csv without index_col
+        ["Unnamed: 0", "n1", "n2", "n3"],
+        ["n1", "n2", "n3", "total"],
+    ],
+)
+def test_a_column_beside_numbered_ones_is_no_level(labels):
+    table = pd.DataFrame([[114, 4, 2, 1], [201, 1, 1, 3]], columns=labels)
+    with pytest.raises(ValueError, match="leave out columns that are no counts"):
+        check_ratings(table)
+
+
 @pytest.mark.parametrize("order", [[0, 1, 2, 3], [3, 1, 0, 2]])
 def test_levels_do_not_depend_on_how_pandas_numbers_columns(order):
     tables = (

@@ -165,7 +165,7 @@ class Odd(BaseEstimator):
             lambda n, k: np.zeros((k, n)),
             r"an array of shape \(2, 4\), .*; give .*\(4, 2\)",
         ),
-        (lambda n, k: np.zeros(n), r"an array of shape \(4,\), .*; give a regressor"),
+        (lambda n, k: np.zeros(n), r"an array of shape \(4,\), .*; give an estimator"),
         (lambda n, k: np.full((n, k), np.nan), "estimator predicts .* NaN or infinity"),
     ],
 )

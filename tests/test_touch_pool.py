@@ -13,14 +13,16 @@ from sklearn.base import clone
 from sklearn.ensemble import AdaBoostClassifier
 from sklearn.exceptions import DataConversionWarning
 from sklearn.linear_model import LogisticRegression
-from sklearn.model_selection import GroupKFold
+from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 from told_groups import Told
 
 from sklearn_haptic import (
     NNPOM,
     DistributionalOrdinalRegressor,
     DummyDistribution,
+    NoveltyGuard,
     TouchPool,
     make_haptic_pipeline,
 )
@@ -33,7 +35,11 @@ from sklearn_haptic.ensembles._pool_moments import (
     pool_weights,
     spread_moments,
 )
-from sklearn_haptic.metrics import dispersion, ranked_probability_score
+from sklearn_haptic.metrics import (
+    dispersion,
+    neg_rps_scorer,
+    ranked_probability_score,
+)
 from sklearn_haptic.model_selection import cross_val_predict_proba
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*fit was given no groups")
@@ -618,6 +624,43 @@ def test_classes_in_the_order_of_their_categories():
     assert (pool.predict(X) == words[kind]).mean() > 0.95
     proba = cross_val_predict_proba(member, X, y)
     assert (proba.argmax(axis=1) == kind).mean() > 0.95
+
+
+def one_rating_each(n_objects=30):
+    """Touches in a column of features, of which each has a rating of its own."""
+    X, _, objects = made(n_objects)
+    rng = np.random.default_rng(0)
+    return X, rng.integers(1, 4, len(X)), objects
+
+
+@pytest.mark.parametrize(
+    "around",
+    [
+        lambda model: NoveltyGuard(make_pipeline(StandardScaler(), model), cv=3),
+        lambda model: GridSearchCV(model, {}, cv=GroupKFold(3)),
+        lambda model: TouchPool([("a", model, ["a0", "a1"])], cv=3),
+    ],
+    ids=["guard", "search", "pool"],
+)
+def test_models_around_models_know_the_order_of_their_levels(around):
+    X, y, objects = one_rating_each()
+    member = around(DistributionalOrdinalRegressor())
+    with config_context(enable_metadata_routing=True):
+        pool = TouchPool([("a", member, ["a0", "a1"])], cv=3).fit(X, y, groups=objects)
+    assert pool.predict_cdf(X).shape == (len(X), 3)
+    assert pool.score(X, y) == neg_rps_scorer(pool, X, y)
+
+
+def test_members_whose_words_have_another_order_are_refused():
+    X, y, objects = one_rating_each()
+    words = ["soft", "medium", "hard"]
+    y = np.array(words)[y - 1]
+    member = DistributionalOrdinalRegressor(levels=words)
+    pool = TouchPool([("a", member, ["a0", "a1"])], cv=3)
+    with pytest.raises(ValueError, match="or ratings that name its levels"):
+        pool.fit(X, y, groups=objects)
+    named = pd.Categorical(y, categories=words, ordered=True)
+    assert pool.fit(X, named, groups=objects).classes_.tolist() == words
 
 
 def test_the_order_of_touches_without_groups_is_as_good_as_any():

@@ -22,6 +22,7 @@ from ..models._ordinal import OrdinalClassifierMixin
 from ..ratings._checks import check_adjectives, check_rated, record_features
 from ..ratings._continuous import cdf_at, check_answers, check_values
 from ..ratings._distributions import cdf, level_at, shares
+from ..ratings._levels import knows_order
 from ..utils._folds import (
     TakesGroups,
     groups_for,
@@ -52,7 +53,6 @@ from ._conformal_scores import (
 )
 from ._out_of_fold import (
     Task,
-    knows_order,
     make_folds,
     predict_at,
     predict_fold,

@@ -26,6 +26,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..features import SignalStatistics
 from ..models._ordinal import OrdinalClassifierMixin
+from ..ratings._levels import knows_order
 from ..recordings import RepairTrials
 from ..recordings._sequences import Sequences
 from ..recordings._trials import channel_names, check_trials, is_table, trial_columns
@@ -45,7 +46,6 @@ from ._out_of_fold import (
     Task,
     check_folds_know,
     compared,
-    knows_order,
     make_folds,
     mean_without,
     predict_at,

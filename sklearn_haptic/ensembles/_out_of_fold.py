@@ -24,6 +24,7 @@ from ..models._distributional import fit_linear_models, is_linear
 from ..models._shared_features import refuse_adjectives
 from ..ratings._checks import check_adjectives, check_rated, validate_rated_trials
 from ..ratings._distributions import cdf, shares
+from ..ratings._levels import knows_order
 from ..utils._folds import ObjectKFold, number_objects, warn_of_no_groups
 from ..utils._pipeline_steps import last_step
 from ..utils._sklearn import _check_method_params, _num_samples, _safe_indexing
@@ -259,7 +260,7 @@ def check_members(members, form):
             raise ValueError
     except (TypeError, ValueError):
         raise ValueError(
-            f"estimators={members!r} must be a list of one or more {form} tuples."
+            f"estimators must be a list of one or more {form} tuples."
         ) from None
     for name, estimator in zip(names, estimators):
         if not hasattr(estimator, "fit"):
@@ -363,15 +364,14 @@ def _run(task, model, classes, fit):
     if model is None:
         arguments = task.X, task.y, train, task.params, fit, task.name
         model = fit_fold(task.estimator, *arguments)
-    of_counts = np.ndim(task.y) == 2
     if classes is None:
         return model, None
+    what = task.name, np.ndim(task.y) == 2, knows_order(model)
     if len(test) == 0:
         nothing = np.empty((0, len(model.classes_)))
-        return model, at_classes(nothing, model.classes_, classes, task.name, of_counts)
+        return model, at_classes(nothing, model.classes_, classes, *what)
     predicted = predict_fold(model, _safe_indexing(task.X, test), name=task.name)
-    proba = at_classes(*predicted, classes, task.name, of_counts)
-    return None, proba
+    return None, at_classes(*predicted, classes, *what)
 
 
 def fit_fold(estimator, X, y, train, params, fit=fit_clone, name=None):
@@ -395,7 +395,7 @@ def predict_at(model, X, classes):
     proba, known = predict_fold(model, X)
     if not np.isin(known, classes).all():  # those of columns without labels
         known = classes
-    return at_classes(proba, known, classes)
+    return at_classes(proba, known, classes, ordered=knows_order(model))
 
 
 def predict_fold(model, X_test, method=None, name=None):
@@ -436,16 +436,18 @@ def predict_fold(model, X_test, method=None, name=None):
     return proba, model.classes_
 
 
-def at_classes(proba, known, classes, name=None, of_counts=False):
+def at_classes(proba, known, classes, name=None, of_counts=False, ordered=False):
     """Put probabilities of known classes at all classes; others get none.
 
-    A model of counts knows all, or classes 1, 2, … of columns without labels.
+    A model of counts knows all, or classes 1, 2, … of columns without labels. One that
+    is ordered has them in the same order.
     """
     known, every = known.tolist(), classes.tolist()
     if of_counts and known == [*range(1, len(every) + 1)]:
         known = every
     place = {each: i for i, each in enumerate(every)}
-    if not {*known} <= place.keys() or (of_counts and known != every):
+    strange = not {*known} <= place.keys() or (of_counts and known != every)
+    if strange or (ordered and sorted(known, key=place.get) != known):
         raise ValueError(
             f"{'A fold' if name is None else f'The member {name!r}'} has the levels "
             f"{known}, but {every} are required; give the estimator these levels, "
@@ -480,11 +482,6 @@ def true_shares(y, name):
     if counts.ndim == 3:
         refuse_adjectives(name)
     return shares(counts), classes
-
-
-def knows_order(estimator):
-    """Whether a fitted classifier, or that at the end of a pipeline, has levels."""
-    return hasattr(last_step(estimator)[0], "levels_")
 
 
 def compared(proba, ordered):

@@ -15,6 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..models._ordinal import OrdinalClassifierMixin
 from ..models._regressed import proper_shares
 from ..ratings._distributions import shares
+from ..ratings._levels import knows_order
 from ..recordings._trials import check_columns
 from ..utils._folds import (
     TakesGroups,
@@ -35,7 +36,6 @@ from ._out_of_fold import (
     check_folds_know,
     check_members,
     compared,
-    knows_order,
     make_folds,
     mean_without,
     predict_at,

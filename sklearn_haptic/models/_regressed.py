@@ -15,7 +15,12 @@ from ..utils._sklearn import HasMethods, RandomState, _fit_context
 from ..utils._validation import check_features
 from ._observations import used_trials
 from ._ordinal import OrdinalClassifierMixin
-from ._shared_features import fit_with_weights, refuse_adjectives, seed_estimator
+from ._shared_features import (
+    check_output,
+    fit_with_weights,
+    refuse_adjectives,
+    seed_estimator,
+)
 
 _FORESTS = ExtraTreesRegressor, RandomForestRegressor
 
@@ -231,12 +236,6 @@ class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEsti
         X = check_features(self, X)
         shape = len(X), len(self.mean_cdf_)
         departure = self._predict(X) if shape[1] else np.empty(shape)
-        departure = np.asarray(departure)
-        one_output = shape[1] == 1 and departure.shape == shape[:1]
-        right = departure.shape == shape or one_output
-        if not right or not np.isfinite(departure).all():
-            raise ValueError(
-                f"estimator predicts an array of shape {departure.shape}, or NaN or "
-                f"infinity; give a regressor of finite outputs of shape {shape}."
-            )
-        return proper_shares(self.mean_cdf_ + departure.reshape(shape))
+        if shape[1] == 1 and np.ndim(departure) == 1:
+            departure = departure[:, np.newaxis]
+        return proper_shares(self.mean_cdf_ + check_output(departure, shape))

@@ -62,6 +62,17 @@ def fit_with_weights(estimator, X, y, weight, refusal):
     return estimator.fit(X, y)
 
 
+def check_output(predicted, shape):
+    """Return what an estimator predicts; refuse another shape, NaN and infinity."""
+    predicted = np.asarray(predicted)
+    if predicted.shape != shape or not np.isfinite(predicted).all():
+        raise ValueError(
+            f"estimator predicts an array of shape {predicted.shape}, or NaN or "
+            f"infinity; give an estimator of finite outputs of shape {shape}."
+        )
+    return predicted
+
+
 def hold_out_trials(estimator, n_trials, groups, fraction, random_state):
     """Split off validation trials; return the indices of both parts.
 
@@ -252,12 +263,14 @@ class RepeatedRows:
         rows = np.column_stack((repeated, np.tile(positions, len(X))))
         proba = np.zeros((len(rows), self.n_levels))
         if is_regressor(self.estimator):
-            level = np.rint(self.estimator.predict(rows)).astype(int)
-            proba[np.arange(len(rows)), np.clip(level, 0, self.n_levels - 1)] = 1
+            level = check_output(self.estimator.predict(rows), (len(rows),))
+            level = np.rint(np.clip(level, 0, self.n_levels - 1)).astype(int)
+            proba[np.arange(len(rows)), level] = 1
         elif hasattr(self.estimator, "predict_proba"):
             proba[:, self.present] = self.estimator.predict_proba(rows)
         else:
-            level = self.present[self.estimator.predict(rows)]
+            level = check_output(self.estimator.predict(rows), (len(rows),))
+            level = self.present[level]
             proba[np.arange(len(rows)), level] = 1
         return proba
 

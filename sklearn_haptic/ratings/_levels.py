@@ -15,6 +15,7 @@ occur. Words have no order of their own, so a warning says which order was assum
 
 import re
 import warnings
+from collections import Counter
 from numbers import Real
 
 import numpy as np
@@ -130,6 +131,12 @@ def _in_order(labels, name):
     return lossless_array(labels)
 
 
+def knows_order(estimator):
+    """Whether a fitted model, or that at the end of a pipeline, has ordered levels."""
+    model, _ = last_step(estimator)
+    return getattr(model, "_ordered", hasattr(model, "levels_"))
+
+
 def predict_in_named_order(estimator, X, ratings):
     """Predict probabilities, and their levels, in the order that the ratings name.
 
@@ -140,10 +147,8 @@ def predict_in_named_order(estimator, X, ratings):
     """
     check_order(X, ratings)
     proba, levels = estimator.predict_proba(X), estimator.classes_
-    model, _ = last_step(estimator)
-    ordered = getattr(model, "_ordered", hasattr(model, "levels_"))
     named = None
-    if not ordered:
+    if not knows_order(estimator):
         if np.ndim(ratings) == 2:
             named, _ = levels_of_columns(ratings, None, "y")
         if named is None:
@@ -246,8 +251,10 @@ def _read_numbers(labels):
     texts = [label for label in labels if isinstance(label, str)]
     numbers = {x: x for x in texts if _NUMBER.fullmatch(x)}
     numbered = {x: match for x in texts if (match := _NUMBERED.fullmatch(x))}
-    if not numbers and len({match[1] for match in numbered.values()}) == 1:
-        numbers = {x: match[2] for x, match in numbered.items()}
+    prefixes = Counter(match[1] for match in numbered.values())
+    common = [prefix for prefix, n in prefixes.items() if n > 1]
+    if not numbers and len(common) == 1:
+        numbers = {x: m[2] for x, m in numbered.items() if m[1] == common[0]}
     return [_number(numbers[x]) if x in numbers else x for x in labels]
 
 

@@ -27,6 +27,7 @@ from ..features._sensor_features import BlockScaler
 from ..models._ordinal import OrdinalClassifierMixin
 from ..ratings._checks import check_adjectives
 from ..ratings._distributions import raised, shares
+from ..ratings._levels import knows_order
 from ..recordings._repair import by_sensor, check_limits
 from ..recordings._trials import ALONE
 from ..utils._folds import TakesGroups
@@ -243,7 +244,7 @@ class AnytimeRegressor(
         fitted = run_tasks(head_tasks(*data, [every]), None, fit=fit_head)
         self.heads_ = [each for each, _ in fitted]
         self.classes_ = max((each.classes_ for each in self.heads_), key=len)
-        self._ordered = hasattr(self.heads_[0][-1], "levels_")
+        self._ordered = np.ndim(y) > 1 or knows_order(self.heads_[0])
         true = self._shares(y)
         self.shares_ = shares(true.sum(axis=0))
         if not self._ordered:
