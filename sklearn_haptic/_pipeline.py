@@ -51,7 +51,7 @@ def _described(sensors):
             f"sensors is empty; name a sensor or more, such as {list(SENSORS)}."
         )
     for name, description in sensors.items():
-        if not isinstance(name, str):
+        if not isinstance(name, str) or not name:
             raise ValueError(
                 f"sensors names {name!r}; name sensors by the columns of the trials, "
                 "which must be text: trials.rename(columns=str)."

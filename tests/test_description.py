@@ -201,3 +201,18 @@ def test_a_description_can_be_saved(faulty):
 def test_bad_options(options, message):
     with pytest.raises(ValueError, match=re.escape(message)):
         describe_corpus(np.zeros((2, 4, 1)), **options)
+
+
+@pytest.mark.parametrize("of", ["objects", "ratings"])
+def test_rows_in_another_order_are_refused(of):
+    trials = pd.DataFrame({"acc": [np.zeros((4, 1))] * 2}, index=["a", "b"])
+    with pytest.raises(ValueError, match="the row labels of trials in another order"):
+        describe_corpus(trials, **{of: pd.Series([1, 2], ["b", "a"])})
+
+
+def test_time_stamps_tell_the_rate():
+    trials = [pd.DataFrame({"x": np.arange(30.0)}, np.arange(30) / 200)] * 2
+    rate = describe_corpus(trials).sensors["rate"]
+    assert rate.tolist() == [pytest.approx(200)]
+    with pytest.raises(ValueError, match="at 200 Hz by its index, but 1000 Hz"):
+        describe_corpus(trials, sampling_rates=1000)

@@ -269,6 +269,15 @@ def test_totals_beside_counts_are_refused(labels, total, people):
         check_ratings(table.assign(**{total: table.sum(axis=1)}))
 
 
+def test_margins_of_few_objects_are_refused_by_their_name():
+    answers = pd.DataFrame(
+        {"object": list("aaabbbccc"), "feel": ["low", "mid", "high"] * 2 + ["low"] * 3}
+    )
+    table = pd.crosstab(answers["object"], answers["feel"], margins=True).iloc[:-1]
+    with pytest.raises(ValueError, match="'All' of counts is the sum of all others"):
+        rating_distribution(table)
+
+
 def test_a_level_that_half_of_two_people_chose_everywhere_is_no_total():
     table = pd.DataFrame([[1, 1, 0, 0], [0, 1, 1, 0], [0, 1, 0, 1]] * 4)
     assert check_ratings(table)[0].tolist() == table.to_numpy().tolist()

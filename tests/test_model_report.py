@@ -253,6 +253,23 @@ def test_a_gain_of_rounding_is_no_verdict():
         assert report.gains["verdict"].item() == "not shown"
 
 
+def test_confusions_have_a_column_for_a_class_never_predicted():
+    words = np.repeat(["ash", "cup", "tin"], 12)
+    objects = np.tile(np.arange(6), 6)
+    report = model_report(
+        DummyClassifier(strategy="constant", constant="tin"),
+        np.zeros((36, 1)),
+        words,
+        groups=objects,
+        cv=3,
+    )
+    expected = confusion_matrix(words, np.full(36, "tin"))
+    confusions = report.confusions["ratings"]
+    np.testing.assert_array_equal(confusions, expected)
+    assert [*confusions.columns] == [*confusions.index] == ["ash", "cup", "tin"]
+    assert (confusions.index.name, confusions.columns.name) == ("true", "predicted")
+
+
 def test_classes_have_no_order():
     """Accuracies and confusions as scikit-learn computes them."""
     rng = np.random.default_rng(0)

@@ -63,6 +63,11 @@ def assert_all_closed():
 # What is loaded
 
 
+def test_objects_may_be_named_like_other_groups(path):
+    edit(path, lambda file: write_trial(file, "validation_block_31_1", seed=9))
+    assert "validation_block_31_1" in load_phac2(path).trials.index
+
+
 def test_layout_of_the_bunch(path):
     corpus = load_phac2(path)
     assert list(corpus.trials.index) == [

@@ -100,6 +100,16 @@ def test_one_array(n_channels):
     assert sum(map(len, display.lines_.get("", []))) == n_channels * (n_channels < 9)
 
 
+def test_a_row_of_stamped_recordings_is_one_trial():
+    at = np.arange(200) / 200
+    axes = pd.DataFrame(np.zeros((200, 3)), at, list("xyz"))
+    row = pd.DataFrame({"acc": [axes], "gyro": [axes]}).iloc[0]
+    display = SignalsDisplay.from_trials(row, sampling_rate=200)
+    assert [*display.signals] == ["acc", "gyro"] and display.titles == [""]
+    with pytest.raises(ValueError, match="sampled at 200 Hz by its index, but 1000"):
+        SignalsDisplay.from_trials(row, sampling_rate=1000)
+
+
 def test_rows_of_a_table_are_columns_of_panels(by_procedure):
     table = pd.DataFrame({"pdc": [t["pdc"] for t in by_procedure.values()]})
     display = SignalsDisplay.from_trials(table)

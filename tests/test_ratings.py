@@ -89,6 +89,13 @@ def test_rating_counts_of_named_levels_with_missing_ratings(column):
     assert table.counts.tolist() == [[1, 0, 0], [1, 0, 1]]
 
 
+def test_counts_of_one_level_are_not_given_as_if_they_were_ratings():
+    with pytest.raises(ValueError, match=r"All ratings are 3, .*; list all levels"):
+        rating_counts([3, 3, 3], ["a", "a", "b"]).counts_for(["a", "b"])
+    table = rating_counts([3, 3, 3], ["a", "a", "b"], levels=[1, 2, 3])
+    assert table.counts_for(["b", "a"]).to_numpy().tolist() == [[0, 0, 1], [0, 0, 2]]
+
+
 def test_rating_counts_takes_the_order_of_ordered_categories():
     levels = ["no", "a bit", "very"]
     column = pd.Series(pd.Categorical(["very", "no", None], levels, ordered=True))

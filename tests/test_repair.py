@@ -393,6 +393,64 @@ def test_trials_keep_their_time_stamps():
                 model.fit(trials)
 
 
+def test_samples_are_interpolated_by_their_time_stamps():
+    """Where samples are lost, the next one is not the next in time."""
+    at = np.r_[np.arange(10), np.arange(20, 30)] / 100
+    trial = pd.DataFrame({"x": at, "y": 1 - at}, at)
+    trial.iloc[9, 0] = np.nan
+    for index in (
+        trial.index,
+        pd.to_timedelta(at, unit="s"),
+        pd.to_datetime(at, unit="s"),
+    ):
+        (repaired,) = RepairTrials().fit_transform([trial.set_axis(index)])
+        assert_allclose(repaired.to_numpy(), np.column_stack((at, 1 - at)), atol=1e-15)
+
+
+def test_a_touch_that_other_channels_feel_is_not_of_a_dead_sensor():
+    """Of a skin whose taxels rest at a constant, most touches reach the first one."""
+    rng = np.random.default_rng(0)
+    trials = [np.zeros((20, 4)) for _ in range(20)]
+    for i, trial in enumerate(trials):
+        reached = [0, 1 + i % 3] if i else [1, 2]
+        trial[:, reached] = rng.normal(size=(20, len(reached)))
+    repair = RepairTrials().fit(trials)
+    assert [row[:3] for row in faults_of(repair, trials)] == [(0, 0, "dead")]
+    assert_array_equal(repair.transform(trials)[0][:, 1:], trials[0][:, 1:])
+    at_rest = [np.zeros((20, 4))]
+    assert [row[1:3] for row in faults_of(repair, at_rest)] == [("all", "dead sensor")]
+
+
+@pytest.mark.parametrize("limit", [3.3, 4.7, 0.1])
+def test_single_precision_is_saturated_at_the_limit_also_among_double(limit):
+    trials = [np.random.default_rng(i).uniform(0, 0.09, (30, 1)) for i in range(5)]
+    trials[2][4:7] = limit
+    single = [trial.astype(np.float32) for trial in trials]
+    for given in (trials, single, [*single[:4], trials[4]]):
+        faults = RepairTrials(limits=(-limit, limit)).fit(given).faults_
+        assert faults[["trial", "fault", "n_samples"]].to_numpy().tolist() == [
+            [2, "saturated", 3]
+        ]
+
+
+def test_nullable_types_of_pandas():
+    trials = recordings()
+    trials[3][4:6, 1] = np.nan
+    nullable = [pd.DataFrame(trial).convert_dtypes() for trial in trials]
+    expected = RepairTrials().fit_transform(trials)
+    for repaired, known in zip(RepairTrials().fit_transform(nullable), expected):
+        assert_array_equal(repaired, known)
+    with pytest.raises(ValueError, match="Trial 3 of X contains NaN or infinity"):
+        SignalStatistics().fit(nullable)
+
+
+def test_a_table_for_a_fit_to_one_sensor_is_refused():
+    repair = RepairTrials().fit(recordings())
+    table = pd.DataFrame({"skin": recordings()})
+    with pytest.raises(ValueError, match="give the column that holds them"):
+        repair.transform(table)
+
+
 def test_a_sensor_of_which_one_channel_lives_is_not_dead():
     trials = recordings()
     touch = trials[4].copy()

@@ -14,9 +14,11 @@ from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import (
     AnytimeRegressor,
+    KSVDTransformer,
     RepairTrials,
     Signal,
     SignalStatistics,
+    STHMPTransformer,
     make_haptic_pipeline,
     resample_trials,
 )
@@ -226,6 +228,25 @@ def test_stamps_in_another_unit(unit, kind):
             assert len(found) == pytest.approx(60 * asked / rate, rel=0.1)
 
 
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_stamps_in_seconds_that_are_said_to_be_shorter(unit):
+    times = np.arange(100) / 100
+    with pytest.raises(ValueError, match="which cannot be sampled at 100 Hz"):
+        resample_trials([waves(times)], [times], 100, unit=unit)
+
+
+def test_stamps_of_single_precision_lose_no_sample():
+    """The last is kept, and only what was dropped is NaN."""
+    rng = np.random.default_rng(0)
+    for rate in (50, 200, 1000):
+        times = np.arange(rate) / rate + 1
+        kept = np.sort(rng.permutation(rate)[: rate - 5])
+        kept = np.unique([0, *kept, rate - 1])
+        found = resample_trials([waves(times[kept])], [times[kept].astype("f4")], rate)
+        gone = np.setdiff1d(np.arange(rate), kept)
+        assert_array_equal(np.flatnonzero(np.isnan(found[0][:, 0])), gone)
+
+
 @pytest.mark.parametrize("wrong", [1e12, 1e300])
 def test_one_wrong_stamp_is_refused(wrong):
     times = np.arange(50) / 100
@@ -287,6 +308,26 @@ def test_stamps_that_contradict_the_rate_are_refused(sensors, kind):
     if sensors["q"] is None:
         with pytest.raises(ValueError, match=r"^Trial . .* Hz is usual"):
             model.fit(faster, [1, 2])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "coder",
+    [KSVDTransformer(4, window=5, max_iter=1), STHMPTransformer(4, max_iter=1)],
+    ids=["K-SVD", "ST-HMP"],
+)
+def test_codes_are_of_touches_at_the_rate_of_training(coder, kind):
+    def touch(rate):
+        at = stamped(np.arange(60) / rate, kind).index
+        return pd.DataFrame(np.random.default_rng(0).normal(size=(60, 19)), at)
+
+    coder.fit([touch(100)] * 3)
+    assert coder.rate_ == pytest.approx(100)
+    coder.transform([touch(100).to_numpy()])
+    with pytest.raises(ValueError, match=r"^Trial 1 of X is sampled at 300 Hz"):
+        coder.transform([touch(100), touch(300)])
+    with pytest.raises(ValueError, match=r"Hz is usual"):
+        coder.fit([touch(100), touch(300)])
 
 
 def test_stamps_that_contradict_the_rate_of_a_stream_are_refused():

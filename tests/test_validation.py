@@ -244,6 +244,7 @@ def counts_by_name():
     "use",
     [
         DistributionalOrdinalRegressor().fit,
+        lambda X, y: DummyDistribution().fit(X, y, np.arange(1, 13)),
         DistributionBlend([("one", DistributionalOrdinalRegressor())]).fit,
         ContinuousRatingsRegressor().fit,
         TouchPool([("force", DistributionalOrdinalRegressor(), ["force"])]).fit,
@@ -256,6 +257,7 @@ def counts_by_name():
     ],
     ids=[
         "regressor",
+        "baseline",
         "blend",
         "sliders",
         "pool",
@@ -271,6 +273,15 @@ def test_ratings_of_named_touches_in_another_order(use):
     X, y = counts_by_name()
     with pytest.raises(ValueError, match="^y " + REORDERED.format("X")):
         use(X, y)
+
+
+def test_ratings_of_several_touches_of_each_name_in_another_order():
+    X, y = counts_by_name()
+    X, y = pd.concat([X, X]), y.loc[[*X.index, *X.index]]
+    model = DistributionalOrdinalRegressor()
+    assert len(model.fit(X, y).predict_proba(X)) == 24
+    with pytest.raises(ValueError, match="^y " + REORDERED.format("X")):
+        model.fit(X, y.sort_index())
 
 
 def test_rows_in_the_order_of_touches_or_without_names():

@@ -23,10 +23,16 @@ from ..recordings._repair import (
     read_faulty,
     usual_rests,
 )
-from ..recordings._trials import trial_columns
+from ..recordings._trials import name_of, rate_of, trial_columns
 from ..utils._report import Report
 from ..utils._sklearn import Trials, validate_params
-from ..utils._validation import check_objects, check_regular, count, drop_missing
+from ..utils._validation import (
+    check_objects,
+    check_order,
+    check_regular,
+    count,
+    drop_missing,
+)
 
 _MOST_ROWS = 12  # of objects that are shown
 
@@ -173,6 +179,7 @@ def describe_corpus(
     objects = given.get("objects") if objects is None else objects
     if objects is not None:
         check_consistent_length(objects, np.empty(n_trials))
+        check_order(trials, objects, "objects", "trials")
         objects = check_objects(objects, row="trial")
     if sampling_rates is None:
         of_corpus = given.get("sampling_rates", {})
@@ -183,7 +190,10 @@ def describe_corpus(
             raise ValueError(f"sampling_rates has {rate!r}; give a number above 0.")
     ranges = by_sensor(limits, columns, "limits")
     rows = [
-        {"rate": rates[name], **_sensor_row(column, name, ranges[name])}
+        {
+            "rate": rate_of(column, rates[name], name=name_of(column)),
+            **_sensor_row(column, name, ranges[name]),
+        }
         for name, column in columns.items()
     ]
     sensors = pd.DataFrame(rows, index=pd.Index(list(columns), dtype=object))
@@ -192,7 +202,7 @@ def describe_corpus(
     return _Corpus(
         sensors=sensors.astype({"rate": float}),
         objects=_objects(objects, given.get("object_names")),
-        **_describe_ratings(ratings, levels, objects, n_trials),
+        **_describe_ratings(ratings, levels, objects, trials),
     )
 
 
@@ -242,7 +252,7 @@ def _objects(objects, names):
     return pd.DataFrame(columns, index=pd.Index(ids, name="object"))
 
 
-def _describe_ratings(ratings, levels, objects, n_trials):
+def _describe_ratings(ratings, levels, objects, trials):
     """Return the tables of ratings, and what was rated."""
     if ratings is None or (isinstance(ratings, Mapping) and not ratings):
         return {"ratings": None, "shares": None, "rated": None}
@@ -250,7 +260,8 @@ def _describe_ratings(ratings, levels, objects, n_trials):
         ratings = {"ratings": ratings}
     counts, levels_of = {}, {}
     for name, y in ratings.items():
-        check_consistent_length(y, np.empty(n_trials))
+        check_consistent_length(y, trials)
+        check_order(trials, y, f"ratings[{name!r}]", "trials")
         counts[name], levels_of[name] = _counts(y, levels, f"ratings[{name!r}]")
     rated = "trial"
     if objects is not None:

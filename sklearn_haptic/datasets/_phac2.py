@@ -259,9 +259,9 @@ def _parse_trial_names(file):
     """Return {trial: (object id, run, object name)}, parsed from the right."""
     parsed, name_of = {}, {}
     for name in names_in(file):
-        if name.startswith(NOT_TRIALS):
-            continue
         parts = _TRIAL_NAME.fullmatch(name)
+        if parts is None and name.startswith(NOT_TRIALS):
+            continue
         if parts is None:
             raise ValueError(
                 f"{name!r} at the root of {file.filename} is no trial; trials are "

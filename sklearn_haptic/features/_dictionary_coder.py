@@ -14,7 +14,7 @@ from sklearn.utils.random import sample_without_replacement
 from sklearn.utils.validation import check_is_fitted
 
 from ..recordings._sequences import Sequences, row_index
-from ..recordings._trials import channel_names
+from ..recordings._trials import channel_names, name_of, rate_of
 from ..utils._sklearn import (
     FloatArray,
     HasMethods,
@@ -186,6 +186,7 @@ class DictionaryCoder(CallbackSupportMixin):
         rng = check_random_state(self.random_state)
         for name in ("feature_names_in_", "spatial_cells_", "window_step_"):
             vars(self).pop(name, None)  # of an earlier fit to another kind of data
+        self.rate_ = rate_of(X, name=name_of(X))
         self._channel_names = channel_names(X)
         if self.takes_trials_:
             trials, counts, observe = self._fit_trials(X)
@@ -260,6 +261,7 @@ class DictionaryCoder(CallbackSupportMixin):
         check_is_fitted(self)
         if not self.takes_trials_:
             return _wrap_data_with_container("transform", self._code_rows(X), X, self)
+        rate_of(X, self.rate_, name=name_of(X))
         trials, lengths = self._check_trials(X)
         return Sequences(
             trials,

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils import check_array
 
-from ..recordings._trials import check_trials, is_table, transposed_hint
+from ..recordings._trials import check_trials, is_table, name_of, transposed_hint
 from ..utils._sklearn import Interval, Memory, RandomState, Trials, _fit_context
 from ..utils._validation import check_numbers, refuse_empty
 from ._dictionary_coder import DictionaryCoder, encode
@@ -132,6 +132,9 @@ class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
     reconstruction_error_ : float
         Root mean squared error, per sample and in units of `X`, of the training
         observations coded over `components_`.
+    rate_ : float or None
+        Samples per second, by the time stamps of trials of pandas, if they have any.
+        `transform` refuses trials that contradict it.
     takes_trials_ : bool
         Whether trials were fitted; else rows of a table.
     window_step_ : int
@@ -269,8 +272,8 @@ class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         for i, trial in enumerate(trials):
             if len(trial) < window:
                 raise ValueError(
-                    f"Trial {i} of X has {len(trial)} time samples, but one window "
-                    f"takes {window}; remove it or use a shorter window."
+                    f"Trial {i} of {name_of(X)} has {len(trial)} time samples, but one "
+                    f"window takes {window}; remove it or use a shorter window."
                     f"{transposed_hint(trial.shape)}"
                 )
         step = self.window_step_

@@ -259,6 +259,9 @@ class STHMPTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         Height and width of a patch in pixels.
     spatial_cells_ : tuple of tuple of int (n_rows, n_columns)
         Rows and columns of cells of each level. Defined for trials.
+    rate_ : float or None
+        Samples per second, by the time stamps of trials of pandas, if they have any.
+        `transform` refuses trials that contradict it.
     takes_trials_ : bool
         Whether trials were fitted; else rows of a table.
     n_features_in_ : int

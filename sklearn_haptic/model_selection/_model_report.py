@@ -309,7 +309,10 @@ def _compare(model, targets, outcomes, folds, groups, kind):
         if kind == _CLASSES:
             true = pd.Series(np.asarray(y)[tested], name="true")
             taken_for = pd.Series(predicted[name], name="predicted")
-            confusions[name] = pd.crosstab(true, taken_for)
+            table = pd.crosstab(true, taken_for)
+            every = table.index.union(table.columns)
+            table = table.reindex(index=every, columns=every, fill_value=0)
+            confusions[name] = table.rename_axis(index="true", columns="predicted")
     table = pd.DataFrame.from_dict(scores, orient="index")
     table.index = pd.MultiIndex.from_tuples(scores, names=["adjective", "predictor"])
     overall = gain_over_objects(np.mean(of_trials, axis=0), objects)

@@ -118,13 +118,15 @@ class SignalsDisplay(Display):
         sensors = list(trials[0])
         if any(set(trial) != set(sensors) for trial in trials):
             raise ValueError("X has trials of different sensors; give all the same.")
+        rates = {s: _rate_of(s, sampling_rate) for s in sensors}
+        signals = {}
+        for s, rate in rates.items():
+            name = f"X[{s!r}]" if s else "X"
+            signals[s] = check_trials([t[s] for t in trials], name=name, rate=rate)
         return cls(
-            {
-                s: check_trials([t[s] for t in trials], name=f"X[{s!r}]" if s else "X")
-                for s in sensors
-            },
+            signals,
             titles=titles,
-            sampling_rates={s: _rate_of(s, sampling_rate) for s in sensors},
+            sampling_rates=rates,
             units={s: _unit_of(s, unit) for s in sensors},
         ).plot(ax)
 
@@ -207,7 +209,7 @@ def _named_trials(X):
         pairs = list(X.iterrows())
     else:
         pairs = list(X.items()) if hasattr(X, "items") else [("", X)]
-        nested = {hasattr(trial, "items") for _, trial in pairs}
+        nested = {_has_sensors(trial) for _, trial in pairs}
         if True not in nested:
             pairs = [("", dict(pairs))]
         elif False in nested:
@@ -215,6 +217,12 @@ def _named_trials(X):
     if not pairs or not all(len(trial) for _, trial in pairs):
         raise ValueError("X holds no signals; give one trial and sensor or more.")
     return [str(name) for name, _ in pairs], [dict(trial) for _, trial in pairs]
+
+
+def _has_sensors(trial):
+    """Whether a trial is a dict of signals, or a row of a table of them."""
+    row = isinstance(trial, pd.Series) and trial.dtype == object
+    return row or isinstance(trial, Mapping)
 
 
 def _rate_of(sensor, sampling_rate):

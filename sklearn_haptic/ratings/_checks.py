@@ -84,7 +84,8 @@ def check_counts(counts, levels=None, *, name="counts", unrated=False):
         ensure_min_features=2,
         input_name=name,
     )
-    refuse(np.isnan(counts).any(axis=1), *_MISSING, name)
+    mend = "give 0 where nobody chose a level, and leave out trials without ratings"
+    refuse(np.isnan(counts).any(axis=1), _MISSING[0], mend, name)
     counts = in_order_of_levels(counts, columns)
     if levels is None:
         levels = np.arange(1, counts.shape[1] + 1)
@@ -108,10 +109,12 @@ def check_counts(counts, levels=None, *, name="counts", unrated=False):
 
 
 def _refuse_totals(counts, levels, name):
-    """Refuse a column that is the sum of all others, in more rows than chance has."""
+    """Refuse a column that is the sum of all others, unless that may be chance."""
     is_total = np.isclose(2 * counts, counts.sum(axis=1, keepdims=True)).all(axis=0)
     n_levels = len(levels)
-    if n_levels > 2 and is_total.any() and len(np.unique(counts, axis=0)) > n_levels:
+    if len(np.unique(counts, axis=0)) <= n_levels:
+        is_total &= levels.astype(object) == "All"  # pandas' name of margins
+    if n_levels > 2 and is_total.any():
         raise ValueError(
             f"The column {levels.tolist()[np.argmax(is_total)]!r} of {name} is the sum "
             "of all others; leave out columns that are no counts."

@@ -138,8 +138,14 @@ class RatingTable:
         Raises
         ------
         ValueError
-            If an object is missing or has no ratings in this table.
+            If an object is missing or has no ratings in this table, or there is one
+            level.
         """
+        if len(self.levels) == 1:
+            raise ValueError(
+                f"All ratings are {self.levels.tolist()[0]!r}, and a table of one "
+                "column would be taken for ratings; list all levels in levels=."
+            )
         columns = pd.Index(self.levels)
         if not (columns.dtype.kind in "iuf" and columns.is_monotonic_increasing):
             columns = pd.CategoricalIndex(columns, columns, ordered=True)

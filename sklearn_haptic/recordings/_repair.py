@@ -59,11 +59,12 @@ class Usual(NamedTuple):
     trial: FloatArray
 
 
-def fill_samples(trial):
+def fill_samples(trial, stamps=None):
     """Fill the NaN of each channel along straight lines in time.
 
-    Before the first known sample and after the last, the nearest one is repeated. A
-    channel without any known sample is 0. Return a copy.
+    Samples are evenly spaced, or have ascending time stamps, an index of pandas. Before
+    the first known sample and after the last, the nearest one is repeated. A channel
+    without any known sample is 0. Return a copy.
 
     Examples
     --------
@@ -74,11 +75,12 @@ def fill_samples(trial):
     """
     if not np.isnan(trial).any():
         return trial.copy()
-    filled = pd.DataFrame(trial).interpolate(limit_direction="both")
+    table = pd.DataFrame(trial, stamps)
+    filled = table.interpolate("index", limit_direction="both")
     return filled.fillna(0).to_numpy(copy=True)
 
 
-def repair_trial(cell, usual, limits, rest, length=np.nan):
+def repair_trial(cell, usual, limits, rest, length=np.nan, stamps=None):
     """Repair a trial; return it and its faults.
 
     Parameters
@@ -91,6 +93,8 @@ def repair_trial(cell, usual, limits, rest, length=np.nan):
         See :class:`RepairTrials`.
     length : float, default=nan
         How many samples a missing sensor would have; NaN if that is not known.
+    stamps : pandas.Index or None, default=None
+        Time stamps of the samples.
 
     Returns
     -------
@@ -103,9 +107,9 @@ def repair_trial(cell, usual, limits, rest, length=np.nan):
         length = len(usual.trial) if np.isnan(length) else np.ceil(round(length, 6))
         return _typical(usual, "missing sensor", 0, length)
     dead, varying = dead_channels(cell, usual.rests, limits, rest), usual.rests < np.inf
-    if varying.any() and dead[varying].all():
+    if varying.any() and (dead | (~varying & ~moving(cell))).all():
         return _typical(usual, "dead sensor", len(cell), len(cell))
-    repaired, faults = repair_channels(cell, limits, rest)
+    repaired, faults = repair_channels(cell, limits, rest, stamps)
     if dead.any():
         repaired[:, dead] = estimate_channels(
             repaired, dead, usual.mean, usual.scale, usual.correlation
@@ -147,13 +151,17 @@ def usual_rests(rests):
     return np.quantile(rests, _USUAL, axis=0, method="inverted_cdf")
 
 
+def moving(cell):
+    """Whether each channel has two samples that differ."""
+    return np.fmax.reduce(cell) > np.fmin.reduce(cell)
+
+
 def dead_channels(cell, rests, limits=None, rest=None):
     """Whether each channel rests longer than `rests`, or has no sample where it must.
 
     That is at its begin if `rest` is given. One at its limit throughout is not dead.
     """
-    moves = np.fmax.reduce(cell) > np.fmin.reduce(cell)
-    still = ~moves & (len(cell) > rests)
+    still = ~moving(cell) & (len(cell) > rests)
     if limits is not None:
         still &= ((cell > limits[0]) & (cell < limits[1])).any(axis=0)
     return still | np.isnan(cell[:rest]).all(axis=0)
@@ -166,7 +174,7 @@ def _typical(usual, fault, n_samples, length):
     return usual.trial[times], faults
 
 
-def repair_channels(cell, limits, rest):
+def repair_channels(cell, limits, rest, stamps=None):
     """Do of :func:`repair_trial` what needs no other trials."""
     faults = []
     missing = np.isnan(cell)
@@ -178,7 +186,7 @@ def repair_channels(cell, limits, rest):
     if limits is not None:
         beyond = (cell <= limits[0]) | (cell >= limits[1])
         faults += _each(beyond.sum(axis=0), "saturated", "kept at the limit")
-    repaired = fill_samples(cell if limits is None else cell.clip(*limits))
+    repaired = fill_samples(cell if limits is None else cell.clip(*limits), stamps)
     faults = [(*fault, np.nan) for fault in faults]
     if rest is not None:
         resting = pd.DataFrame(np.where(np.isnan(cell), np.nan, repaired)[:rest])
@@ -220,6 +228,12 @@ def usual_trials(cells, samples, limits, rest):
 
 def _each(counts, fault, answer):
     return [(int(i), fault, int(counts[i]), answer) for i in np.flatnonzero(counts)]
+
+
+def stamps_of(cell):
+    """Return the time stamps of a trial, if it has any that ascend."""
+    ascend = has_time_index(cell) and cell.index.is_monotonic_increasing
+    return cell.index if ascend else None
 
 
 def _with_columns(X, columns):
@@ -314,13 +328,21 @@ def by_sensor(option, sensors, name):
 
 
 def check_limits(limits):
-    """Return the lowest and the highest value of a sensor, None if not given."""
+    """Return the lowest and the highest value of a sensor, None if not given.
+
+    They are those of single precision if these are nearer to each other, because a
+    recording may have been of it.
+    """
     ends = np.asarray((-1, 1) if limits is None else limits)
     if ends.shape != (2,) or ends.dtype.kind not in "iuf" or not ends[0] < ends[1]:
         raise ValueError(
             f"limits={limits!r} must be the lowest and the highest value of the sensor."
         )
-    return None if limits is None else tuple(ends.tolist())
+    if limits is None:
+        return None
+    with np.errstate(over="ignore"):
+        low, high = ends.astype(np.float32).tolist()
+    return max(ends[0].item(), low), min(ends[1].item(), high)
 
 
 def _refuse_filled(cells, where):
@@ -496,15 +518,17 @@ class TrialRepair:
                 name: read_faulty(column, name, *self._usual[name].samples)[0]
                 for name, column in columns.items()
             }
+            stamps = {name: map(stamps_of, cells_of(c)) for name, c in columns.items()}
         else:
             cells = {ALONE: self._rows(X)}
+            stamps = {ALONE: [None] * len(cells[ALONE])}
         lengths, repaired = lengths_of(cells), {}
         for (name, each), paces in zip(cells.items(), self._paces):
             usual, settings = self._usual[name], self._settings[name]
             expected = (lengths * paces).median(axis=1)
             repaired[name] = [
-                repair_trial(cell, usual, *settings, length)
-                for cell, length in zip(each, expected)
+                repair_trial(cell, usual, *settings, length, at)
+                for cell, length, at in zip(each, expected, stamps[name])
             ]
         return repaired
 
@@ -548,8 +572,8 @@ class RepairTrials(TrialRepair, OneToOneFeatureMixin, TransformerMixin, BaseEsti
                      constant in it within `limits`,
                      for longer than in nine trials
                      of ten
-    dead sensor      all channels are dead, but       the most typical trial of `fit`
-                     those that are often constant
+    dead sensor      all channels are dead, or        the most typical trial of `fit`
+                     constant as they often are
     missing sensor   None, NaN or no samples in       the most typical trial of `fit`
                      place of the trial
     rest level       `rest` is given                  the median of the first `rest`

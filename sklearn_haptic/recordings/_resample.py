@@ -7,6 +7,7 @@ from numbers import Real
 from typing import Literal
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.signal import resample_poly
 
@@ -14,8 +15,11 @@ from ..utils._sklearn import FloatArray, Interval, StrOptions, validate_params
 from ..utils._validation import check_order, has_no_samples
 from ._trials import UNITS, check_trials, has_time_index, seconds_of, typical_step
 
-# New samples in a step beyond which stamps are in another unit: 10 Hz may become 3 kHz.
+# Factor of rates beyond which stamps are in another unit: 10 Hz may become 3 kHz.
 _MOST_IN_STEP = 300
+
+# Share of a new step by which stamps may be rounded, also those of single precision.
+_ROUNDING = 0.01
 
 # Times the steps of a trial beyond which a stamp is wrong.
 _LONGEST = 1000
@@ -119,7 +123,7 @@ def _with_stamps(trials, times, unit):
 
     Both are None for a trial that is missing or has no samples.
     """
-    if isinstance(trials, Mapping):
+    if isinstance(trials, (Mapping, pd.DataFrame)):
         raise ValueError(
             f"trials is a {type(trials).__name__}; give the list of one sensor's "
             "trials, and call this for each sensor."
@@ -175,10 +179,11 @@ def _usual_rate(stamps):
 
 
 def _resample(trial, stamps, rate, longest_gap, i):
-    resolution = np.spacing(np.abs(stamps).max())
     step = typical_step(stamps) if len(stamps) > 1 else 1 / rate
     stamps = stamps - stamps[0]
-    if step * rate > _MOST_IN_STEP or stamps[-1] > _LONGEST * step * len(stamps):
+    ratio = 1 / (step * rate)
+    unlike = max(ratio, 1 / ratio) > _MOST_IN_STEP
+    if unlike or stamps[-1] > _LONGEST * step * len(stamps):
         raise ValueError(
             f"The stamps of trial {i} have steps of {step:.4g} s and last for "
             f"{stamps[-1]:.4g} s, which cannot be sampled at {rate:.4g} Hz; mend the "
@@ -186,11 +191,10 @@ def _resample(trial, stamps, rate, longest_gap, i):
         )
     if longest_gap is None:
         longest_gap = 1.5 * step
-    slack = 1e-6 / rate + resolution  # rounding must not cost the last
+    slack = _ROUNDING / rate
     n_samples = int((stamps[-1] + slack) * rate) + 1
     # At a whole multiple of the rate, images of the line fall beside their signal. At
     # others they may come out slower, unless it is sampled far more closely.
-    ratio = 1 / (step * rate)
     factor = max(1, round(ratio))
     if ratio > factor + 0.1 or 1 < ratio < factor - 0.1:
         factor = int(np.ceil(8 * ratio))

@@ -75,7 +75,7 @@ def transposed_hint(shape):
 def check_trials(
     X,
     *,
-    name="X",
+    name=None,
     ndims=(2,),
     n_channels=None,
     names=None,
@@ -92,8 +92,8 @@ def check_trials(
         array with the trials along its first axis. A one-dimensional trial has one
         channel. The columns of trials that are data frames are put in the order of
         `names`.
-    name : str, default="X"
-        What messages call the collection.
+    name : str, default=None
+        What messages call the collection; by default X, and its column if it is one.
     ndims : tuple of int, default=(2,)
         Numbers of dimensions that a trial may have.
     n_channels : int or tuple of int, default=None
@@ -121,6 +121,7 @@ def check_trials(
         real numbers, or differs in shape from the others, or in rate from `rate`. The
         message names the trial.
     """
+    name = name_of(X) if name is None else name
     cells = cells_of(X)
     _check_any(cells)
     if rate is not None:
@@ -234,6 +235,11 @@ def trial_columns(X, names=None):
         raise ValueError(f"X has the column {twice!r} twice; name each column once.")
     if names is None:
         names = [columns[i] for i in _columns_of_trials(X)]
+    if names == [ALONE]:
+        raise ValueError(
+            "X is a DataFrame, but fit was given the trials of one sensor; give the "
+            "column that holds them, as X['name']."
+        )
     check_columns(X, names)
     return {name: X.iloc[:, columns.index(name)] for name in names}
 
@@ -371,6 +377,12 @@ def _check_trial(trial, name, ndims, finite):
     if not finite and np.ma.isMaskedArray(trial):
         kind = trial.dtype if trial.dtype == np.float32 else np.float64
         trial = trial.astype(kind).filled(np.nan)
+    if (
+        isinstance(trial, (pd.DataFrame, pd.Series))
+        and np.asarray(trial).dtype == object
+        and all(map(is_numeric, pd.DataFrame(trial).dtypes))
+    ):  # of nullable types, whose NA is no number to NumPy
+        trial = trial.to_numpy(np.float64, na_value=np.nan)
     check_numbers(trial, name)
     try:
         trial = np.asarray(trial)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Set
 from datetime import date, timedelta
 from difflib import get_close_matches
@@ -196,11 +197,11 @@ def refuse_other_order(first, second, name, other):
     if not all(isinstance(each, (pd.DataFrame, pd.Series)) for each in (first, second)):
         return
     labels, others = first.index, second.index
-    if labels.is_unique and not labels.equals(others) and set(labels) == set(others):
+    if not labels.equals(others) and Counter(labels) == Counter(others):
         raise ValueError(
             f"{other} has the row labels of {name} in another order, but rows are "
-            f"matched by position; give {other}.loc[{name}.index], or "
-            f"{other}.to_numpy() if the order is right."
+            f"matched by position; give {other}.loc[{name}.index] if labels are "
+            f"unique, or {other}.to_numpy() if the order is right."
         )
 
 
