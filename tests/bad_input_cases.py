@@ -651,7 +651,7 @@ ask(direct(NEAR.fit, X=X, y=COUNTS),
         sample_weight=np.arange(N),
         says="^KNeighborsRegressor takes no sample_weight, .*; give equal weights"))
 ask(fitting(BLEND, groups=OBJECTS),
-    check("no members", estimators=[], says=r"^estimators=\[\] must be a list of one"),
+    check("no members", estimators=[], says=r"^estimators must be a list of one"),
     check("members without names", estimators=[NNPOM(0)],
         says=r"^estimators must be a list of one or more \(name, estimator"),
     check("a member called marginal", estimators=[("marginal", NNPOM(0))],
