@@ -85,9 +85,9 @@ ax.set_xlabel("RPS lower than that of one hold by … (more is better)")
 # 3. A sensor that died
 # ---------------------
 # A :class:`~sklearn_haptic.NoveltyGuard` around a model compares each touch with the
-# training touches, sensor by sensor. Its p-value is small if no training touch was like
-# this one. Here the pressure sensor is dead in every second hold: its signal is always
-# zero.
+# training touches, by its features and by the statistics of its signals. Its p-value
+# is small if no training touch was like this one. Here the pressure sensor is dead in
+# every second hold: its signal is always zero.
 pressure = columns["hold"]
 guard = NoveltyGuard(make_haptic_pipeline(pressure, random_state=0), cv=3)
 guard.fit(trials.loc[~test, pressure], hard[~test], groups=objects[~test])

@@ -22,7 +22,7 @@ from short_touches import (
 )
 from sklearn import config_context
 from sklearn.base import clone
-from sklearn.compose import make_column_transformer
+from sklearn.compose import ColumnTransformer, make_column_transformer
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline, make_union
@@ -274,6 +274,60 @@ def test_a_late_sensor_is_waited_for_and_a_dead_one_is_not(model):
     lost = cut(TOUCHES, 2)
     lost["slow"] = None
     np.testing.assert_array_equal(model.predict_proba(dead), model.predict_proba(lost))
+
+
+@pytest.mark.parametrize("repairs", [[], [RepairTrials()]])
+def test_what_a_pipeline_does_not_use_is_ignored(repairs):
+    """A sensor that it drops, or that no transformer takes, also behind repairs."""
+    _, slow = features().transformers
+    for parts in ([slow], [("fast", "drop", "fast"), slow]):
+        steps = [*repairs, ColumnTransformer(parts), StandardScaler(), HEAD]
+        model = make_model(make_pipeline(*steps), durations=[1, 2])
+        model.fit(TOUCHES, COUNTS, groups=OBJECTS)
+        assert model.sensors_ == ["slow"]
+        short = TOUCHES.assign(fast=TOUCHES["fast"].map(lambda x: x[:3]))
+        assert_array_equal(model.predict_proba(short), model.predict_proba(TOUCHES))
+        assert_array_equal(
+            model.predict_proba(TOUCHES[["slow"]]), model.predict_proba(TOUCHES)
+        )
+
+
+def test_windows_longer_than_a_duration_are_left_out_also_behind_repairs():
+    def repaired(sensor):
+        return make_pipeline(RepairTrials(), *(each for _, each in coded(sensor).steps))
+
+    found, expected = (
+        make_model(make_pipeline(features(make), StandardScaler(), HEAD))
+        .fit(TOUCHES, COUNTS, groups=OBJECTS)
+        .predict_proba_over_time(TOUCHES, DURATIONS)
+        for make in (repaired, coded)
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_a_sensor_that_no_training_touch_has_at_a_duration_tells_nothing_there():
+    """Also if a later touch has it for longer."""
+    stopped = TOUCHES.assign(slow=TOUCHES["slow"].map(lambda x: x[:15] + 300))
+    model = make_model(durations=[0.5, 1, 2], max_delay=0.1)
+    with pytest.warns(UserWarning, match="'fast' lasts for 2.5 s and 'slow' for 1.5"):
+        model.fit(stopped, COUNTS, groups=OBJECTS)
+    longer = TOUCHES.assign(slow=TOUCHES["slow"].map(lambda x: x + 900))
+    assert_array_equal(model.predict_proba(longer), model.predict_proba(stopped))
+    touch = model.start()
+    touch.update({s: longer[s].iloc[0] for s in RATES})
+    np.testing.assert_allclose(
+        touch.predict_proba(), model.predict_proba(longer[:1])[0], atol=1e-9
+    )
+
+
+def test_a_duration_of_one_object_is_refused():
+    many = np.repeat([0, 1], 12)
+    long = TOUCHES.copy()
+    for sensor, rate in RATES.items():
+        for i in np.flatnonzero(many):
+            long.at[i, sensor] = long.at[i, sensor][: int(1.5 * rate)]
+    with pytest.raises(ValueError, match=r"12 of 24 training touches .*, of 1 object;"):
+        make_model().fit(long, COUNTS, groups=many)
 
 
 @pytest.mark.parametrize("head", [LogisticRegression(max_iter=1000), HEAD])

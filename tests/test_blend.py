@@ -173,6 +173,27 @@ def test_a_blend_is_that_of_plain_loops():
     assert_array_equal(blend.predict(new), expected.argmax(axis=1) + 1)
 
 
+@pytest.mark.parametrize(
+    ("parameter", "value"),
+    [
+        ("decode", "mixed"),
+        ("sampling", "Level"),
+        ("n_duplicates", 2.5),
+        ("estimator__alpha", -1.0),
+        ("estimator__max_iter", 0),
+    ],
+)
+def test_parameters_of_linear_members_are_checked(parameter, value):
+    """Also where several are fitted at once."""
+    X, counts, *_ = made()
+    member = DistributionalOrdinalRegressor(NNPOM(n_hidden=0))
+    blend = DistributionBlend([("one", member), ("two", clone(member))])
+    blend.set_params(**{f"two__{parameter}": value})
+    name = parameter.split("__")[-1]
+    with pytest.raises(ValueError, match=f"The '{name}' parameter of"):
+        blend.fit(X, counts, groups=OBJECTS)
+
+
 def test_linear_models_fitted_at_once_are_those_fitted_alone():
     X, counts, objects = made()
     pair = [(f"alpha{a}", DistributionalOrdinalRegressor(NNPOM(0, a))) for a in (1, 9)]

@@ -126,6 +126,7 @@ def test_every_public_estimator_is_here():
 # The checks' data are not scaled, so 10 hidden units take long to converge on some.
 # Their columns have no names of sensors, and their words no order.
 @pytest.mark.filterwarnings("ignore:y has words, which have no order of their own")
+@pytest.mark.filterwarnings("ignore:y does not name its levels")
 @pytest.mark.filterwarnings("ignore:X has no column names to tell sensors by")
 @pytest.mark.filterwarnings("ignore:.*fit was given no groups")
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
@@ -136,6 +137,7 @@ def test_common_checks(estimator, check):
 
 # Some of these checks fit on a data frame and transform an array, or the reverse.
 @pytest.mark.filterwarnings("ignore:X (has|does not have valid) feature names")
+@pytest.mark.filterwarnings("ignore:y does not name its levels")
 @pytest.mark.filterwarnings("ignore:X has no column names to tell sensors by")
 @pytest.mark.filterwarnings("ignore:.*fit was given no groups")
 @pytest.mark.parametrize(("estimator", "name"), BEYOND_THE_SUITE, ids=str)

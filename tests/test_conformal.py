@@ -275,6 +275,37 @@ def test_with_fewer_objects_nothing_is_left_out(alpha, n):
         assert (lower[:, :4] == 0).all() and (upper == 1).all()
 
 
+def test_an_end_of_a_slider_beyond_the_grid_of_a_model_is_in_the_interval():
+    """Nobody left the slider there in its training, and one in four does now."""
+    x = np.linspace(0, 1, 12)[:, None]
+    model = ContinuousRatingsRegressor().fit(x, np.linspace(20, 90, 12))
+    new = np.linspace(0, 1, 40)[:, None]
+    for end, other in ((100.0, 55.0), (3.3, 55.0)):
+        answers = np.where(np.arange(40) % 4 == 0, end, other)
+        judge = prefit(new, answers, np.arange(40), model)
+        lower, upper = judge.predict_interval(new, 0.1)
+        assert ((lower <= answers) & (answers <= upper)).all()
+        assert judge.p_values(new, [end]).min() > 0.1
+
+
+def test_a_level_that_nobody_gave_is_in_sets_if_it_is_named():
+    """With plain numbers the promise would be about the levels that occur."""
+    covered = []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        x = rng.normal(size=100)
+        y = np.clip(np.round(5.5 + 2 * x + rng.normal(size=100)), 1, 10).astype(int)
+        named = pd.Series(pd.Categorical(y, categories=range(1, 11), ordered=True))
+        model = ConformalRatings(NNPOM(0))
+        model.fit(x[:10, None], named[:10], groups=range(10))
+        chosen = model.predict_set(x[10:, None], 0.1)
+        covered.append(chosen[np.arange(90), y[10:] - 1].mean())
+    assert np.mean(covered) > 0.88
+    with pytest.warns(UserWarning, match="no set holds a level that nobody gave"):
+        model.fit(x[:10, None], y[:10], groups=range(10))
+
+
+@pytest.mark.filterwarnings("ignore:y does not name its levels")
 def test_labels_counts_words_and_any_classifier():
     X, counts, objects, _ = world(1, 40, 2)
     label = counts.argmax(axis=1)

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
 from scipy.special import expit, logit
-from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.base import BaseEstimator, ClassifierMixin, RegressorMixin, clone
 from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestClassifier
 from sklearn.linear_model import LogisticRegression, Ridge, RidgeClassifier
 from sklearn.neighbors import KNeighborsClassifier
@@ -20,6 +20,7 @@ from sklearn_haptic import (
     PAPER_2020,
     DistributionalOrdinalRegressor,
     DummyDistribution,
+    SensorFusionNNPOM,
 )
 from sklearn_haptic.models._quantile_positions import (
     decide,
@@ -317,6 +318,48 @@ def test_what_a_base_predicts_beyond_the_levels_is_the_last(number):
     model = DistributionalOrdinalRegressor(Predicts(number))
     model.fit([[0.0], [1.0]], [[1, 2, 2], [2, 1, 2]])
     assert model.predict_proba([[0.5]]).tolist() == [[0, 0, 1]]
+
+
+class InOrderOfAppearance(ClassifierMixin, BaseEstimator):
+    """A logistic regression whose classes are not sorted."""
+
+    def fit(self, X, y):
+        self.model_ = LogisticRegression().fit(X, y)
+        self.order_ = np.random.default_rng(0).permutation(len(self.model_.classes_))
+        self.classes_ = self.model_.classes_[self.order_]
+        return self
+
+    def predict_proba(self, X):
+        return self.model_.predict_proba(X)[:, self.order_]
+
+    def predict(self, X):
+        return self.model_.predict(X)
+
+
+def test_classes_of_a_base_may_have_any_order():
+    X, counts, _ = ordinal_trials()
+    found, expected = (
+        DistributionalOrdinalRegressor(base, sampling="random", random_state=0)
+        .fit(X, counts)
+        .predict_proba(X)
+        for base in (InOrderOfAppearance(), LogisticRegression())
+    )
+    assert_allclose(found, expected)
+
+
+def test_how_to_decode_is_checked_also_after_fit():
+    X, counts, _ = ordinal_trials()
+    model = DistributionalOrdinalRegressor().fit(X, counts)
+    with pytest.raises(ValueError, match="The 'decode' parameter"):
+        model.set_params(decode="Mixture").predict_proba(X)
+    with pytest.raises(ValueError, match="The 'rule' parameter"):
+        model.set_params(decode="mixture", rule="mean").predict_rating(X, 0.5)
+
+
+def test_levels_of_networks_inside_are_not_ignored():
+    inside = SensorFusionNNPOM({"a": [0]}, final_estimator=NNPOM(1, levels=[1, 2, 3]))
+    with pytest.raises(ValueError, match=r"^estimator has levels=\[1, 2, 3\], which"):
+        DistributionalOrdinalRegressor(inside).fit([[0.0], [1.0]], [[1, 2], [2, 1]])
 
 
 def test_base_without_weights_says_what_to_do():

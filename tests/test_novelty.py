@@ -2,6 +2,7 @@
 
 import tracemalloc
 import warnings
+from fractions import Fraction
 
 import numpy as np
 import pandas as pd
@@ -72,6 +73,20 @@ def test_p_values_equal_a_loop():
         (1 + sum(np.mean(known[objects == o] >= d) for o in range(6))) / 7 for d in new
     ]
     assert_allclose(conformal_p_values(new, known, objects), looped)
+
+
+@pytest.mark.parametrize("n_touches", [3, 7, 10])
+def test_p_values_equal_fractions(n_touches):
+    """So that p > 0.05 is false where p is one twentieth."""
+    objects = np.repeat(np.arange(59), n_touches)
+    known = np.arange(len(objects)) // n_touches % 59 + 0.0
+    new = np.array([-1, 0, 20, 57, 99])
+    exact = [float(Fraction(1 + int((np.arange(59) >= d).sum()), 60)) for d in new]
+    assert conformal_p_values(new, known, objects).tolist() == pytest.approx(
+        exact, abs=1e-12
+    )
+    assert not (conformal_p_values(np.array([57.0]), known, objects) > 0.05).any()
+    assert conformal_p_values(np.array([-1.0]), known, objects).max() <= 1
 
 
 def test_p_values_of_objects_of_the_same_kind_are_valid():

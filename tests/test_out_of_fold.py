@@ -8,7 +8,7 @@ from callback_recorder import Recorder
 from sklearn import config_context
 from sklearn.base import BaseEstimator, ClassifierMixin, clone
 from sklearn.compose import ColumnTransformer
-from sklearn.ensemble import RandomForestClassifier
+from sklearn.ensemble import RandomForestClassifier, VotingClassifier
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import (
@@ -21,6 +21,7 @@ from sklearn.model_selection import (
     StratifiedKFold,
     TimeSeriesSplit,
 )
+from sklearn.multiclass import OneVsRestClassifier
 from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import (
@@ -296,8 +297,10 @@ class TestLevels:
 
     def test_estimators_that_take_counts_for_labels_are_refused(self):
         forest = RandomForestClassifier(2, random_state=0)
-        with pytest.raises(ValueError, match=r"^RandomForestClassifier took each col"):
-            cross_val_predict_proba(forest, X, (COUNTS > 2).astype(int), cv=2)
+        network = OneVsRestClassifier(LogisticRegression())
+        for model in (forest, network):
+            with pytest.raises(ValueError, match=r"as where it takes each column of y"):
+                cross_val_predict_proba(model, X, (COUNTS > 2).astype(int), cv=2)
 
     def test_folds_may_lack_different_words(self):
         """scikit-learn sorts words by the alphabet, the categories do not."""
@@ -377,6 +380,16 @@ class TestParams:
         with config_context(enable_metadata_routing=routing):
             predicted = cross_val_predict_proba(model, X, COUNTS, groups=OBJECTS, cv=3)
         np.testing.assert_array_equal(predicted, expected)
+
+
+def test_groups_stay_with_the_folds_of_ensembles_that_cannot_hand_them_on():
+    y = np.arange(len(X)) % 3
+    member = DistributionalOrdinalRegressor()
+    voting = VotingClassifier([("one", member)], voting="soft")
+    proba = cross_val_predict_proba(voting, X, y, groups=OBJECTS, cv=3)
+    np.testing.assert_allclose(
+        proba, cross_val_predict_proba(member, X, y, groups=OBJECTS, cv=3)
+    )
 
 
 def test_a_search_predicts_the_objects_held_out_of_it():

@@ -176,6 +176,27 @@ def test_odd_predictions_are_refused(make, message):
         model.predict_proba(X)
 
 
+class Cautious(ExtraTreesRegressor):
+    """Predicts half of what its trees do."""
+
+    def predict(self, X):
+        return super().predict(X) / 2
+
+
+def test_a_forest_of_ones_own_predicts_as_it_says():
+    X, counts = np.arange(30.0)[:, None], np.eye(3)[np.arange(30) % 3]
+    model = RegressedDistribution(Cautious(5, random_state=0)).fit(X, counts)
+    below = model.mean_cdf_ + model.estimator_.predict(X)
+    np.testing.assert_allclose(model.predict_cdf(X)[:, :-1], np.sort(below, axis=1))
+
+
+def test_features_beyond_what_trees_compare_are_refused():
+    X, counts = np.arange(30.0)[:, None], np.eye(3)[np.arange(30) % 3]
+    model = RegressedDistribution(random_state=0).fit(X, counts)
+    with pytest.raises(ValueError, match="X holds values beyond single precision"):
+        model.predict_proba([[1e300]])
+
+
 def test_a_regressor_of_one_output_is_told_how_to_predict_several():
     X, counts = np.arange(4.0)[:, None], np.array([[2, 1, 0], [0, 2, 2]] * 2)
     with pytest.raises(ValueError, match="a SVR, which predicts one output; wrap it"):

@@ -278,8 +278,6 @@ def test_stamps_that_do_not_increase_are_named_by_their_place():
     trial = stamped(np.zeros(5), "durations")
     with pytest.raises(ValueError, match=r"^The index of trial 0 of X must be finite"):
         SignalStatistics().fit([trial])
-    trial = stamped(np.arange(5.0)[::-1], "seconds")  # numbers that need not be times
-    assert rate_of([trial]) is None
     trial["when"] = 0.0
     with pytest.raises(ValueError, match=r"^The column 'when' of trial 0 must be fin"):
         resample_trials([trial], "when")
@@ -328,6 +326,15 @@ def test_codes_are_of_touches_at_the_rate_of_training(coder, kind):
         coder.transform([touch(100), touch(300)])
     with pytest.raises(ValueError, match=r"Hz is usual"):
         coder.fit([touch(100), touch(300)])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_stamps_that_go_back_are_refused(kind):
+    trials = [stamped(np.arange(60) / 100, kind) for _ in range(3)]
+    statistics = SignalStatistics().fit(trials)
+    back = stamped(np.r_[np.arange(30, 60), np.arange(30)] / 100, kind)
+    with pytest.raises(ValueError, match="must be finite and increase from sample to"):
+        statistics.transform([back])
 
 
 def test_stamps_that_contradict_the_rate_of_a_stream_are_refused():

@@ -651,16 +651,35 @@ def test_models_around_models_know_the_order_of_their_levels(around):
     assert pool.score(X, y) == neg_rps_scorer(pool, X, y)
 
 
-def test_members_whose_words_have_another_order_are_refused():
+@pytest.mark.parametrize("around", [NoveltyGuard, TouchPool])
+def test_levels_are_in_the_order_that_a_member_has_set(around):
+    """As with the same levels numbered, whatever the alphabet says of words."""
+    X, number, objects = one_rating_each()
+    X, words = X[["a0", "a1"]], ["soft", "medium", "hard", "very hard"]
+
+    def fitted(y, levels):
+        model = DistributionalOrdinalRegressor(levels=levels)
+        model = make_pipeline(StandardScaler(), model)
+        member = model if around is NoveltyGuard else [("a", model, ["a0", "a1"])]
+        return around(member, cv=3).fit(X, y, groups=objects)
+
+    named = fitted(np.array(words)[number - 1], words)
+    assert named.classes_.tolist() == words
+    expected = fitted(number, [1, 2, 3, 4]).predict_cdf(X)
+    assert_allclose(named.predict_cdf(X), expected, atol=1e-9)
+
+
+def test_members_that_order_words_in_two_ways_are_refused():
     X, y, objects = one_rating_each()
     words = ["soft", "medium", "hard"]
-    y = np.array(words)[y - 1]
-    member = DistributionalOrdinalRegressor(levels=words)
-    pool = TouchPool([("a", member, ["a0", "a1"])], cv=3)
-    with pytest.raises(ValueError, match="or ratings that name its levels"):
-        pool.fit(X, y, groups=objects)
-    named = pd.Categorical(y, categories=words, ordered=True)
-    assert pool.fit(X, named, groups=objects).classes_.tolist() == words
+    members = [
+        (name, DistributionalOrdinalRegressor(levels=levels), ["a0", "a1"])
+        for name, levels in (("a", words), ("b", words[::-1]))
+    ]
+    with pytest.raises(
+        ValueError, match=r"The member 'b' has the levels .*same levels"
+    ):
+        TouchPool(members, cv=3).fit(X, np.array(words)[y - 1], groups=objects)
 
 
 def test_the_order_of_touches_without_groups_is_as_good_as_any():

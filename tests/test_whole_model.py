@@ -237,3 +237,13 @@ def test_folds_whose_touches_differ_in_length():
         error_score="raise",
     )
     assert np.isfinite(scores).all()
+
+
+@pytest.mark.parametrize("path", ["features", "features__pdc"])
+def test_weights_of_sensors_that_would_have_no_effect_are_refused(path):
+    corpus = make_haptic_corpus(4, 2, sensors=["pdc"], random_state=0)
+    model = make_haptic_pipeline(["pdc"], random_state=0)
+    part = "pdc" if path == "features" else "codes"
+    model.set_params(**{f"{path}__transformer_weights": {part: 2.0}})
+    with pytest.raises(ValueError, match="would have no effect"):
+        model.fit(corpus.trials, corpus.ratings["hard"])

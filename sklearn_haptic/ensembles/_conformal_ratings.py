@@ -22,7 +22,7 @@ from ..models._ordinal import OrdinalClassifierMixin
 from ..ratings._checks import check_adjectives, check_rated, record_features
 from ..ratings._continuous import cdf_at, check_answers, check_values
 from ..ratings._distributions import cdf, level_at, shares
-from ..ratings._levels import knows_order
+from ..ratings._levels import knows_order, levels_set_in, names_levels
 from ..utils._folds import (
     TakesGroups,
     groups_for,
@@ -58,6 +58,11 @@ from ._out_of_fold import (
     predict_fold,
     run_tasks,
     true_shares,
+)
+
+_UNNAMED = (
+    "y does not name its levels, so that no set holds a level that nobody gave in "
+    "training; give counts, or an ordered pandas.Categorical of all levels."
 )
 
 
@@ -223,7 +228,10 @@ class ConformalRatings(
             y = check_answers(y)
             y = y[:, 0] if y.shape[1] == 1 else y
         else:
-            true_shares(y, type(self).__name__)  # refuses what are no ratings
+            levels = levels_set_in(base)
+            true_shares(y, levels, type(self).__name__)  # refuses what are no ratings
+            if np.ndim(y) == 1 and levels is None and not names_levels(y):
+                warnings.warn(_UNNAMED, UserWarning, stacklevel=4)
         X, y = check_rated(X, y)
         n_trials = _num_samples(X)
         every = np.arange(n_trials), np.arange(0)

@@ -72,7 +72,7 @@ def highest_values(score, below, grid):
     share = np.divide(p - start, width, out=np.ones_like(p), where=width > 0)
     inside = grid[cell - 1] + np.clip(share, 0, 1) * (grid[cell] - grid[cell - 1])
     inside = np.where(p + TOLERANCE >= below[-2], grid[-1], inside)  # with its cell
-    beyond = np.maximum(score - 1 - 2 * TOLERANCE, 0)  # ends of a scale stay exact
+    beyond = np.where(score > 1 + 2 * TOLERANCE, score - 1, 0)  # ends stay exact
     return inside + beyond * (grid[-1] - grid[0])
 
 

@@ -26,7 +26,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..features import SignalStatistics
 from ..models._ordinal import OrdinalClassifierMixin
-from ..ratings._levels import knows_order
+from ..ratings._levels import knows_order, levels_set_in
 from ..recordings import RepairTrials
 from ..recordings._sequences import Sequences
 from ..recordings._trials import channel_names, check_trials, is_table, trial_columns
@@ -130,7 +130,8 @@ def conformal_p_values(distance, known, objects):
         From 1 / (number of objects + 1) to 1.
     """
     reached = weight_at_least(distance, known, 1 / np.bincount(objects)[objects])
-    return (1 + reached) / (objects.max() + 2)
+    # Sums of tenths are rounded, so that p is .05 where it should be.
+    return np.round((1 + reached) / (objects.max() + 2), 12)
 
 
 def fit_belief(departure, from_marginal, distance, weight):
@@ -373,7 +374,8 @@ class NoveltyGuard(
                 f"estimator is a {type(self.estimator).__name__}; give a Pipeline "
                 "whose first steps return rows of features and whose last predicts."
             )
-        true, classes = true_shares(y, type(self).__name__)
+        levels = levels_set_in(self.estimator)
+        true, classes = true_shares(y, levels, type(self).__name__)
         folds, objects = make_folds(self, X, y, groups, [self.estimator])
         self._warn_of_few_objects(objects.max() + 1)
         fitted = clone(self.estimator)

@@ -415,11 +415,12 @@ def predict_fold(model, X_test, method=None, name=None):
             mend = "give it to a DistributionalOrdinalRegressor as estimator, or "
         raise ValueError(f"{who} has no predict_proba, {mend}give a classifier.")
     proba = model.predict_proba(X_test)
-    if isinstance(proba, list):
+    sums = 1 if isinstance(proba, list) else np.sum(proba, axis=-1)
+    if isinstance(proba, list) or not np.allclose(sums, 1, rtol=0, atol=1e-5):
         raise ValueError(
-            f"{who} took each column of y for labels of its own, and predicts a list "
-            "of arrays; give it to a DistributionalOrdinalRegressor as estimator, "
-            "which takes counts."
+            f"{who} predicts no distribution, but a list or rows that do not sum to 1, "
+            "as where it takes each column of y for labels of its own; give it to a "
+            "DistributionalOrdinalRegressor as estimator, which takes counts."
         )
     if not hasattr(model, "classes_"):
         raise ValueError(
@@ -450,9 +451,9 @@ def at_classes(proba, known, classes, name=None, of_counts=False, ordered=False)
     if strange or (ordered and sorted(known, key=place.get) != known):
         raise ValueError(
             f"{'A fold' if name is None else f'The member {name!r}'} has the levels "
-            f"{known}, but {every} are required; give the estimator these levels, "
-            "lowest first, or ratings that name its levels, as the columns of a table "
-            "of counts do."
+            f"{known}, but {every} are required, in this order; give all members the "
+            "same levels, or ratings that name theirs, as an ordered categorical and "
+            "the columns of a table of counts do."
         )
     full = np.zeros((*proba.shape[:-1], len(every)), dtype=proba.dtype)
     full[..., [place[each] for each in known]] = proba
@@ -470,15 +471,16 @@ def mean_without(true, folds):
     return marginal
 
 
-def true_shares(y, name):
+def true_shares(y, levels, name):
     """Return labels or counts as shares of the levels, and the levels.
 
-    The estimator `name` refuses the ratings of several adjectives. Words may be labels
-    without an order; a member that needs one says so.
+    `levels` are those that a member has set, if one has. The estimator `name` refuses
+    the ratings of several adjectives. Words may be labels without an order; a member
+    that needs one says so.
     """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "y has words")
-        counts, classes = check_adjectives(y)
+        counts, classes = check_adjectives(y, levels)
     if counts.ndim == 3:
         refuse_adjectives(name)
     return shares(counts), classes

@@ -15,7 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..models._ordinal import OrdinalClassifierMixin
 from ..models._regressed import proper_shares
 from ..ratings._distributions import shares
-from ..ratings._levels import knows_order
+from ..ratings._levels import knows_order, levels_set_in
 from ..recordings._trials import check_columns
 from ..utils._folds import (
     TakesGroups,
@@ -224,8 +224,10 @@ class TouchPool(
         names = check_members(self.estimators, "(name, estimator, columns)")
         self._validate_names([*names, MARGINAL])
         _check_named(X, self.estimators)
-        true, classes = true_shares(y, type(self).__name__)
         members = [estimator for _, estimator, _ in self.estimators]
+        set_levels = (levels_set_in(each) for each in members)
+        levels = next((each for each in set_levels if each is not None), None)
+        true, classes = true_shares(y, levels, type(self).__name__)
         folds, objects = make_folds(self, X, y, groups, members)
         fitted, oof = self._fit_members(X, y, objects, folds, classes)
         marginal = mean_without(true, folds)[:, np.newaxis]

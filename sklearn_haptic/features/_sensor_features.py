@@ -172,10 +172,19 @@ class _Blocks:
 
     def fit_transform(self, X, y=None, **params):
         """Fit the transformers and return their features, standardised."""
+        self._refuse_weights()
         table = super().fit_transform(X, y, **params)
         self.scaler_ = BlockScaler(self._block_widths(table.shape[1]))
         self.scaler_.set_output(transform="default").fit(np.asarray(table))
         return self._scaled(table)
+
+    def _refuse_weights(self):
+        for name, value in self.get_params().items():
+            if name.split("__")[-1] == "transformer_weights" and value:
+                raise ValueError(
+                    f"{name}={value!r} would have no effect, because features are "
+                    "standardised afterwards; weigh them in a step of their own."
+                )
 
     def transform(self, X, **params):
         """Compute the features of trials, standardised as those of `fit`."""

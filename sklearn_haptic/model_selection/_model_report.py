@@ -33,7 +33,7 @@ from ..models import ContinuousRatingsRegressor, DummyDistribution
 from ..models._ordinal import DistributionMixin
 from ..ratings._checks import check_adjectives, check_rated
 from ..ratings._continuous import check_answers
-from ..ratings._levels import names_levels
+from ..ratings._levels import levels_set_in, names_levels
 from ..utils._folds import groups_for, make_splitter
 from ..utils._pipeline_steps import last_step
 from ..utils._report import Report
@@ -195,10 +195,12 @@ def model_report(
     [1]_. It ignores that the folds of a cross-validation share training trials, and
     holds less often than it says if few objects gain or lose much. No verdict is
     corrected for the number of adjectives: of forty that cannot be felt, one is
-    expected to look better. More look worse, and rightly so: a model that learned
-    chance predicts too narrow distributions, with a dispersion below 1, and a larger
-    penalty mends it. If settings were chosen on these trials, report on others, or give
-    the search that chooses as the model.
+    expected to look better; of six by a `DistributionBlend` from few objects, if their
+    ratings are spread evenly over the levels, because its exponent, unlike the guess,
+    flattens what few objects tell of the mean. More look worse, and rightly so: a model
+    that learned chance predicts too narrow distributions, with a dispersion below 1,
+    and a larger penalty mends it. If settings were chosen on these trials, report on
+    others, or give the search that chooses as the model.
 
     References
     ----------
@@ -330,11 +332,7 @@ def _compare(model, targets, outcomes, folds, groups, kind):
 
 def _has_classes(model, y, name):
     """Whether ratings are labels without an order, see `model_report`."""
-    levels_given = any(
-        key.split("__")[-1] == "levels" and value is not None
-        for key, value in model.get_params().items()
-    )
-    if np.ndim(y) != 1 or levels_given or names_levels(y):
+    if np.ndim(y) != 1 or levels_set_in(model) is not None or names_levels(y):
         return False
     values = np.asarray(y)
     if is_text(values) or hasattr(getattr(y, "dtype", None), "categories"):

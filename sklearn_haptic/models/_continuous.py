@@ -104,9 +104,10 @@ class ContinuousRatingsRegressor(
         default ``DistributionalOrdinalRegressor()``. It may be a pipeline.
     grid : array-like of shape (n_edges,), default=None
         The edges of the cells, ascending, such as ``numpy.linspace(0, 100, 31)``. A
-        rating on an edge counts in the cell below it. By default equally many training
-        ratings lie between two edges, and the edges between different ratings; where
-        they lie far apart, cells are divided.
+        rating on an edge counts in the cell below it, so answers at edges make means
+        half a cell too low. By default equally many training ratings lie between two
+        edges, and the edges between different ratings; where they lie far apart, cells
+        are divided.
     n_cells : int, default=30
         Number of cells, if the grid is not given. Where many ratings are equal, there
         are fewer, and where some lie far from the others, up to half as many more: no

@@ -23,6 +23,7 @@ from sklearn.utils.validation import check_consistent_length
 
 from ..ratings._checks import check_adjectives, weighted
 from ..ratings._distributions import level_at, quantile_grid
+from ..ratings._levels import levels_set_in
 from ..utils._folds import TakesGroups
 from ..utils._sklearn import (
     HasMethods,
@@ -289,6 +290,7 @@ class DistributionalOrdinalRegressor(
             X, inputs, level, weight = (a[train] for a in (X, inputs, level, weight))
         if validation is not None:
             validation = self._validation_set(*validation)
+        self._smooth = False  # for callbacks, which may predict during the fit
         with (
             fit_task(self, X, y, max_subtasks=1) as task,
             task.fit_of("fit estimator", self.estimator_),
@@ -391,6 +393,7 @@ class DistributionalOrdinalRegressor(
         return proba / proba.sum(axis=-1, keepdims=True)
 
     def _decode(self, X):
+        self._validate_params()  # how to decode may have been set after fit
         if self.decode == "mixture":
             return mixture(self._predict_at, X, self._smooth)
         if self.rule == "argmax":
@@ -420,6 +423,7 @@ class DistributionalOrdinalRegressor(
         -------
         rating : ndarray of shape (n_trials,) or (n_trials, n_positions)
         """
+        self._validate_params()  # the rule may have been set after fit
         X = check_features(self, X)
         p = check_positions(p)
         positions = clip_positions(np.atleast_1d(p))
@@ -429,7 +433,7 @@ class DistributionalOrdinalRegressor(
 
 def _refuse_own_levels(estimator, levels):
     """Refuse levels of an estimator inside, which would be ignored."""
-    own = getattr(estimator, "levels", None)
+    own = None if estimator is None else levels_set_in(estimator)
     if own is not None and (levels is None or [*own] != [*levels]):
         raise ValueError(
             f"estimator has levels={[*own]}, which would be ignored; give them to the "
@@ -465,6 +469,8 @@ def fit_linear_models(models, X, counts, sample_weights, levels, names=None):
         Fitted clones.
     """
     models = [clone(model) for model in models]
+    for model in models:
+        model._validate_params()
     counts = np.broadcast_to(counts, (len(models), len(X), len(levels)))
     sample_weights = np.broadcast_to(sample_weights, (len(models), len(X)))
     observations = []
@@ -473,6 +479,7 @@ def fit_linear_models(models, X, counts, sample_weights, levels, names=None):
         model.levels_ = model.classes_ = levels
         model.n_features_in_ = X.shape[1]
         model.estimator_ = model._make_estimator(rng)
+        model.estimator_._validate_params()
         model.estimator_.n_features_in_ = X.shape[1] + 1
         if names is not None:
             model.feature_names_in_ = names

@@ -259,19 +259,20 @@ class RepeatedRows:
         return np.concatenate(proba).reshape(len(X), len(positions), self.n_levels)
 
     def _predict_rows(self, X, positions):
+        estimator, n_rows = self.estimator, len(X) * len(positions)
         repeated = X.repeat(len(positions), axis=0)
         rows = np.column_stack((repeated, np.tile(positions, len(X))))
-        proba = np.zeros((len(rows), self.n_levels))
-        if is_regressor(self.estimator):
-            level = check_output(self.estimator.predict(rows), (len(rows),))
-            level = np.rint(np.clip(level, 0, self.n_levels - 1)).astype(int)
-            proba[np.arange(len(rows)), level] = 1
-        elif hasattr(self.estimator, "predict_proba"):
-            proba[:, self.present] = self.estimator.predict_proba(rows)
-        else:
-            level = check_output(self.estimator.predict(rows), (len(rows),))
-            level = self.present[level]
-            proba[np.arange(len(rows)), level] = 1
+        proba = np.zeros((n_rows, self.n_levels))
+        regressor = is_regressor(estimator)
+        if not regressor and hasattr(estimator, "predict_proba"):
+            known = self.present[estimator.classes_]
+            shape = n_rows, len(known)
+            proba[:, known] = check_output(estimator.predict_proba(rows), shape)
+            return proba
+        levels = np.arange(self.n_levels) if regressor else self.present
+        place = check_output(estimator.predict(rows), (n_rows,))
+        place = np.rint(np.clip(place, 0, len(levels) - 1)).astype(int)
+        proba[np.arange(n_rows), levels[place]] = 1
         return proba
 
     def validation_share(self):

@@ -14,9 +14,9 @@ from sklearn.utils.validation import check_consistent_length
 from ..utils._sklearn import Interval, validate_params
 from ..utils._validation import (
     check_objects,
+    check_order,
     count,
     drop_missing,
-    refuse_other_order,
     rows_of_objects,
 )
 from ._checks import check_counts, match_levels, refuse_second_ratings
@@ -231,7 +231,7 @@ def rating_counts(
     2  1  2  0  0  0
     """
     check_consistent_length(ratings, objects)
-    refuse_other_order(ratings, objects, "ratings", "objects")
+    check_order(ratings, objects, "objects", "ratings")
     values, given = drop_missing(ratings, "ratings")
     objects = check_objects(objects)
     matches, levels = match_levels(
@@ -251,7 +251,7 @@ def rating_counts(
     if raters is None:
         return RatingTable(counts, objects, levels)
     check_consistent_length(ratings, raters)
-    refuse_other_order(ratings, raters, "ratings", "raters")
+    check_order(ratings, raters, "raters", "ratings")
     raters = _check_raters(raters)[given]
     raters, rater = np.unique(raters, return_inverse=True)
     answers = np.column_stack((row[given], rater, level))

@@ -33,6 +33,22 @@ def names_levels(y):
     return _ordered_categories(_only_column(y)) is not None or bool(_column_labels(y))
 
 
+def levels_set_in(estimator):
+    """Return the parameter ``levels`` of an estimator, or of one inside; None if unset.
+
+    Examples
+    --------
+    >>> from sklearn_haptic import NNPOM, DistributionBlend
+    >>> from sklearn_haptic.ratings._levels import levels_set_in
+    >>> levels_set_in(DistributionBlend([("one", NNPOM(levels=["soft", "hard"]))]))
+    ['soft', 'hard']
+    """
+    for name, value in estimator.get_params().items():
+        if name.split("__")[-1] == "levels" and value is not None:
+            return value
+    return None
+
+
 def levels_of_ratings(values, container, levels, name):
     """Find the levels of ratings, an ndarray without missing values.
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_consistent_length
 
 from ..utils._sklearn import Interval, validate_params
-from ..utils._validation import check_objects, refuse_other_order
+from ..utils._validation import check_objects, check_order
 from ._checks import check_single_ratings, refuse_second_ratings
 from ._counts import RatingTable
 
@@ -37,9 +37,9 @@ def outlying_raters(
 
     A person's ratings of each adjective are standardised over the objects, and so are
     those of everybody else, averaged object by object. Their correlation does not
-    depend on whether somebody rates high or low, or uses much or little of the scale.
-    A person who answers at random, or turns the scale round, has a lower one than
-    people who merely disagree.
+    depend on whether somebody rates high or low, or uses much or little of the scale,
+    unless answers are cut off at an end of it. A person who answers at random, or turns
+    the scale round, has a lower one than people who merely disagree.
 
     Parameters
     ----------
@@ -80,9 +80,10 @@ def outlying_raters(
     -----
     The p-values are those of scores of correlations that differ by chance, drawn with
     a fixed seed. In simulations at most one study in twenty has a false alarm, up to
-    one in seven where people differ much in how surely they feel. Who rated few objects
-    can hardly be found: of people who answer at random about three adjectives, nearly
-    all are found with twenty objects each, and one in three with five.
+    one in seven where people differ much in how surely they feel, and up to one in
+    three where most answers are at one end of the scale. Who rated few objects can
+    hardly be found: of people who answer at random about three adjectives, nearly all
+    are found with twenty objects each, and one in three with five.
 
     Leave out people, not single ratings: the ratings that lie furthest from others are
     mostly honest, and without them predicted distributions are too narrow.
@@ -114,8 +115,8 @@ def outlying_raters(
         )
     answers = check_single_ratings(ratings)
     check_consistent_length(answers, objects, raters)
-    refuse_other_order(ratings, objects, "ratings", "objects")
-    refuse_other_order(ratings, raters, "ratings", "raters")
+    check_order(ratings, objects, "objects", "ratings")
+    check_order(ratings, raters, "raters", "ratings")
     objects, of_object = np.unique(check_objects(objects), return_inverse=True)
     people, of_rater = np.unique(
         check_objects(raters, name="raters"), return_inverse=True

@@ -275,7 +275,8 @@ def seconds_of(stamps, name, unit="s"):
     ):
         raise ValueError(
             f"{name} must be finite and increase from sample to sample; sort the "
-            "samples and remove those whose stamp is repeated."
+            "samples and remove those whose stamp is repeated, or remove an index that "
+            "is no time."
         )
     return seconds
 
@@ -315,9 +316,6 @@ def rate_of(X, rate=None, *, name="X"):
     trials, steps = cells_of(X), {}
     for i, trial in enumerate(trials):
         if has_time_index(trial) and len(trial) > 1:
-            numbers = trial.index.dtype.kind == "f"
-            if numbers and not trial.index.is_monotonic_increasing:
-                continue  # numbers need not be times
             label = f"The index of trial {i} of {name}"
             steps[i] = typical_step(seconds_of(trial.index, label), label)
     if not steps:

@@ -40,7 +40,7 @@ from ..utils._sklearn import (
     _fit_context,
     one_blas_thread,
 )
-from ..utils._validation import check_numbers
+from ..utils._validation import check_numbers, count
 from ._arriving_samples import FeltSamples
 from ._branches import check_described, fit_features, used_sensors
 from ._heads import best_power, fit_head, head_tasks
@@ -232,7 +232,7 @@ class AnytimeRegressor(
         self.durations_ = durations
         n_reached = self._durations_reached(touches.lengths())
         reached = n_reached[:, np.newaxis] > np.arange(len(durations))
-        self._check_reached(reached)
+        self._check_reached(reached, objects)
         self._branches, later = fit_features(steps, touches, y)
         check_described(self._branches, rates)
         rows = self._fit_rows(touches, reached)
@@ -287,12 +287,14 @@ class AnytimeRegressor(
             )
         return steps
 
-    def _check_reached(self, reached):
-        for duration, n in zip(self.durations_, reached.sum(axis=0)):
-            if n < 10 and n < len(reached):
+    def _check_reached(self, reached, objects):
+        for duration, here in zip(self.durations_, reached.T):
+            n, n_objects = here.sum(), len(np.unique(objects[here]))
+            if n < len(reached) and (n < 10 or n_objects < 2):
                 raise ValueError(
                     f"durations holds {duration:g} s, but only {n} of {len(reached)} "
-                    "training touches are so long; leave this duration out."
+                    f"training touches are so long, of {count(n_objects, 'objects')}; "
+                    "leave this duration out."
                 )
 
     def _durations_reached(self, lengths):
@@ -341,6 +343,7 @@ class AnytimeRegressor(
         ends = np.cumsum(widths).tolist()  # of slices that skops can write
         self._columns = [slice(end - n, end) for n, end in zip(widths, ends)]
         dtype = np.result_type(*(f.dtype for features in found for f in features))
+        self._seen = np.array([[f is not None for _, f in each] for each in blocks])
         self._means = np.zeros((len(blocks), ends[-1]), dtype)
         for means, of_duration in zip(self._means, blocks):
             for columns, (_, features) in zip(self._columns, of_duration):
@@ -360,10 +363,14 @@ class AnytimeRegressor(
         ]
 
     def _rows(self, blocks, k):
-        """Join the features of all branches; means stand for what is missing."""
+        """Join the features of all branches; means stand for what is missing.
+
+        What no training touch had at the duration stays 0, as it was learned.
+        """
         rows = np.tile(self._means[k], (len(blocks[0][0]), 1))
-        for columns, (there, features) in zip(self._columns, blocks):
-            if features is not None:
+        of_branches = zip(self._columns, blocks, self._seen[k])
+        for columns, (there, features), seen in of_branches:
+            if features is not None and seen:
                 rows[there, columns] = features
         return rows
 

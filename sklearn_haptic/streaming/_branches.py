@@ -75,7 +75,8 @@ class Branch(NamedTuple):
 
     def least_samples(self):
         """Return the fewest samples that the branch can code."""
-        coder = _flat(self.transformer)[0]
+        steps = [s for s in _flat(self.transformer) if not isinstance(s, RepairTrials)]
+        coder = steps[0]
         return coder.components_.shape[1] if isinstance(coder, KSVDTransformer) else 1
 
 
@@ -110,7 +111,7 @@ def fit_features(steps, touches, y):
     X = touches.prefixes(np.arange(len(touches)), whole, columns)
     repairs, fitted = [], []
     for i, (name, step) in enumerate(steps[:-1]):
-        step = clone(step)
+        step = _without_dropped(clone(step))
         X = step.fit_transform(X, y)
         if isinstance(step, RepairTrials) and not fitted:
             repairs.append(step)
@@ -149,8 +150,8 @@ def as_rows(features):
 
 
 def used_sensors(steps, named):
-    """Return those of the named sensors that the first step takes, all by default."""
-    first = steps[0][1]
+    """Return the named sensors that the first step behind repairs takes, or all."""
+    first = next(step for _, step in steps if not isinstance(step, RepairTrials))
     if not isinstance(first, ColumnTransformer) or first.remainder != "drop":
         return named
     taken = []
@@ -173,6 +174,14 @@ def used_sensors(steps, named):
             "no rate; add it."
         )
     return [sensor for sensor in named if sensor in taken]
+
+
+def _without_dropped(step):
+    """Take the columns that a ColumnTransformer drops from it: nothing records them."""
+    if isinstance(step, ColumnTransformer):
+        kept = [each for each in step.transformers if each[1] != "drop"]
+        step.transformers = kept
+    return step
 
 
 def _parts(step, columns):

@@ -138,9 +138,9 @@ def compare_networks(
     noise. An object is one observation, averaged over trials, folds, starts and
     whatever else ``by`` does not name, because touches of one object are not
     independent. Of each adjective, objects that some procedure lacks are left out. With
-    fewer than six objects, p is never below 0.05; with few, Friedman's p, from the
-    chi-squared distribution, is approximate. No p-value is corrected for the number of
-    rows.
+    fewer than six objects, Wilcoxon's p is never below 0.05; with few, Friedman's p,
+    from the chi-squared distribution, is approximate. No p-value is corrected for the
+    number of rows.
 
     References
     ----------

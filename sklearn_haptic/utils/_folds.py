@@ -9,7 +9,12 @@ from sklearn import get_config
 from sklearn.base import is_classifier
 from sklearn.model_selection import GroupKFold, GroupShuffleSplit, check_cv
 from sklearn.pipeline import Pipeline
-from sklearn.utils.metadata_routing import MetadataRequest, get_routing_for_object
+from sklearn.utils.metadata_routing import (
+    MetadataRequest,
+    MetadataRouter,
+    get_routing_for_object,
+)
+from sklearn.utils.validation import has_fit_parameter
 
 from ._sklearn import BaseSearchCV
 
@@ -158,6 +163,12 @@ def _requested(consumer, method, groups):
         routing = get_routing_for_object(consumer)
     except NotImplementedError:  # by AdaBoost, which takes no metadata
         return {}
+    if (
+        isinstance(routing, MetadataRouter)
+        and not get_config()["enable_metadata_routing"]
+        and not has_fit_parameter(consumer, "groups")
+    ):
+        return {}  # which it could not hand on
     if routing.consumes(method, ["groups"]) or (
         isinstance(routing, MetadataRequest)  # where None is a parameter of no request
         and getattr(routing, method).requests.get("groups", False) is None

@@ -192,24 +192,17 @@ def rows_of_objects(
     return np.array([row[each] for each in objects], dtype=np.intp)
 
 
-def refuse_other_order(first, second, name, other):
-    """Refuse rows of pandas that have the labels of others in another order."""
-    if not all(isinstance(each, (pd.DataFrame, pd.Series)) for each in (first, second)):
+def check_order(X, rows, name="y", of="X"):
+    """Refuse rows of pandas that have the labels of those of `X` in another order."""
+    if not all(isinstance(each, (pd.DataFrame, pd.Series)) for each in (X, rows)):
         return
-    labels, others = first.index, second.index
+    labels, others = X.index, rows.index
     if not labels.equals(others) and Counter(labels) == Counter(others):
         raise ValueError(
-            f"{other} has the row labels of {name} in another order, but rows are "
-            f"matched by position; give {other}.loc[{name}.index] if labels are "
-            f"unique, or {other}.to_numpy() if the order is right."
+            f"{name} has the row labels of {of} in another order, but rows are matched "
+            f"by position; give {name}.loc[{of}.index] if labels are unique, or "
+            f"{name}.to_numpy() if the order is right."
         )
-
-
-def check_order(X, rows, name="y", of="X"):
-    """Refuse what is given of named trials in another order."""
-    indices = (getattr(each, "index", None) for each in (X, rows))
-    if not any(isinstance(index, pd.RangeIndex) for index in indices):
-        refuse_other_order(X, rows, of, name)
 
 
 def check_orders(X, **given):
