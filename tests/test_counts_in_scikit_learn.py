@@ -312,7 +312,7 @@ def check_a_model_for_each_column():
     assert [len(p[0]) for p in forest.predict_proba(X)] == [
         len(np.unique(column)) for column in COUNTS.T
     ]
-    with pytest.raises(ValueError, match="took each column of y for labels of its own"):
+    with pytest.raises(ValueError, match="as if it took each column of y for labels"):
         cross_val_predict_proba(forest, X, COUNTS, cv=CV, groups=OBJECTS)
 
 

@@ -299,7 +299,7 @@ class TestLevels:
         forest = RandomForestClassifier(2, random_state=0)
         network = OneVsRestClassifier(LogisticRegression())
         for model in (forest, network):
-            with pytest.raises(ValueError, match=r"as where it takes each column of y"):
+            with pytest.raises(ValueError, match="as if it took each column of y"):
                 cross_val_predict_proba(model, X, (COUNTS > 2).astype(int), cv=2)
 
     def test_folds_may_lack_different_words(self):

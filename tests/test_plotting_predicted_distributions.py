@@ -171,7 +171,7 @@ def test_sets_are_shaded_by_how_many_hold_a_level():
     rng = np.random.default_rng(2)
     X = np.linspace(-1, 1, 40)[:, np.newaxis] + rng.normal(0, 0.3, (40, 3))
     y = np.repeat([1, 2, 3, 4], 10)
-    model = ConformalRatings(NNPOM(0)).fit(X, y, groups=range(40))
+    model = ConformalRatings(NNPOM(0, levels=[1, 2, 3, 4])).fit(X, y, groups=range(40))
     display = DistributionDisplay.from_estimator(model, X[::7], [3, 6, 3, 0], alpha=0.4)
     share = model.predict_set(X[::7], 0.4).mean(axis=0)
     shaded = display.ax_.patches[8:12]

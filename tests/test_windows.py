@@ -458,3 +458,12 @@ def test_codes_count_windows():
     codes = model.transform([trials[0], trials[1][:29]])
     assert codes.unit == codes[:1].unit == "windows"
     assert codes.lengths[1] == len(codes[1]) == 1
+
+
+def test_one_touch_that_is_given_without_a_list_is_told_how():
+    rng = np.random.default_rng(0)
+    trials = [rng.normal(size=(30, 3)) for _ in range(4)]
+    coder = KSVDTransformer(4, window=5, max_iter=0, random_state=0).fit(trials)
+    with pytest.raises(ValueError, match=r"of one touch \[touch\]"):
+        coder.transform(trials[0])
+    assert len(coder.transform([trials[0]])) == 1

@@ -230,9 +230,10 @@ class ConformalRatings(
         else:
             levels = levels_set_in(base)
             true_shares(y, levels, type(self).__name__)  # refuses what are no ratings
-            if np.ndim(y) == 1 and levels is None and not names_levels(y):
-                warnings.warn(_UNNAMED, UserWarning, stacklevel=4)
+        named = self._sliders or levels is not None or names_levels(y)
         X, y = check_rated(X, y)
+        if np.ndim(y) == 1 and not named:
+            warnings.warn(_UNNAMED, UserWarning, stacklevel=4)
         n_trials = _num_samples(X)
         every = np.arange(n_trials), np.arange(0)
         if groups is None:

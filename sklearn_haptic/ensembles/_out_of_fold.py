@@ -418,9 +418,9 @@ def predict_fold(model, X_test, method=None, name=None):
     sums = 1 if isinstance(proba, list) else np.sum(proba, axis=-1)
     if isinstance(proba, list) or not np.allclose(sums, 1, rtol=0, atol=1e-5):
         raise ValueError(
-            f"{who} predicts no distribution, but a list or rows that do not sum to 1, "
-            "as where it takes each column of y for labels of its own; give it to a "
-            "DistributionalOrdinalRegressor as estimator, which takes counts."
+            f"{who} predicts no distribution, as if it took each column of y for "
+            "labels of its own; give it to a DistributionalOrdinalRegressor as "
+            "estimator, which takes counts."
         )
     if not hasattr(model, "classes_"):
         raise ValueError(

@@ -11,7 +11,13 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils import check_array
 
-from ..recordings._trials import check_trials, is_table, name_of, transposed_hint
+from ..recordings._trials import (
+    TABLE_FOR_TRIALS,
+    check_trials,
+    is_table,
+    name_of,
+    transposed_hint,
+)
 from ..utils._sklearn import Interval, Memory, RandomState, Trials, _fit_context
 from ..utils._validation import check_numbers, refuse_empty
 from ._dictionary_coder import DictionaryCoder, encode
@@ -267,6 +273,8 @@ class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
             refuse_empty(X)
             check_numbers(X, "X")
             X = check_array(X, dtype=[np.float64, np.float32])
+            if not reset and self.n_features_in_ > 1:
+                raise ValueError(TABLE_FOR_TRIALS)
         n_channels = None if reset else self.n_features_in_
         trials = check_trials(X, n_channels=n_channels, names=self._channel_names)
         for i, trial in enumerate(trials):

@@ -10,7 +10,13 @@ from sklearn.callback import CallbackSupportMixin
 from sklearn.utils.validation import check_is_fitted
 
 from ..recordings._sequences import Sequences, row_index
-from ..recordings._trials import channel_names, check_sequences, check_trials, is_table
+from ..recordings._trials import (
+    TABLE_FOR_TRIALS,
+    channel_names,
+    check_sequences,
+    check_trials,
+    is_table,
+)
 from ..utils._sklearn import Names, _check_feature_names_in, _get_output_config
 from ..utils._validation import check_table
 
@@ -61,10 +67,7 @@ class TrialRows(CallbackSupportMixin, TransformerMixin):
         if not self.takes_trials_:
             return self._check_rows(X)
         if is_table(X) and not isinstance(X, list):
-            raise ValueError(
-                "X is a table, but fit was given trials; give a list of trials, of one "
-                "touch [touch]."
-            )
+            raise ValueError(TABLE_FOR_TRIALS)
         trials = self._check_trials(X, self.n_features_in_)
         self._check_column_names(trials)
         return trials

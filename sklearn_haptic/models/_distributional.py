@@ -32,6 +32,7 @@ from ..utils._sklearn import (
     StrOptions,
     _fit_context,
     fit_task,
+    validate_parameter_constraints,
 )
 from ..utils._validation import (
     FLOATS,
@@ -392,8 +393,17 @@ class DistributionalOrdinalRegressor(
         proba = self._decode(X)
         return proba / proba.sum(axis=-1, keepdims=True)
 
+    def _check_decoding(self):
+        """Check what may be set after fit."""
+        names = ("decode", "rule", "n_quantiles")
+        validate_parameter_constraints(
+            {name: self._parameter_constraints[name] for name in names},
+            {name: getattr(self, name) for name in names},
+            type(self).__name__,
+        )
+
     def _decode(self, X):
-        self._validate_params()  # how to decode may have been set after fit
+        self._check_decoding()
         if self.decode == "mixture":
             return mixture(self._predict_at, X, self._smooth)
         if self.rule == "argmax":
@@ -423,7 +433,7 @@ class DistributionalOrdinalRegressor(
         -------
         rating : ndarray of shape (n_trials,) or (n_trials, n_positions)
         """
-        self._validate_params()  # the rule may have been set after fit
+        self._check_decoding()
         X = check_features(self, X)
         p = check_positions(p)
         positions = clip_positions(np.atleast_1d(p))

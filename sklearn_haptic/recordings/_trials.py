@@ -26,6 +26,11 @@ from ._sequences import Sequences
 
 ALONE = ""  # the name of a sensor whose trials stand in no DataFrame
 
+TABLE_FOR_TRIALS = (
+    "X is a table, but fit was given trials; give a list of trials, of one touch "
+    "[touch]."
+)
+
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 

@@ -22,7 +22,12 @@ from sklearn.utils import _param_validation, _safe_indexing, parallel
 from sklearn.utils._indexing import _determine_key_type, _get_column_indices
 from sklearn.utils._missing import is_pandas_na
 from sklearn.utils._optional_dependencies import check_matplotlib_support
-from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
+from sklearn.utils._param_validation import (
+    HasMethods,
+    Interval,
+    StrOptions,
+    validate_parameter_constraints,
+)
 from sklearn.utils._set_output import (
     _get_adapter_from_container,
     _get_output_config,
