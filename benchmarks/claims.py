@@ -108,9 +108,24 @@ def raters(n_repeats):
             shown = [plus_minus(each, 2, sign="") for each in found]
             row(n_objects, n_people, n_rated, habit, care, *shown)
 
+    head("levels", "share of the lowest", "false alarm", title="Answers at an end")
+    designs = {5: [(-2, -0.7, 0.7, 2), (1, 1.7, 2.4, 3.1)], 2: [(0,), (1.4,)]}
+    for n_levels, each in designs.items():
+        for cuts in each:
+            alarms, lowest = [], []
+            for _ in range(n_repeats):
+                place = 0.5 * rng.normal(size=(36, 1, 1))
+                felt = rng.normal(size=(1, 60, 5)) + rng.normal(size=(36, 60, 5))
+                answers = np.digitize(felt + place, cuts).reshape(-1, 5)
+                people, objects = map(np.ravel, np.indices((36, 60)))
+                called = outlying_raters(answers, objects, people)["outlying"]
+                alarms.append(called.any())
+                lowest.append(np.mean(answers == 0))
+            row(n_levels, f"{np.mean(lowest):.2f}", plus_minus(alarms, 2, sign=""))
+
 
 def report(n_repeats):
-    """Ratings of generated objects, permuted over the objects."""
+    """Ratings of generated objects, permuted over the objects; noise for features."""
     title = "Verdicts of permuted ratings"
     head("objects", "better", "worse", "dispersion", title=title)
     for n_objects in (20, 40):
@@ -139,6 +154,23 @@ def report(n_repeats):
         better, worse = np.transpose(verdicts)
         shown = [plus_minus(each, 2, sign="") for each in (better, worse, dispersions)]
         row(n_objects, *shown)
+    title = "Verdicts of noise, by how evenly ratings are spread over five levels"
+    head("objects", "spread", "better", "worse", "exponent", title=title)
+    populations = {"even": np.ones(5), "one in the middle": (0.6, 1.8, 3.2, 1.8, 0.6)}
+    for (name, prior), n_objects in product(populations.items(), (20, 40)):
+        verdicts, exponents = [], []
+        for seed in range(n_repeats):
+            rng = np.random.default_rng(seed)
+            objects = np.repeat(np.arange(n_objects), 2)
+            X = rng.normal(size=(n_objects, 3))[objects]
+            X = X + 0.2 * rng.normal(size=X.shape)
+            y = rng.multinomial(12, rng.dirichlet(prior, n_objects))[objects]
+            model = make_haptic_pipeline(["pac"], random_state=0)[-1]
+            gains = model_report(model, X, y, groups=objects).gains
+            verdicts.append([gains["verdict"].item() == v for v in ("better", "worse")])
+            exponents.append(model.fit(X, y, groups=objects).exponent_)
+        shown = [plus_minus(each, 2, sign="") for each in np.transpose(verdicts)]
+        row(n_objects, name, *shown, plus_minus(exponents, 2, sign=""))
 
 
 def classes(n_repeats):
