@@ -30,6 +30,7 @@ from sklearn_haptic.metrics import (
     pit_histogram,
     ranked_probability_score,
 )
+from sklearn_haptic.model_selection import cross_val_predict_proba
 from sklearn_haptic.plotting import (
     DistributionDisplay,
     InterraterAgreementDisplay,
@@ -458,6 +459,18 @@ def test_counts_name_the_order_of_a_classifier_that_knows_none():
     assert_array_equal(display.levels, words)
     with pytest.warns(UserWarning, match="'high' < 'low' < 'some'"):
         neg_rps_scorer(classifier, X, counts)
+
+
+def test_predictions_in_another_order_than_the_columns_of_counts_are_warned_of():
+    words = ["soft", "medium", "hard", "very hard"]
+    counts = pd.DataFrame(np.eye(4, dtype=int)[ranks(0, 4)], columns=words)
+    model, other = DistributionalOrdinalRegressor(levels=words), words[1:] + words[:1]
+    expected = cross_val_predict_proba(model, X, counts, cv=3)
+    with pytest.warns(UserWarning, match="which the columns of y do not have"):
+        proba = cross_val_predict_proba(model, X, counts[other], cv=3)
+    np.testing.assert_allclose(proba, expected)
+    score = ranked_probability_score(counts[other], proba, levels=words)
+    assert score == pytest.approx(ranked_probability_score(counts, expected))
 
 
 @pytest.mark.slow

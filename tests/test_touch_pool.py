@@ -15,7 +15,7 @@ from sklearn.exceptions import DataConversionWarning
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from told_groups import Told
 
 from sklearn_haptic import (
@@ -667,6 +667,24 @@ def test_levels_are_in_the_order_that_a_member_has_set(around):
     assert named.classes_.tolist() == words
     expected = fitted(number, [1, 2, 3, 4]).predict_cdf(X)
     assert_allclose(named.predict_cdf(X), expected, atol=1e-9)
+
+
+class Pyramid(FunctionTransformer):
+    """A transformer whose levels are no ratings."""
+
+    def __init__(self, levels=(1, 2, 4)):
+        super().__init__()
+        self.levels = levels
+
+
+@pytest.mark.parametrize("around", [NoveltyGuard, TouchPool])
+def test_levels_of_transformers_are_no_ratings(around):
+    X, counts, objects = made(20)
+    X = X[["a0", "a1"]]
+    model = make_pipeline(Pyramid(), DistributionalOrdinalRegressor())
+    member = model if around is NoveltyGuard else [("a", model, ["a0", "a1"])]
+    model = around(member, cv=3).fit(X, counts, groups=objects)
+    assert model.classes_.tolist() == [1, 2, 3, 4]
 
 
 def test_members_that_order_words_in_two_ways_are_refused():

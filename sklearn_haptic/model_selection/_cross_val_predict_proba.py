@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from numbers import Integral
 from typing import Any, Literal, TypeAlias, get_args
@@ -22,7 +23,7 @@ from ..ensembles._out_of_fold import (
 )
 from ..ratings._checks import check_rated, check_ratings
 from ..ratings._distributions import cdf
-from ..ratings._levels import in_named_order
+from ..ratings._levels import in_named_order, levels_of_columns
 from ..utils._folds import groups_for, make_splitter
 from ..utils._sklearn import (
     CrossValidator,
@@ -105,9 +106,9 @@ def cross_val_predict_proba(
     predicted : ndarray of shape (n_trials, n_levels), (n_trials, 101) or (n_trials,)
         Rows in the order of ``X``. If several adjectives were learned, they are a
         further axis behind that of the trials. Columns are the levels of all trials, in
-        the order that ``y`` names, if it names one, else in that of the estimator:
-        where the training trials of a fold lack a label, its probability is 0 in that
-        fold, as that of a column of counts without any count is.
+        the order of the estimator's ``levels``, else in that which ``y`` names: where
+        the training trials of a fold lack a label, its probability is 0 in that fold,
+        as that of a column of counts without any count is.
 
     Raises
     ------
@@ -119,8 +120,8 @@ def cross_val_predict_proba(
     Warns
     -----
     UserWarning
-        If a fold trains on some trials of a group and tests others, or the estimator is
-        frozen.
+        If a fold trains on some trials of a group and tests others, the estimator is
+        frozen, or its levels have another order than the columns of ``y``.
 
     See Also
     --------
@@ -165,8 +166,23 @@ def cross_val_predict_proba(
     )
     if method in ("predict", "predict_quantile"):
         return in_order([predicted for predicted, _ in outcomes], folds)
-    result, _ = join_folds(y, outcomes, folds)
+    result, levels = join_folds(y, outcomes, folds)
+    _warn_of_other_order(y, levels)
     return cdf(result) if method == "predict_cdf" else result
+
+
+def _warn_of_other_order(y, levels):
+    """Warn if scores would read predictions in another order, that of counts' names."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        named, _ = levels_of_columns(y, None, "y")
+    if named is not None and named.tolist() != levels.tolist():
+        warnings.warn(
+            f"Predictions are in the order of the estimator's {levels.tolist()}, which "
+            "the columns of y do not have; give scores the same levels=.",
+            UserWarning,
+            stacklevel=4,
+        )
 
 
 def _run_fold(estimator, X, y, train, test, params, method):

@@ -195,9 +195,9 @@ def model_report(
     [1]_. It ignores that the folds of a cross-validation share training trials, and
     holds less often than it says if few objects gain or lose much. No verdict is
     corrected for the number of adjectives: of forty that cannot be felt, one is
-    expected to look better; of seven by a `DistributionBlend` from few objects, if their
-    ratings are spread evenly over the levels, because its exponent, unlike the guess,
-    flattens what few objects tell of the mean. More look worse, and rightly so: a model
+    expected to look better; of seven by a `DistributionBlend`, if the ratings of few
+    objects are spread evenly over the levels, because its exponent, unlike the guess,
+    flattens what they tell of the mean. More look worse, and rightly so: a model
     that learned chance predicts too narrow distributions, with a dispersion below 1,
     and a larger penalty mends it. If settings were chosen on these trials, report on
     others, or give the search that chooses as the model.

@@ -34,7 +34,9 @@ def names_levels(y):
 
 
 def levels_set_in(estimator):
-    """Return the parameter ``levels`` of an estimator, or of one inside; None if unset.
+    """Return the parameter ``levels`` of what predicts, or of a model inside, or None.
+
+    Steps before it may have levels that are no ratings.
 
     Examples
     --------
@@ -43,7 +45,8 @@ def levels_set_in(estimator):
     >>> levels_set_in(DistributionBlend([("one", NNPOM(levels=["soft", "hard"]))]))
     ['soft', 'hard']
     """
-    for name, value in estimator.get_params().items():
+    model, _ = last_step(estimator)
+    for name, value in model.get_params().items():
         if name.split("__")[-1] == "levels" and value is not None:
             return value
     return None
