@@ -74,8 +74,8 @@ print(summary[columns].to_string(index=False, float_format="{:.3f}".format), "\n
 # -------------------------
 # The RPS is a sum over the thresholds between ratings. Vibration helps at each
 # threshold, between soft objects as well as between hard ones. Of twenty p-values,
-# about one is below 0.05 by chance, so the effect of the electrodes at threshold 2
-# should be tested on more objects.
+# about one is below 0.05 by chance, so effects with a p just below it should be tested
+# on more objects.
 by_threshold = contribution_summary(scores, by="threshold")
 for column in ["difference", "p_objects"]:
     print(f"{column} at the threshold between ratings k and k + 1")
@@ -86,7 +86,7 @@ for column in ["difference", "p_objects"]:
 # 4. On which objects?
 # --------------------
 # Is the model worse without the sensor on one object, or on many? Here it is worse on
-# almost three in four.
+# three in four.
 sensor = "pac"
 by_object = contribution_summary(scores, metric="rps", by="object")
 without = by_object[by_object["held_out"] == sensor].sort_values("difference")[::-1]

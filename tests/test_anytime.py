@@ -292,6 +292,25 @@ def test_what_a_pipeline_does_not_use_is_ignored(repairs):
         )
 
 
+@pytest.mark.parametrize(
+    "first",
+    [
+        [FunctionTransformer(), features()],
+        [features().set_params(transformer_weights={"fast": 1.0, "slow": 1.0})],
+    ],
+    ids=["a step before", "weights"],
+)
+def test_a_lost_sensor_of_features_that_are_not_divided_is_warned_of(first):
+    """Without it nothing is known of the others."""
+    model = make_model(make_pipeline(*first, StandardScaler(), HEAD), durations=[1, 2])
+    model.fit(TOUCHES, COUNTS, groups=OBJECTS)
+    lost = TOUCHES.assign(slow=None)
+    with pytest.warns(UserWarning, match="lacks a sensor, and with it features of oth"):
+        assert np.ptp(model.predict_proba(lost), axis=0).max() < 1e-9
+    whole = make_model().fit(TOUCHES, COUNTS, groups=OBJECTS)
+    assert np.ptp(whole.predict_proba(lost), axis=0).max() > 0.01
+
+
 def test_windows_longer_than_a_duration_are_left_out_also_behind_repairs():
     def repaired(sensor):
         return make_pipeline(RepairTrials(), *(each for _, each in coded(sensor).steps))

@@ -288,6 +288,15 @@ def test_an_end_of_a_slider_beyond_the_grid_of_a_model_is_in_the_interval():
         assert judge.p_values(new, [end]).min() > 0.1
 
 
+def test_a_refit_to_another_kind_of_ratings_leaves_nothing_behind():
+    X, counts, objects, _ = world(1, 20, 2)
+    model = ConformalRatings(NNPOM(0)).fit(X, counts, groups=objects)
+    assert hasattr(model, "levels_") and not hasattr(model, "grid_")
+    model.set_params(estimator=ContinuousRatingsRegressor(NNPOM(0)))
+    model.fit(X, counts[:, 0] + 10 * X[:, 0], groups=objects)
+    assert hasattr(model, "grid_") and not hasattr(model, "levels_")
+
+
 def test_a_level_that_nobody_gave_is_in_sets_if_it_is_named():
     """With plain numbers the promise would be about the levels that occur."""
     covered = []

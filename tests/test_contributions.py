@@ -421,3 +421,25 @@ def test_holdouts_find_the_sensor_that_tells_and_no_other(scores, metric):
     useless = summary.drop(index="pac")
     assert (useless["p_objects"] > 0.05).all()
     assert useless["difference"].abs().max() < summary.loc["pac", "difference"] / 10
+
+
+@pytest.mark.parametrize("odd_one", range(8))
+def test_objects_that_only_rounding_tells_apart_have_one_rank(odd_one):
+    """Whichever object is the one that gains."""
+    harm = np.full(8, 0.1)
+    harm[odd_one] = -0.1
+    rows = [
+        {
+            "held_out": held_out,
+            "start": start,
+            "fold": 0,
+            "object": i,
+            "trial": i,
+            "emd": 0.3 + 0.01 * i + harm[i] * (held_out != "none"),
+        }
+        for held_out in ("none", "pac")
+        for start in (0, 1)
+        for i in range(8)
+    ]
+    (p,) = contribution_summary(pd.DataFrame(rows), metric="emd")["p_objects"]
+    assert p == wilcoxon(np.r_[np.ones(7), -1], alternative="greater").pvalue

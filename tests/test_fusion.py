@@ -340,3 +340,14 @@ def test_networks_of_sensors_that_are_none():
     peers = dict.fromkeys(SENSORS, LogisticRegression())
     with pytest.raises(TypeError, match="a LogisticRegression for sensor 'pac'"):
         SensorFusionNNPOM(SENSORS, peers).fit(*touches()[:2])
+
+
+def test_levels_of_sensor_networks_are_not_ignored():
+    X, counts, _ = touches()
+    levels = [*range(counts.shape[1], 0, -1)]
+    peers = {sensor: NNPOM(2, levels=levels) for sensor in SENSORS}
+    model = SensorFusionNNPOM(SENSORS, peers)
+    with pytest.raises(ValueError, match=r"has levels=.*; give them to final"):
+        model.fit(X, counts)
+    model.set_params(final_estimator=NNPOM(0, levels=levels))
+    assert model.fit(X, counts).classes_.tolist() == levels

@@ -421,6 +421,8 @@ def test_noise_ceiling_of_r2_is_of_all_trials():
     counts = [[3, 2, 0], [0, 2, 5], [9, 9, 9]]
     weighted = noise_ceiling(counts, r2_score, sample_weight=[1, 2, 0])
     assert weighted == noise_ceiling(np.repeat(counts, [1, 2, 0], axis=0), r2_score)
+    with pytest.raises(ValueError, match="y_true has equal means, of which"):
+        noise_ceiling([counts[0], counts[0]], r2_score)
     with pytest.raises(ValueError, match="no trial alone has an R²; leave it out"):
         noise_ceiling(counts, r2_score, average=False)
 

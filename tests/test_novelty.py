@@ -423,6 +423,27 @@ def test_few_objects_are_told_that_no_p_value_is_small():
     assert enough.p_values(np.full((1, 4), 1e6)) == pytest.approx(0.05)
 
 
+def test_numbers_beside_recordings_are_no_signals():
+    """Nor are those of a table without any recording."""
+    X, counts, objects = made(20)
+    table = pd.DataFrame(X, columns=[*"abcd"])
+    columns = make_column_transformer((StandardScaler(), [*table.columns]))
+    model = NoveltyGuard(make_pipeline(columns, NNPOM(0)))
+    plain = NoveltyGuard(make_pipeline(StandardScaler(), NNPOM(0)))
+    model.fit(table, counts, groups=objects)
+    assert_allclose(model.distances_, plain.fit(X, counts, groups=objects).distances_)
+    rng = np.random.default_rng(0)
+    table["pdc"] = [*rng.normal(size=(len(X), 30, 1))]
+    both = make_column_transformer(
+        (StandardScaler(), [*table.columns[:-1]]), (SignalStatistics(), "pdc")
+    )
+    guard = NoveltyGuard(make_pipeline(both, StandardScaler(), NNPOM(0)))
+    dead = table.assign(pdc=[np.zeros((30, 1))] * len(table))
+    with pytest.warns(UserWarning, match="has a peak of 0 times"):
+        p = guard.fit(table, counts, groups=objects).p_values(dead)
+    assert (p <= 0.05).all()
+
+
 @warned_of
 def test_sensors_in_a_pipeline_without_a_column_transformer():
     """A first step that takes the whole table of trials is as good as any."""

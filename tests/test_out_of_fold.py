@@ -411,3 +411,13 @@ def test_progress_is_that_of_the_callbacks_of_the_estimator():
     assert recorder.tasks.count("teardown") == 3  # a fit each fold
     with pytest.raises(NotFittedError):
         model.predict(X)
+
+
+def test_a_table_of_one_column_is_that_column():
+    words = ["soft", "medium", "hard"]
+    kind = np.arange(len(X)) % 3
+    y = pd.Series(pd.Categorical.from_codes(kind, words, ordered=True), name="feel")
+    model = LogisticRegression()
+    expected = cross_val_predict_proba(model, X, y, groups=OBJECTS, cv=3)
+    found = cross_val_predict_proba(model, X, y.to_frame(), groups=OBJECTS, cv=3)
+    np.testing.assert_array_equal(found, expected)

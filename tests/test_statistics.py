@@ -209,3 +209,17 @@ def test_warns_of_transposed_trials(sensor):
         features.fit(trials.swapaxes(1, 2))
     features.fit(trials)
     SignalStatistics().fit(trials[:, :12, :, np.newaxis].repeat(20, axis=3))  # images
+
+
+def test_images_of_another_orientation_are_refused():
+    """As many pixels in another order would be other channels."""
+    rng = np.random.default_rng(0)
+    images = [rng.normal(size=(20, 3, 4)) for _ in range(4)]
+    statistics = SignalStatistics().fit(images)
+    turned = [each.transpose(0, 2, 1) for each in images]
+    with pytest.raises(ValueError, match="frames of 4 × 3, but frames of 3 × 4 are"):
+        statistics.transform(turned)
+    flat = [each.reshape(20, 12) for each in images]
+    np.testing.assert_array_equal(
+        statistics.transform(flat), statistics.transform(images)
+    )

@@ -87,6 +87,7 @@ def as_recorded(model, felt):
     return model.predict_proba(table)[0]
 
 
+@pytest.mark.filterwarnings("ignore:A touch lacks a sensor, and with it features")
 @settings(max_examples=15, deadline=None)
 @given(data=st.data())
 def test_any_chunks_predict_as_the_samples_so_far(model, data):

@@ -215,6 +215,8 @@ class ConformalRatings(
             If the method is "prefit" and the estimator is not fitted.
         """
         record_features(self, X, y)
+        for name in ("classes_", "levels_", "grid_"):  # of another kind of ratings
+            self.__dict__.pop(name, None)
         base: Any = self.estimator
         if base is None:
             base = DistributionalOrdinalRegressor()
@@ -232,7 +234,7 @@ class ConformalRatings(
             true_shares(y, levels, type(self).__name__)  # refuses what are no ratings
         named = self._sliders or levels is not None or names_levels(y)
         X, y = check_rated(X, y)
-        if np.ndim(y) == 1 and not named:
+        if np.ndim(y) == 1 and not named and self.method != "prefit":
             warnings.warn(_UNNAMED, UserWarning, stacklevel=4)
         n_trials = _num_samples(X)
         every = np.arange(n_trials), np.arange(0)

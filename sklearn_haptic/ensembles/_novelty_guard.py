@@ -191,6 +191,9 @@ def columns_given(step, X):
     if isinstance(step, ColumnTransformer):
         given = [columns for _, each, columns in step.transformers_ if each != "drop"]
         places = [i for columns in given for i in _get_column_indices(X, columns)]
+        if names:  # others hold no recordings
+            recorded = trial_columns(X)
+            places = [i for i in places if names[i] in recorded]
     elif not names or is_table(X):
         return None
     else:
@@ -314,10 +317,11 @@ class NoveltyGuard(
 
     The signals are those that the first step is given, behind a :class:`RepairTrials`
     the repaired ones, whose faults that one reports: the columns of recordings of a
-    ColumnTransformer, or the recordings of one sensor. Their statistics are those of
-    :class:`SignalStatistics`, standardised. Distances of both kinds are made to have
-    the same median over training touches. So one of two broken sensors in a model of
-    five is found as well, but to know which, have one guard per sensor.
+    ColumnTransformer, or the recordings of one sensor, but not rows of a table. Their
+    statistics are those of :class:`SignalStatistics`, standardised. Distances of both
+    kinds are made to have the same median over training touches. So one of two broken
+    sensors in a model of five is found as well, but to know which, have one guard per
+    sensor.
 
     Examples
     --------

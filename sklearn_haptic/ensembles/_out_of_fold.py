@@ -385,8 +385,9 @@ def fit_fold(estimator, X, y, train, params, fit=fit_clone, name=None):
         if np.ndim(y) < 2 or "1d array" not in str(error):
             raise
         raise ValueError(
-            f"{_who(estimator, name)} takes labels, but no counts; give it to a "
-            "DistributionalOrdinalRegressor as estimator, which does."
+            f"{_who(estimator, name)} or a step of it takes labels, but no counts; "
+            "give a classifier to a DistributionalOrdinalRegressor as estimator, which "
+            "does, and choose features without ratings."
         ) from error
 
 

@@ -487,8 +487,12 @@ class SignalStatistics(TrialRows, BaseEstimator):
         return self._with_index(features, X)
 
     def _check_trials(self, X, n_columns=None):
+        if n_columns is None:
+            self._frame = None  # the shape of an image
         if not isinstance(X, Sequences) and np.ndim(next(iter(cells_of(X)), None)) == 3:
-            images = check_trials(X, ndims=(3,))
+            frame = None if n_columns is None else self._frame
+            images = check_trials(X, ndims=(3,), n_channels=frame)
+            self._frame = images[0].shape[1:]
             X = [trial.reshape(len(trial), -1) for trial in images]
         return super()._check_trials(X, n_columns)
 

@@ -87,10 +87,11 @@ def noise_ceiling(
     F_{N,k})` estimates the first without bias, as half the mean absolute difference
     of two people's ratings does for the CRPS. The log score of the population is its
     entropy. The estimate, by coverage [1]_, is rough where people are few: for objects
-    on which people differ it was within 15% from three people on and within 7% from
-    eight on, but up to 40% too low with two people, or with three where nearly all of
-    the population choose one level. The mean of N ratings scatters about that of the
-    population with 1/N of the variance, and that of others about it with twice as much.
+    on which people differ it was within 16% from three people on and within 7% from
+    eight on, but up to 40% too low with two people, and with up to eight where nearly
+    all of the population choose one level. The mean of N ratings scatters about that of
+    the population with 1/N of the variance, and that of others about it with twice as
+    much.
     The absolute error is that of a normal distribution, within 10% for bell-shaped
     ratings of six people or more, and up to half too low where nearly all agree.
 
@@ -167,8 +168,10 @@ def _of_r2(counts, levels, sample_weight, average):
         raise ValueError("average=False, but no trial alone has an R²; leave it out.")
     mean, squared_error = _means(counts, levels)
     spread = (mean - weighted_mean(mean, sample_weight)) ** 2
-    unexplained = weighted_mean(squared_error, sample_weight)
-    unexplained = unexplained / weighted_mean(spread, sample_weight)
+    spread = weighted_mean(spread, sample_weight)
+    if spread == 0:
+        raise ValueError("y_true has equal means, of which there is no R²; leave it.")
+    unexplained = weighted_mean(squared_error, sample_weight) / spread
     return float(1 - unexplained), float(1 - 2 * unexplained)
 
 

@@ -11,6 +11,9 @@ from scipy.stats import wilcoxon
 from ..utils._validation import check_numbers
 from ._contributions import FULL_MODEL
 
+# Decimals of differences in score that are more than rounding.
+_DECIMALS = 12
+
 # Columns that tell the predictions of one model apart; a table has some of them.
 _UNIT = ("adjective", "procedure", "start", "fold", "object", "trial")
 
@@ -186,6 +189,7 @@ def _compare_models(paired):
             "two; raise n_repeats."
         )
     full = starts[FULL_MODEL]
+    differences = objects.sub(objects[FULL_MODEL], axis=0)
     return {
         sensor: {
             "full": full.mean(),
@@ -194,14 +198,18 @@ def _compare_models(paired):
             "holdout_sd": holdout.std(),
             "difference": (holdout - full).mean(),
             "difference_sd": (holdout - full).std(),
-            "p_objects": _test_objects(objects[sensor] - objects[FULL_MODEL]),
+            "p_objects": signed_rank_p(differences[sensor], "greater"),
         }
         for sensor, holdout in starts.drop(columns=FULL_MODEL).items()
     }
 
 
-def _test_objects(difference):
-    """Wilcoxon's signed-rank test, without evidence if no object has a difference."""
+def signed_rank_p(difference, alternative="two-sided"):
+    """Return Wilcoxon's p of the objects' differences, 1 if there are none.
+
+    Those that only rounding tells apart have one rank.
+    """
+    difference = np.round(difference, _DECIMALS)
     if not difference.any():
         return 1.0
-    return wilcoxon(difference, alternative="greater").pvalue
+    return float(wilcoxon(difference, alternative=alternative).pvalue)

@@ -256,7 +256,9 @@ def model_report(
         seconds_per_touch=float(seconds[1]),
     )
     unit = "group" if kind == _CLASSES else "object"
-    unnamed = any(np.ndim(each) == 1 and not names_levels(each) for each in ratings)
+    unnamed = levels_set_in(model) is None and any(
+        np.ndim(each) == 1 and not names_levels(each) for each in ratings
+    )
     report["summary"] = _READING.get(kind, "") if unnamed else ""
     report["summary"] += _summary(report, folds, groups, unit, is_frozen(model))
     return report

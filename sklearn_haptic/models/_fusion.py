@@ -359,7 +359,7 @@ class SensorFusionNNPOM(
         given = self.final_estimator
         final_network = clone(default if given is None else given)
         for sensor, network in networks.items():
-            self._check_network(sensor, network)
+            self._check_network(sensor, network, levels)
         if isinstance(final_network, FrozenEstimator):
             n_hidden = sum(n_units(network) for network in networks.values())
             check_frozen(final_network, "final_estimator", n_hidden, levels)
@@ -380,7 +380,7 @@ class SensorFusionNNPOM(
                     network.set_params(random_state=seed)
         return networks, final_network
 
-    def _check_network(self, sensor, network):
+    def _check_network(self, sensor, network, levels):
         if not hasattr(network, "hidden_activations_with_positions"):
             raise TypeError(
                 f"estimator has a {type(unfrozen(network)).__name__} for sensor "
@@ -393,6 +393,12 @@ class SensorFusionNNPOM(
             names = None if names is None else names[self.sensors_[sensor]]
             which, position = f"The network of sensor {sensor!r}", self._has_position
             check_frozen(network, which, n_inputs, names=names, position=position)
+        elif network.levels is not None and [*network.levels] != [*levels]:
+            raise ValueError(
+                f"The network of sensor {sensor!r} has levels={[*network.levels]}, "
+                "which would be ignored; give them to final_estimator, or to what is "
+                "around this model."
+            )
         if n_units(network) == 0:
             raise ValueError(
                 f"The network of sensor {sensor!r} has n_hidden=0, so no activations "

@@ -26,6 +26,7 @@ from ._levels import (
     levels_of_columns,
     levels_of_ratings,
     names_levels,
+    only_column,
 )
 
 _MISSING = ("contains NaN or None", "remove trials without a rating")
@@ -228,7 +229,7 @@ def check_rated(X, *ratings):
     """
     for rows in ratings:
         check_order(X, rows)
-    X, *ratings = (indexable(each)[0] for each in (X, *ratings))
+    X, *ratings = (indexable(each)[0] for each in (X, *map(only_column, ratings)))
     n_trials = _num_samples(X)
     if n_trials == 0:
         raise ValueError("X has no trials; give at least one.")

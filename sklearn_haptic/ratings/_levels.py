@@ -30,7 +30,7 @@ _NUMBERED = re.compile(rf"(\D+)({_DIGITS})")  # n1, or level-1, which is 1 and n
 
 def names_levels(y):
     """Whether the container of ratings or counts says what the levels are."""
-    return _ordered_categories(_only_column(y)) is not None or bool(_column_labels(y))
+    return _ordered_categories(only_column(y)) is not None or bool(_column_labels(y))
 
 
 def levels_set_in(estimator):
@@ -61,7 +61,7 @@ def levels_of_ratings(values, container, levels, name):
     """
     if levels is not None:
         return levels
-    categories = _ordered_categories(_only_column(container))
+    categories = _ordered_categories(only_column(container))
     if categories is not None:
         return categories
     if is_text(values):
@@ -231,7 +231,7 @@ def _warn(what, levels, mend):
     )
 
 
-def _only_column(y):
+def only_column(y):
     """Return the column of a table of one column; return anything else unchanged."""
     columns = getattr(y, "columns", None)
     return y if columns is None or len(columns) != 1 else y[columns[0]]

@@ -81,9 +81,10 @@ def outlying_raters(
     The p-values are those of scores of correlations that differ by chance, drawn with
     a fixed seed. In simulations at most one study in twenty has a false alarm, up to
     one in seven where people differ much in how surely they feel, and up to one in
-    three where most answers are at one end of the scale. Who rated few objects can
-    hardly be found: of people who answer at random about three adjectives, nearly all
-    are found with twenty objects each, and one in three with five.
+    three where most answers are at one end of the scale, or three in five if people
+    also put it more than a level apart. Who rated few objects can hardly be found: of
+    people who answer at random about three adjectives, nearly all are found with twenty
+    objects each, and one in three with five.
 
     Leave out people, not single ratings: the ratings that lie furthest from others are
     mostly honest, and without them predicted distributions are too narrow.

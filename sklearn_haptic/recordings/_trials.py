@@ -280,8 +280,7 @@ def seconds_of(stamps, name, unit="s"):
     ):
         raise ValueError(
             f"{name} must be finite and increase from sample to sample; sort the "
-            "samples and remove those whose stamp is repeated, or remove an index that "
-            "is no time."
+            "samples, spread those of a packet evenly, or leave the stamps out."
         )
     return seconds
 
@@ -302,9 +301,8 @@ def typical_step(seconds, name=None):
     if name is not None and n == 10 and alike < steps.sum() / 2:
         raise ValueError(
             f"{name} tells no rate, because less than half of it is in steps near the "
-            f"typical {step:.4g} s, as where samples come in packets; use "
-            "resample_trials with rate and longest_gap, or remove an index that is no "
-            "time."
+            f"typical {step:.4g} s, as where samples come in packets; spread those of "
+            "a packet evenly, or leave the stamps out."
         )
     return step
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from copy import copy
 from itertools import groupby
@@ -52,6 +53,12 @@ from ._recorded_touches import (
 )
 from ._touch_in_progress import TouchInProgress
 
+_UNDIVIDED = (
+    "A touch lacks a sensor, and with it features of others, because the estimator "
+    "does not divide them by sensor; let a ColumnTransformer without weights, with a "
+    "column for each transformer, be its first step, behind RepairTrials."
+)
+
 
 class AnytimeRegressor(
     TakesGroups, OrdinalClassifierMixin, MetaEstimatorMixin, BaseEstimator
@@ -77,7 +84,7 @@ class AnytimeRegressor(
         of other steps that take such trials.
     durations : array-like of shape (n_durations,)
         Seconds from the start at which predictions are made, ascending. They should
-        grow by a factor, as 0.25, 0.5, 1, 2, 4. A window or other feature that is
+        grow by a factor, as 0.25, 0.5, 1, 2, 4. A sensor whose first step has windows
         longer than a duration is left out of it.
     sampling_rates : float or dict of str to float
         Samples per second: a number for the recordings of one sensor, or of each
@@ -314,7 +321,10 @@ class AnytimeRegressor(
         )
         blocks = []
         for i, branch in enumerate(self._branches):
-            there = np.all([long_enough[s] for s in branch.sensors], axis=0)
+            each = np.array([long_enough[s] for s in branch.sensors])
+            there = each.all(axis=0)
+            if (each.any(axis=0) & ~there).any():
+                warnings.warn(_UNDIVIDED, UserWarning, stacklevel=6)
             there &= needed[branch.sensors[0]] >= branch.least_samples()
             features = None
             if there.any() and isinstance(touches, FeltSamples):

@@ -13,6 +13,7 @@ from sklearn.utils import Bunch
 from ..metrics import log_score, noise_ceiling
 from ..metrics._proper_scores import PROPER_SCORES
 from ..metrics._trial_scores import SCORES
+from ..model_selection._contribution_summary import signed_rank_p
 from ..model_selection._contributions import FULL_MODEL
 
 _CELL = ["adjective", "procedure"]
@@ -196,16 +197,19 @@ def _compare_sensors(objects):
             "single": single.mean(),
             "difference": difference.mean(),
             "n_objects": len(objects),
-            "p_objects": wilcoxon(difference).pvalue if difference.any() else 1.0,
+            "p_objects": signed_rank_p(difference),
         }
 
 
 def _compare_procedures(objects):
     """Test all columns at once; equal columns are no evidence."""
-    scores = objects.to_numpy().T
+    scores = np.round(objects.to_numpy().T, 12)  # what rounding tells apart is equal
     statistic, p = 0.0, 1.0
     if (scores != scores[0]).any():
-        statistic, p = (wilcoxon if len(scores) == 2 else friedmanchisquare)(*scores)
+        if len(scores) == 2:
+            statistic, p = wilcoxon(np.round(scores[0] - scores[1], 12))
+        else:
+            statistic, p = friedmanchisquare(*scores)
     yield {
         **objects.mean(),
         "n_objects": len(objects),
