@@ -30,7 +30,6 @@ from ..ratings._checks import check_adjectives
 from ..ratings._distributions import raised, shares
 from ..ratings._levels import knows_order
 from ..recordings._repair import by_sensor, check_limits
-from ..recordings._trials import ALONE
 from ..utils._folds import TakesGroups
 from ..utils._pipeline_steps import flat_steps
 from ..utils._sklearn import (
@@ -41,12 +40,15 @@ from ..utils._sklearn import (
     _fit_context,
     one_blas_thread,
 )
-from ..utils._validation import check_numbers, count
+from ..utils._validation import count
 from ._arriving_samples import FeltSamples
 from ._branches import check_described, fit_features, used_sensors
 from ._heads import best_power, fit_head, head_tasks
 from ._recorded_touches import (
     check_alike,
+    check_durations,
+    check_rates,
+    check_times,
     check_touches,
     durations_complete,
     samples_in,
@@ -221,8 +223,8 @@ class AnytimeRegressor(
             or each class is in one group.
         """
         steps = self._check_estimator()
-        durations = _check_durations(self.durations)
-        rates = _check_rates(self.sampling_rates)
+        durations = check_durations(self.durations)
+        rates = check_rates(self.sampling_rates)
         # In the order of X, whose columns an estimator may count.
         rates = {s: rates[s] for s in getattr(X, "columns", ()) if s in rates} | rates
         self.sensors_ = used_sensors(steps, list(rates))
@@ -447,7 +449,7 @@ class AnytimeRegressor(
             What `predict_proba` returns for touches cut at these times; with several
             adjectives of shape (n_trials, n_times, n_adjectives, n_levels).
         """
-        touches, times = self._touches(X), _check_times(times)
+        touches, times = self._touches(X), check_times(times)
         lengths = touches.lengths()
         # At most so many seconds, because times may be infinite.
         end = lengths.max(initial=0) / self._rates.min()
@@ -547,51 +549,3 @@ def _calibrate(proba, true):
             powers[k] = best_power(proba[here, k], true[here])
             proba[here, k] = raised(proba[here, k], powers[k])
     return powers
-
-
-def _check_durations(durations):
-    check_numbers(durations, "durations")
-    values = np.asarray(durations, dtype=np.float64)
-    if (
-        values.ndim != 1
-        or len(values) == 0
-        or not np.isfinite(values).all()
-        or (np.diff(values, prepend=0) <= 0).any()
-    ):
-        raise ValueError(
-            f"durations={durations!r} must list seconds above 0 in ascending order."
-        )
-    return values
-
-
-def _check_rates(sampling_rates):
-    """Return the sampling rate of each sensor."""
-    by_name = isinstance(sampling_rates, Mapping)
-    rates = dict(sampling_rates) if by_name else {ALONE: sampling_rates}
-    for sensor, rate in rates.items():
-        if not isinstance(sensor, str) or (by_name and sensor == ALONE):
-            raise ValueError(
-                f"sampling_rates names the sensor {sensor!r}; name sensors by the "
-                "columns of X, which must be text."
-            )
-        if not isinstance(rate, Real) or not 0 < rate < np.inf:
-            where = f" of {sensor!r}" if by_name else ""
-            raise ValueError(
-                f"The sampling rate{where} is {rate!r}; give samples per second."
-            )
-    if not rates:
-        raise ValueError(
-            "sampling_rates names no sensor; give the rate of each column of X."
-        )
-    return {sensor: float(rate) for sensor, rate in rates.items()}
-
-
-def _check_times(times):
-    check_numbers(times, "times")
-    times = np.asarray(times, dtype=np.float64)
-    if times.ndim != 1:
-        raise ValueError(f"times has shape {times.shape}; give a list of seconds.")
-    if not (times >= 0).all():
-        bad = times[~(times >= 0)][0]
-        raise ValueError(f"times holds {bad:g}; give seconds, 0 or more.")
-    return times

@@ -7,6 +7,8 @@ others is missing: the touch goes on without it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from numbers import Real
 from typing import NamedTuple
 from warnings import warn
 
@@ -22,7 +24,7 @@ from ..recordings._trials import (
     is_table,
 )
 from ..utils._sklearn import FloatArray
-from ..utils._validation import column_of
+from ..utils._validation import check_numbers, column_of
 
 # Seconds, far below the time between two samples.
 _ROUNDING = 1e-6
@@ -151,6 +153,56 @@ def check_alike(touches, rates):
             UserWarning,
             stacklevel=7,
         )
+
+
+def check_durations(durations):
+    """Return the durations; refuse what are no ascending seconds."""
+    check_numbers(durations, "durations")
+    values = np.asarray(durations, dtype=np.float64)
+    if (
+        values.ndim != 1
+        or len(values) == 0
+        or not np.isfinite(values).all()
+        or (np.diff(values, prepend=0) <= 0).any()
+    ):
+        raise ValueError(
+            f"durations={durations!r} must list seconds above 0 in ascending order."
+        )
+    return values
+
+
+def check_rates(sampling_rates):
+    """Return the sampling rate of each sensor."""
+    by_name = isinstance(sampling_rates, Mapping)
+    rates = dict(sampling_rates) if by_name else {ALONE: sampling_rates}
+    for sensor, rate in rates.items():
+        if not isinstance(sensor, str) or (by_name and sensor == ALONE):
+            raise ValueError(
+                f"sampling_rates names the sensor {sensor!r}; name sensors by the "
+                "columns of X, which must be text."
+            )
+        if not isinstance(rate, Real) or not 0 < rate < np.inf:
+            where = f" of {sensor!r}" if by_name else ""
+            raise ValueError(
+                f"The sampling rate{where} is {rate!r}; give samples per second."
+            )
+    if not rates:
+        raise ValueError(
+            "sampling_rates names no sensor; give the rate of each column of X."
+        )
+    return {sensor: float(rate) for sensor, rate in rates.items()}
+
+
+def check_times(times):
+    """Return the times; refuse what is no list of seconds."""
+    check_numbers(times, "times")
+    times = np.asarray(times, dtype=np.float64)
+    if times.ndim != 1:
+        raise ValueError(f"times has shape {times.shape}; give a list of seconds.")
+    if not (times >= 0).all():
+        bad = times[~(times >= 0)][0]
+        raise ValueError(f"times holds {bad:g}; give seconds, 0 or more.")
+    return times
 
 
 def _check_sensor(trials, sensor, rate, shape, names):
