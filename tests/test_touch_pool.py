@@ -600,6 +600,7 @@ def test_recordings_of_which_some_are_missing():
     trials = corpus.trials.copy()
     trials.loc[trials.index[:5], "squeeze_tdc"] = None
     trials.at[trials.index[0], "squeeze_tdc"] = np.empty((0, 1))  # says as much
+    trials.at[trials.index[1], "squeeze_tdc"] = np.full((9, 1), np.nan)  # and that too
     pool = TouchPool(members, cv=2).fit(trials, y, groups=corpus.objects)
     assert np.isnan(pool.oof_proba_[:5, [0, 2]]).all()
     proba = pool.predict_proba(trials)

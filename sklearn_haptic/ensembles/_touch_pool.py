@@ -30,7 +30,7 @@ from ..utils._sklearn import (
     _fit_context,
     _safe_indexing,
 )
-from ..utils._validation import check_groups, check_names, column_of, has_no_samples
+from ..utils._validation import check_groups, check_names, column_of
 from ._out_of_fold import (
     Task,
     check_folds_know,
@@ -198,8 +198,8 @@ class TouchPool(
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_trials, n_columns)
-            A row per touch. NaN, None or an array of no samples stands for what was
-            not felt.
+            A row per touch. NaN, None or a recording of no samples, or of NaN alone,
+            stands for what was not felt.
         y : array-like of shape (n_trials, n_levels) or (n_trials,)
             Counts of ratings or labels, whatever the members take.
         groups : array-like of shape (n_trials,), default=None
@@ -460,7 +460,7 @@ def _has_values(table):
     for i in range(n_columns):
         column = np.asarray(column_of(table, i))
         if column.dtype.kind == "O":
-            there &= np.array([not has_no_samples(value) for value in column], bool)
+            there &= np.array([not np.all(pd.isna(value)) for value in column], bool)
         elif column.dtype.kind == "f":
             there &= ~np.isnan(column)
     return there
