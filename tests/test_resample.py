@@ -247,6 +247,16 @@ def test_stamps_of_single_precision_lose_no_sample():
         assert_array_equal(np.flatnonzero(np.isnan(found[0][:, 0])), gone)
 
 
+@pytest.mark.parametrize("kind", ["int64", "uint64", "Int64", "object"])
+def test_nanoseconds_since_1970_are_not_rounded(kind):
+    """Double precision tells those of today apart by 256 ns only."""
+    nanoseconds = np.arange(200, dtype=np.int64) * 22_676 + 1_790_000_000_123_456_789
+    trial = np.sin(np.arange(200))
+    stamps = pd.Series(nanoseconds, dtype=kind)
+    found = resample_trials([trial], [stamps], 1e9 / 22_676, unit="ns")[0]
+    assert_allclose(found[:, 0], trial, atol=1e-9)
+
+
 @pytest.mark.parametrize("wrong", [1e12, 1e300])
 def test_one_wrong_stamp_is_refused(wrong):
     times = np.arange(50) / 100

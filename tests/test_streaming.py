@@ -396,6 +396,19 @@ def test_hardly_any_samples(model, n):
     assert not touch.done
 
 
+def test_samples_of_nullable_types(of_codes):
+    touch = dict(cut(TOUCHES, 1).iloc[0])
+    nullable = {s: pd.DataFrame(each).astype("Float64") for s, each in touch.items()}
+    for each in (touch, nullable):
+        each["fast"] = each["fast"].copy()
+    touch["fast"][5, 0] = np.nan
+    nullable["fast"].iloc[5, 0] = pd.NA
+    expected = of_codes.start().update(touch)
+    found = of_codes.start().update(nullable)
+    assert found.ignored == expected.ignored
+    np.testing.assert_array_equal(found.predict_proba(), expected.predict_proba())
+
+
 def test_a_bad_update_changes_nothing(of_codes):
     touch = of_codes.start().update(dict(cut(TOUCHES, 1).iloc[0]))
     before = touch.predict_proba()

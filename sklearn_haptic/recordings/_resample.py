@@ -45,9 +45,10 @@ def resample_trials(
 
     Between two stamps the signal is a straight line. If the stamps are closer than the
     new samples by more than a tenth, the line is sampled at a whole multiple of the
-    rate and decimated by the filter of :func:`scipy.signal.resample_poly`, so that no
-    vibration comes out as a slower one; only the first and the last samples keep a part
-    of it. Where frames were dropped, the new samples are NaN, which
+    rate and decimated by the filter of :func:`scipy.signal.resample_poly`, so that
+    vibrations faster than half the new rate do not come out as slower ones. Those that
+    are faster by less than a tenth, and the first and the last samples, keep a part of
+    them. Where frames were dropped, the new samples are NaN, which
     :class:`RepairTrials` fills and reports.
 
     Parameters

@@ -262,14 +262,16 @@ def has_time_index(trial):
 
 
 def seconds_of(stamps, name, unit="s"):
-    """Return time stamps as increasing seconds; dates count from the first of them."""
-    index = stamps
-    if not isinstance(stamps, pd.Index):
-        index = check_regular(stamps, name)
-        if index.dtype.kind == "O" and index.ndim == 1:  # as dates of a time zone are
-            index = pd.Index(index)
+    """Return time stamps as increasing seconds.
+
+    Dates and integers, such as nanoseconds since 1970, count from the first of them.
+    """
+    index = stamps if isinstance(stamps, pd.Index) else check_regular(stamps, name)
+    if index.dtype.kind == "O" and index.ndim == 1:  # as dates of a time zone are
+        index = pd.Index(index).infer_objects()
     if isinstance(index, pd.DatetimeIndex) or index.dtype.kind == "M":
         index = pd.DatetimeIndex(index)
+    if index.dtype.kind in "Miu" and index.size:
         index = index - index.min()
     if index.dtype.kind == "m":
         index, unit = pd.TimedeltaIndex(index).total_seconds(), "s"
@@ -378,12 +380,7 @@ def _check_trial(trial, name, ndims, finite):
     if not finite and np.ma.isMaskedArray(trial):
         kind = trial.dtype if trial.dtype == np.float32 else np.float64
         trial = trial.astype(kind).filled(np.nan)
-    if (
-        isinstance(trial, (pd.DataFrame, pd.Series))
-        and np.asarray(trial).dtype == object
-        and all(map(is_numeric, pd.DataFrame(trial).dtypes))
-    ):  # of nullable types, whose NA is no number to NumPy
-        trial = trial.to_numpy(np.float64, na_value=np.nan)
+    trial = without_na(trial)
     check_numbers(trial, name)
     try:
         trial = np.asarray(trial)
@@ -417,6 +414,17 @@ def _check_trial(trial, name, ndims, finite):
             "remove those samples."
         )
     return np.where(known, trial, np.nan)
+
+
+def without_na(samples):
+    """Return samples of pandas' nullable types as floats, others as they are."""
+    if (
+        isinstance(samples, (pd.DataFrame, pd.Series))
+        and np.asarray(samples).dtype == object
+        and all(map(is_numeric, pd.DataFrame(samples).dtypes))
+    ):
+        return samples.to_numpy(np.float64, na_value=np.nan)
+    return samples
 
 
 def _check_any(trials):

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from ..recordings._trials import ALONE, has_time_index, in_order, rate_of
+from ..recordings._trials import ALONE, has_time_index, in_order, rate_of, without_na
 from ..utils._sklearn import one_blas_thread
 from ..utils._validation import check_regular
 from ._arriving_samples import FeltSamples
@@ -142,7 +142,7 @@ class TouchInProgress:
             samples = samples.to_frame().T  # one sample, a row of a data frame
         names = self._model._channel_names[sensor]
         samples = in_order(samples, name, names, "the trials of fit")
-        return _check_samples(samples, name, shapes[sensor])
+        return _check_samples(without_na(samples), name, shapes[sensor])
 
     def _check_stamps(self, stamps, samples, sensor):
         """Check the rate by the stamps of so many samples; return those to check."""

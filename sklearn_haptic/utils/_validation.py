@@ -23,7 +23,7 @@ from sklearn.utils.validation import (
 
 from ._sklearn import _check_sample_weight, is_pandas_na
 
-_NO_NUMBERS = (str, bytes, date, timedelta, np.datetime64, np.timedelta64)
+_NO_NUMBERS = (str, bytes, date, timedelta, np.datetime64, np.timedelta64, pd.Period)
 
 
 FLOATS = (np.float64, np.float32)
