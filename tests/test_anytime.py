@@ -273,7 +273,9 @@ def test_a_late_sensor_is_waited_for_and_a_dead_one_is_not(model):
     dead["slow"] = cut(TOUCHES, 1)["slow"]
     lost = cut(TOUCHES, 2)
     lost["slow"] = None
-    np.testing.assert_array_equal(model.predict_proba(dead), model.predict_proba(lost))
+    with pytest.warns(UserWarning, match=r"goes on without 'slow', which is late by m"):
+        found = model.predict_proba(dead)
+    np.testing.assert_array_equal(found, model.predict_proba(lost))
 
 
 @pytest.mark.parametrize("repairs", [[], [RepairTrials()]])
@@ -324,6 +326,7 @@ def test_windows_longer_than_a_duration_are_left_out_also_behind_repairs():
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore:A touch goes on without 'slow'")
 def test_a_sensor_that_no_training_touch_has_at_a_duration_tells_nothing_there():
     """Also if a later touch has it for longer."""
     stopped = TOUCHES.assign(slow=TOUCHES["slow"].map(lambda x: x[:15] + 300))
@@ -394,6 +397,7 @@ def test_inner_pipelines_are_steps_in_their_place():
 
 @pytest.mark.parametrize("rest", [None, 3])
 @pytest.mark.parametrize("alone", [False, True])
+@pytest.mark.filterwarnings("ignore:A touch goes on without 'fast'")
 def test_a_repair_before_the_features_is_one_of_every_prefix(alone, rest):
     """As of touches repaired beforehand, also where a sensor is missing or lags."""
     sensors = {name: Signal(rate) for name, rate in RATES.items()}

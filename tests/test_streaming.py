@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from short_touches import (
     COUNTS,
     HEAD,
@@ -31,11 +32,14 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from sklearn_haptic import (
     NNPOM,
+    AnytimeRegressor,
     DistributionalOrdinalRegressor,
     RepairTrials,
+    Signal,
     SignalStatistics,
     STHMPTransformer,
     TemporalMaxPool,
+    make_haptic_pipeline,
 )
 from sklearn_haptic.streaming import CertaintyThreshold
 
@@ -88,6 +92,7 @@ def as_recorded(model, felt):
 
 
 @pytest.mark.filterwarnings("ignore:A touch lacks a sensor, and with it features")
+@pytest.mark.filterwarnings("ignore:A touch goes on without")
 @settings(max_examples=15, deadline=None)
 @given(data=st.data())
 def test_any_chunks_predict_as_the_samples_so_far(model, data):
@@ -104,7 +109,7 @@ def test_any_chunks_predict_as_the_samples_so_far(model, data):
                 felt[sensor] += len(new[sensor])
         touch.update(new)
         prefix = {s: TOUCHES[s][trial][:n] for s, n in felt.items()}
-        np.testing.assert_allclose(
+        assert_allclose(
             touch.predict_proba(), as_recorded(model, prefix), rtol=0, atol=1e-12
         )
 
@@ -117,7 +122,7 @@ def test_every_prefix_sample_by_sample(of_codes):
             new["slow"] = x["slow"][i // 4]
         touch.update(new)
         felt = {"fast": x["fast"][: i + 1], "slow": x["slow"][: (i + 1) // 4]}
-        np.testing.assert_allclose(
+        assert_allclose(
             touch.predict_proba(), as_recorded(of_codes, felt), rtol=0, atol=1e-12
         )
 
@@ -134,9 +139,7 @@ def test_single_precision_stays_single():
         touch = model.start()
         for start in range(0, len(recorded), 7):
             touch.update(recorded[start : start + 7]).update([]).update(recorded[:0])
-        np.testing.assert_array_equal(
-            touch.predict_proba(), model.predict_proba([recorded])[0]
-        )
+        assert_array_equal(touch.predict_proba(), model.predict_proba([recorded])[0])
 
 
 def test_seconds_count_samples(of_codes):
@@ -162,6 +165,7 @@ def test_a_touch_is_done_where_the_rule_stops_recorded_ones(of_codes):
         assert touch.seconds == pytest.approx(stop)
 
 
+@pytest.mark.filterwarnings("ignore:A touch goes on without")
 def test_asking_whether_a_touch_is_done_changes_nothing(of_codes):
     """Sensors come one after the other, by halves of a second."""
     x = TOUCHES.iloc[0]
@@ -174,7 +178,41 @@ def test_asking_whether_a_touch_is_done_changes_nothing(of_codes):
             silent.update(new)
             _ = asked.done
         assert asked.done == deepcopy(silent).done
-        np.testing.assert_array_equal(asked.predict_proba(), silent.predict_proba())
+        assert_array_equal(asked.predict_proba(), silent.predict_proba())
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_sensor_slower_than_the_delay_is_waited_for(first):
+    """Its samples come at the begin of their steps, or at the end."""
+    rng = np.random.default_rng(0)
+    level = np.arange(40) % 5
+    X = pd.DataFrame(
+        {
+            "fast": [rng.normal(size=(400, 1)) * (1 + each) for each in level],
+            "slow": [rng.normal(size=(10, 1)) for _ in level],
+        }
+    )
+    rates = {"fast": 200, "slow": 5}
+    sensors = {s: Signal(rate) for s, rate in rates.items()}
+    model = AnytimeRegressor(
+        make_haptic_pipeline(sensors, random_state=0),
+        durations=[0.5, 1, 2],
+        sampling_rates=rates,
+    )
+    model.fit(X, np.eye(5, dtype=int)[level] * 9 + 1, groups=np.arange(40) % 20)
+    touch, shorter = model.start(), X[:1].copy()
+    for i in range(400):
+        touch.update({"fast": X["fast"][0][i]})
+        if (i + first) % 40 == 0:  # the sample of this step of 0.2 s
+            n = i // 40
+            touch.update({"slow": X["slow"][0][n]})
+        if i == 369:  # of 1.85 s
+            shorter.at[0, "fast"] = X["fast"][0][:370]
+            _, seconds = model.predict_when_done(shorter)  # its last is of 1.8 s
+            assert seconds == 1
+            assert not touch.done
+    assert touch.done
+    assert_allclose(touch.predict_proba(), model.predict_proba(X[:1])[0], atol=1e-9)
 
 
 TENTHS = {sensor: round(rate / 10) for sensor, rate in RATES.items()}
@@ -183,10 +221,10 @@ TENTHS = {sensor: round(rate / 10) for sensor, rate in RATES.items()}
 def test_without_a_rule_a_touch_takes_the_longest_duration(model):
     proba, seconds = model.predict_when_done(cut(TOUCHES, 1.5))
     assert (seconds == 1).all()
-    np.testing.assert_array_equal(proba, model.predict_proba(cut(TOUCHES, 1.5)))
+    assert_array_equal(proba, model.predict_proba(cut(TOUCHES, 1.5)))
     proba, seconds = model.predict_when_done(cut(TOUCHES, 0.3))
     assert (seconds == 0).all()
-    np.testing.assert_allclose(proba, np.tile(model.shares_, (24, 1)))
+    assert_allclose(proba, np.tile(model.shares_, (24, 1)))
     touch = model.start().update(dict(cut(TOUCHES, 1.5).iloc[0]))
     assert not touch.done
     assert touch.update({s: np.ones((int(r), 2)) for s, r in RATES.items()}).done
@@ -227,7 +265,7 @@ def test_samples_that_are_not_finite_repeat_the_last_one(of_codes, data):
     for i in range(n_chunks):
         touch.update({s: chunks[s][i] for s in RATES})
     assert touch.ignored == n_bad
-    np.testing.assert_allclose(
+    assert_allclose(
         touch.predict_proba(), as_recorded(of_codes, recorded), rtol=0, atol=1e-12
     )
 
@@ -253,7 +291,7 @@ def test_a_channel_that_rests_at_its_limit_is_no_missing_sensor(of_codes):
     for i in range(20):
         touch.update({s: np.array_split(x[s], 20)[i] for s in RATES})
     assert touch.seconds == pytest.approx(min(len(x[s]) / r for s, r in RATES.items()))
-    np.testing.assert_allclose(
+    assert_allclose(
         touch.predict_proba(), of_codes.predict_proba(repaired)[0], atol=1e-12
     )
 
@@ -265,7 +303,7 @@ def test_a_sensor_that_never_works_is_missing(of_codes):
     touch.update({"fast": x["fast"], "slow": dead})
     assert touch.ignored == {"fast": 0, "slow": len(dead)}
     expected = as_recorded(of_codes, {"fast": x["fast"], "slow": []})
-    np.testing.assert_allclose(touch.predict_proba(), expected, atol=1e-12)
+    assert_allclose(touch.predict_proba(), expected, atol=1e-12)
 
 
 def test_a_touch_without_a_good_sample_comes_to_an_end(of_codes):
@@ -279,7 +317,7 @@ def test_a_touch_without_a_good_sample_comes_to_an_end(of_codes):
         if touch.update(nothing).done:
             break
     assert touch.seconds == 0
-    np.testing.assert_array_equal(touch.predict_proba(), of_codes.shares_)
+    assert_array_equal(touch.predict_proba(), of_codes.shares_)
     assert sum(touch.ignored.values()) > 0
 
 
@@ -290,7 +328,7 @@ def test_a_touch_belongs_to_the_model_at_its_start(of_codes):
     rest = {sensor: x[sensor][len(x[sensor]) // 2 :] for sensor in RATES}
     touch.update(half)
     model.set_params(durations=[0.5, 0.7]).fit(TOUCHES, COUNTS[::-1], groups=OBJECTS)
-    np.testing.assert_allclose(
+    assert_allclose(
         touch.update(rest).predict_proba(), as_recorded(of_codes, x), atol=1e-12
     )
 
@@ -306,7 +344,7 @@ def test_ties_of_coarse_signals_do_not_depend_on_what_comes_together():
         new = model.start()
         for sample in touch:
             new.update(sample)
-        np.testing.assert_allclose(new.predict_proba(), proba, rtol=0, atol=1e-12)
+        assert_allclose(new.predict_proba(), proba, rtol=0, atol=1e-12)
 
 
 def test_electrodes_adjectives_and_one_unnamed_sensor():
@@ -326,7 +364,7 @@ def test_electrodes_adjectives_and_one_unnamed_sensor():
     for i in range(30):  # two frames are fewer than the four cells
         proba = touch.update(touches[0][i]).predict_proba()
         expected = model.predict_proba([touches[0][: i + 1]])[0]
-        np.testing.assert_allclose(proba, expected, rtol=0, atol=1e-12)
+        assert_allclose(proba, expected, rtol=0, atol=1e-12)
     assert proba.shape == (2, 3)
     assert touch.done
 
@@ -344,7 +382,7 @@ def test_classes_from_statistics_of_one_channel():
     for i in range(0, 50, 7):
         touch.update(touches[9][i : i + 7, 0])
         expected = model.predict_proba([touches[9][: i + 7]])[0]
-        np.testing.assert_allclose(touch.predict_proba(), expected, atol=1e-12)
+        assert_allclose(touch.predict_proba(), expected, atol=1e-12)
     assert model.classes_[touch.predict_proba().argmax()] == "foam"
 
 
@@ -381,7 +419,7 @@ def test_the_node_of_the_examples_replays_a_recorded_touch(of_codes):
         )
         for seconds, proba in said:
             expected = of_codes.predict_proba(cut(TOUCHES, seconds))[trial]
-            np.testing.assert_allclose(proba, expected, atol=1e-12)
+            assert_allclose(proba, expected, atol=1e-12)
     said.clear(), done.clear()
     node.on_start()  # a touch without a sensor that works ends too
     dead = {sensor: np.full((100, 2), np.nan) for sensor in RATES}
@@ -392,7 +430,7 @@ def test_the_node_of_the_examples_replays_a_recorded_touch(of_codes):
 @pytest.mark.parametrize("n", [0, 1])
 def test_hardly_any_samples(model, n):
     touch = model.start().update({s: np.ones((n, 2)) for s in RATES})
-    np.testing.assert_array_equal(touch.predict_proba(), model.shares_)
+    assert_array_equal(touch.predict_proba(), model.shares_)
     assert not touch.done
 
 
@@ -406,7 +444,7 @@ def test_samples_of_nullable_types(of_codes):
     expected = of_codes.start().update(touch)
     found = of_codes.start().update(nullable)
     assert found.ignored == expected.ignored
-    np.testing.assert_array_equal(found.predict_proba(), expected.predict_proba())
+    assert_array_equal(found.predict_proba(), expected.predict_proba())
 
 
 def test_a_bad_update_changes_nothing(of_codes):

@@ -96,8 +96,9 @@ class AnytimeRegressor(
         from 0 (none) to 1 (as much as its own). It requires a last step that takes
         ``sample_weight``.
     max_delay : float, default=0.1
-        Seconds that a sensor may lag behind the furthest before the touch goes on
-        without it. Means of training features stand for those of a missing sensor.
+        Seconds by which the next sample of a sensor may be late, by what the others
+        have recorded, before the touch goes on without it, with a warning. Means of
+        training features stand for those of a missing sensor.
     cv : int, splitter or iterable, default=5
         Folds of the training touches for the predictions out of fold. A number keeps
         objects whole if `fit` is given `groups`.
@@ -318,9 +319,17 @@ class AnytimeRegressor(
         blocks : list of (ndarray of bool of shape (len(which),), ndarray or None)
         """
         needed = dict(zip(self.sensors_, self._needed[k]))
-        long_enough = dict(
-            zip(self.sensors_, (touches.lengths()[which] >= self._needed[k]).T)
-        )
+        lengths = touches.lengths()[which]
+        long_enough = dict(zip(self.sensors_, (lengths >= self._needed[k]).T))
+        late = ((lengths > 0) & (lengths < self._needed[k])).any(axis=0)
+        if late.any():
+            warnings.warn(
+                f"A touch goes on without {self.sensors_[late.argmax()]!r}, which is "
+                f"late by more than max_delay={self._max_delay} s; if it was not lost, "
+                "check its rate, or give a larger max_delay.",
+                UserWarning,
+                stacklevel=6,
+            )
         blocks = []
         for i, branch in enumerate(self._branches):
             each = np.array([long_enough[s] for s in branch.sensors])

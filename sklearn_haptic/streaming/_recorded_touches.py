@@ -239,15 +239,16 @@ def samples_in(seconds, rate):
     return np.floor((np.asarray(seconds) + _ROUNDING) * rate).astype(np.intp)
 
 
-def seconds_felt(seconds, max_delay):
+def seconds_felt(n_samples, rates, max_delay):
     """Return the seconds of a touch that all sensors have that are not left behind.
 
     Parameters
     ----------
-    seconds : ndarray of shape (..., n_sensors)
+    n_samples : ndarray of int of shape (..., n_sensors)
         What each sensor has recorded.
+    rates : ndarray of shape (n_sensors,)
     max_delay : float
-        A sensor more than so many seconds behind the furthest is left behind.
+        As in :func:`left_behind`.
 
     Returns
     -------
@@ -257,10 +258,11 @@ def seconds_felt(seconds, max_delay):
     --------
     >>> import numpy as np
     >>> from sklearn_haptic.streaming._recorded_touches import seconds_felt
-    >>> seconds_felt(np.array([[2.0, 1.9], [2.0, 0.0]]), 0.5)
+    >>> seconds_felt(np.array([[200, 190], [200, 0]]), np.array([100, 100]), 0.5)
     array([1.9, 2. ])
     """
-    return np.where(_left_behind(seconds, max_delay), np.inf, seconds).min(axis=-1)
+    behind = left_behind(n_samples, rates, max_delay)
+    return np.where(behind, np.inf, n_samples / rates).min(axis=-1)
 
 
 def durations_complete(n_samples, rates, needed, max_delay):
@@ -268,13 +270,10 @@ def durations_complete(n_samples, rates, needed, max_delay):
 
     Parameters
     ----------
-    n_samples : ndarray of int of shape (..., n_sensors)
-        What each sensor has recorded.
-    rates : ndarray of shape (n_sensors,)
+    n_samples, rates, max_delay
+        As for :func:`seconds_felt`.
     needed : ndarray of int of shape (n_durations, n_sensors)
         Samples of each sensor in each duration, ascending.
-    max_delay : float
-        As in :func:`seconds_felt`.
 
     Returns
     -------
@@ -290,9 +289,27 @@ def durations_complete(n_samples, rates, needed, max_delay):
     array([1, 1, 2])
     """
     complete = (n_samples[..., np.newaxis, :] >= needed).sum(axis=-2)
-    left_behind = _left_behind(n_samples / rates, max_delay)
-    return np.where(left_behind, len(needed), complete).min(axis=-1)
+    behind = left_behind(n_samples, rates, max_delay)
+    return np.where(behind, len(needed), complete).min(axis=-1)
 
 
-def _left_behind(seconds, max_delay):
-    return seconds < seconds.max(axis=-1, keepdims=True) - max_delay - _ROUNDING
+def left_behind(n_samples, rates, max_delay):
+    """Whether the next sample of each sensor is late by more than `max_delay` seconds.
+
+    It is late by what the others have recorded. Samples may be taken at the begin of
+    their steps or at the end, which a sensor of long steps must not be told by.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.streaming._recorded_touches import left_behind
+    >>> n_samples = np.array([[4, 999], [5, 850], [4, 1150]])
+    >>> left_behind(n_samples, np.array([5, 1000]), 0.1)
+    array([[False, False],
+           [False, False],
+           [ True, False]])
+    """
+    seconds, steps = n_samples / rates, 1 / rates
+    late = seconds[..., np.newaxis, :] - seconds[..., np.newaxis]
+    late = (late - np.maximum(steps, steps[:, np.newaxis])).max(axis=-1)
+    return late > max_delay + _ROUNDING

@@ -158,8 +158,8 @@ class TouchInProgress:
     @property
     def seconds(self) -> float:
         """How much of the touch has been felt."""
-        seconds = self._felt.lengths()[0] / self._model._rates
-        return float(seconds_felt(seconds, self._model._max_delay))
+        model, lengths = self._model, self._felt.lengths()[0]
+        return float(seconds_felt(lengths, model._rates, model._max_delay))
 
     @property
     def ignored(self) -> dict[str, int]:
