@@ -198,7 +198,7 @@ def test_grid_of_quantiles_holds_equally_many_and_gives_heaps_a_cell():
     uneven = ContinuousRatingsRegressor(n_cells=3).fit(np.eye(3), y)
     assert_allclose(uneven.grid_, [0, 10 + 10 * 2 / 3, 25, 30])
     two = ContinuousRatingsRegressor().fit([[0.0], [1], [2], [3]], [0, 0, 1, 1])
-    assert two.grid_.tolist() == [0, 0.5, 1]
+    assert_allclose(two.grid_, [0, 0.5 / 30, 1 - 0.5 / 30, 1])
     heaps = np.r_[[0] * 30, np.arange(20, 40), [41] * 23, 42, 99, [100] * 25]
     model = ContinuousRatingsRegressor().fit(np.zeros((100, 1)), heaps)
     found = model.predict_quantile([[0.0]], [0.2, 0.6, 0.9])[0]
@@ -224,26 +224,39 @@ def test_answers_far_from_the_others_are_predicted_where_they_are():
 
 
 @pytest.mark.parametrize("top", [2, 5, 10, 20])
-def test_the_mean_of_whole_numbers_is_kept_and_the_cdf_halfway_about(top):
+def test_the_mean_of_whole_numbers_is_kept_and_the_cdf_halfway(top):
     """However unevenly people use them; each number has a cell of its own."""
     rng = np.random.default_rng(top)
     share = np.sort(rng.uniform(0.4, 1, top + 1))
     y = rng.choice(top + 1, p=share / share.sum(), size=(60, 12)).astype(float)
     model = ContinuousRatingsRegressor(DummyDistribution()).fit(np.zeros((60, 1)), y)
-    assert len(model.grid_) == top + 2
+    assert len(model.grid_) == 2 * top + 2  # and the gap between two numbers one
     assert model.predict([[0]])[0] == pytest.approx(y.mean(), rel=1e-12)
     halfway = np.arange(top) + 0.5
     expected = (y[..., np.newaxis] <= halfway).mean(axis=(0, 1))
-    off = np.abs(model.predict_cdf([[0]], halfway)[0] - expected)
-    assert off.max() < 0.25 * (share / share.sum()).max()
+    assert_allclose(model.predict_cdf([[0]], halfway)[0], expected, atol=1e-12)
 
 
 def test_a_cell_ends_below_the_next_answer_also_next_to_it():
     low = np.float64(1)
     y = np.repeat([0, low, np.nextafter(low, 2), 2], [1, 1, 9, 1])
     model = ContinuousRatingsRegressor(DummyDistribution()).fit(np.zeros((12, 1)), y)
-    assert np.count_nonzero(model.grid_ < y[2]) == 3
-    assert_allclose(np.diff(model.predict_cdf([[0]])[0]) * 12, [1, 1, 9, 1])
+    counts = np.diff(model.predict_cdf([[0]])[0]) * 12
+    assert_allclose(counts, [1, 0, 1, 9, 0, 1])
+    assert model.grid_[3] < y[2] < model.grid_[4]
+
+
+@pytest.mark.parametrize("low, high", [(0, 100), (-1e300, 1e300), (1e-300, 1e300)])
+def test_people_who_leave_a_slider_at_an_end_are_predicted_there(low, high):
+    """By as good as the score of the best distribution, also at extremes."""
+    y = np.random.default_rng(0).choice([low, high], (40, 8))
+    X = np.zeros((40, 1))
+    model = ContinuousRatingsRegressor(DummyDistribution()).fit(X, y)
+    at = np.linspace(0.05, 0.95, 9)
+    found = model.predict_cdf(X[:1], low * (1 - at) + high * at)[0]
+    assert_allclose(found, (y == low).mean(), atol=1e-12)
+    with np.errstate(over="ignore"):
+        assert_allclose(model.predict(X[:1]), y.mean(), rtol=1e-6)
 
 
 def test_regressor_in_searches_pipelines_and_with_ragged_answers():

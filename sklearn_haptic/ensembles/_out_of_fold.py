@@ -16,7 +16,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from sklearn.base import clone
-from sklearn.frozen import FrozenEstimator
 from sklearn.model_selection import check_cv
 from sklearn.utils.parallel import Parallel, delayed
 
@@ -26,7 +25,7 @@ from ..ratings._checks import check_adjectives, check_rated, validate_rated_tria
 from ..ratings._distributions import cdf, shares
 from ..ratings._levels import knows_order
 from ..utils._folds import ObjectKFold, number_objects, warn_of_no_groups
-from ..utils._pipeline_steps import last_step
+from ..utils._pipeline_steps import is_frozen, last_step
 from ..utils._sklearn import _check_method_params, _num_samples, _safe_indexing
 from ..utils._validation import check_groups, check_orders, check_weights
 
@@ -229,14 +228,6 @@ def check_folds_know(y, folds):
             "No fold trains on a class that it tests; give several touches of each "
             "class, and groups that divide each class, such as runs."
         )
-
-
-def is_frozen(estimator):
-    """Whether an estimator is, or has, a model that learned before and stays so."""
-    parts = [estimator, *estimator.get_params().values()]
-    return any(
-        isinstance(part, FrozenEstimator) and hasattr(part, "predict") for part in parts
-    )
 
 
 def warn_of_frozen(estimators, *, stacklevel):

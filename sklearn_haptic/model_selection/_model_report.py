@@ -23,7 +23,6 @@ from ..ensembles._out_of_fold import (
     check_folds_know,
     fit_fold,
     in_order,
-    is_frozen,
     predict_fold,
 )
 from ..metrics import crps, dispersion, noise_ceiling
@@ -35,7 +34,7 @@ from ..ratings._checks import check_adjectives, check_rated
 from ..ratings._continuous import check_answers
 from ..ratings._levels import levels_set_in, names_levels
 from ..utils._folds import groups_for, make_splitter
-from ..utils._pipeline_steps import last_step
+from ..utils._pipeline_steps import is_frozen, last_step
 from ..utils._report import Report
 from ..utils._sklearn import (
     CrossValidator,

@@ -26,6 +26,7 @@ from ..utils._sklearn import HasMethods, Interval, Trials, _fit_context
 from ..utils._validation import check_groups, check_numbers, check_orders, check_weights
 from ._distributional import DistributionalOrdinalRegressor
 from ._ordinal import DistributionMixin
+from ._shared_features import refuse_frozen
 
 
 def make_grid(answers, weight, n_cells):
@@ -34,15 +35,16 @@ def make_grid(answers, weight, n_cells):
     A trial's weight is shared by its answers. Of the gaps between neighbouring answers,
     those nearest to quantiles hold an edge. It divides the gap inversely to the weights
     of the two answers: a heap of equal answers has a narrow cell, and where each answer
-    has a cell, the mean of the cells' middles is that of the answers. If not, cells are
-    divided that are wider than two such cells of equal width would be.
+    has a cell, the mean of the cells' middles is that of the answers. Gaps wider than
+    one of `n_cells` equal cells then hold two edges, so far apart that only this much
+    is divided. If not, cells are divided that are wider than two equal ones.
 
     Examples
     --------
     >>> import numpy as np
     >>> from sklearn_haptic.models._continuous import make_grid
-    >>> make_grid(np.array([[0, 0, 0, 1, 2]]), np.ones(1), 30).tolist()
-    [0.0, 0.25, 1.5, 2.0]
+    >>> make_grid(np.array([[0, 0, 0, 1, 9]]), np.ones(1), 9).tolist()
+    [0.0, 0.25, 1.5, 8.5, 9.0]
     """
     given = ~np.isnan(answers) & (weight > 0)[:, None]
     each = np.broadcast_to((weight / given.sum(axis=1).clip(1))[:, None], given.shape)
@@ -55,13 +57,15 @@ def make_grid(answers, weight, n_cells):
     gap = np.unique(nearest)
     lower, upper = values[gap], values[gap + 1]
     part = share[gap + 1] / (share[gap] + share[gap + 1])
-    inner = np.clip(
-        (1 - part) * lower + part * upper, lower, np.nextafter(upper, lower)
-    )
-    edges = np.concatenate((values[:1], inner, values[-1:]))
+    below_upper, equal = np.nextafter(upper, lower), np.ptp(values) / n_cells
+    inner = np.clip((1 - part) * lower + part * upper, lower, below_upper)
     if len(inner) == len(values) - 1:
-        return edges
-    n_parts = np.ceil(np.diff(edges) / (2 / n_cells * np.ptp(edges))).astype(int)
+        wide = upper - lower > equal
+        inner[wide] = (lower + part * equal)[wide]
+        second = np.minimum(upper - (1 - part) * equal, below_upper)[wide]
+        return np.unique(np.concatenate((values[:1], inner, second, values[-1:])))
+    edges = np.concatenate((values[:1], inner, values[-1:]))
+    n_parts = np.ceil(np.diff(edges) / (2 * equal)).astype(int)
     parts = [
         np.linspace(*cell, n, endpoint=False)
         for *cell, n in zip(edges, edges[1:], n_parts)
@@ -106,12 +110,12 @@ class ContinuousRatingsRegressor(
         The edges of the cells, ascending, such as ``numpy.linspace(0, 100, 31)``. A
         rating on an edge counts in the cell below it, so answers at edges make means
         half a cell too low. By default equally many training ratings lie between two
-        edges, and the edges between different ratings; where they lie far apart, cells
-        are divided.
+        edges, and the edges between different ratings; where they lie far apart, there
+        are further edges.
     n_cells : int, default=30
         Number of cells, if the grid is not given. Where many ratings are equal, there
-        are fewer, and where some lie far from the others, up to half as many more: no
-        cell is wider than two of `n_cells` equal ones.
+        are fewer, and where some lie far apart, more: no cell that holds ratings is
+        wider than two of `n_cells` equal ones.
 
     Attributes
     ----------
@@ -214,7 +218,7 @@ class ContinuousRatingsRegressor(
         Raises
         ------
         ValueError
-            If the ratings do not fit the grid.
+            If the ratings do not fit the grid, or the estimator is frozen.
         """
         record_features(self, X, y)
         answers = check_answers(y)
@@ -223,6 +227,7 @@ class ContinuousRatingsRegressor(
         grid = self._make_grid(answers, weight)
         model: Any = self.estimator
         model = DistributionalOrdinalRegressor() if model is None else clone(model)
+        refuse_frozen(model, type(self).__name__, "the cells of its grid")
         params = groups_for(model, check_groups(groups, X))
         if sample_weight is not None:
             params |= _for_last(model, {"sample_weight": weight})

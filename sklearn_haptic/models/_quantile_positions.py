@@ -180,12 +180,14 @@ def decide(proba, rule):
 def is_smooth(predict, X, among=None):
     """Whether few nodes give about the same mixture of trials as many cells do.
 
-    Of evenly spaced trials, or of those `among` them, it asks the most disputed: where
-    all people agree, any nodes give the same.
+    Halfway between evenly spaced trials, or those `among` them, because trees may know
+    the trials by heart, it asks the most disputed: where all people agree, any nodes
+    give the same.
     """
     among = np.arange(len(X)) if among is None else among
     spaced = np.unique(np.linspace(0, len(among) - 1, _SMOOTH_AMONG).astype(np.intp))
-    some = X[among[spaced]]
+    some = X[among[spaced]] / 2
+    some += np.roll(some, 1, axis=0)
     few, _ = _average(predict, some, *population_quadrature(_MIXTURE_NODES))
     agreement = few.max(axis=-1).reshape(len(few), -1).min(axis=1)
     disputed = np.argsort(agreement, kind="stable")[:_SMOOTH_TRIALS]

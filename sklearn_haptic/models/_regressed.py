@@ -19,6 +19,7 @@ from ._shared_features import (
     check_output,
     fit_with_weights,
     refuse_adjectives,
+    refuse_frozen,
     seed_estimator,
 )
 
@@ -203,6 +204,7 @@ class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEsti
     def _fit_estimator(self, X, target, weight):
         trees = ExtraTreesRegressor(25, min_samples_leaf=3, max_features=100)
         estimator = clone(trees if self.estimator is None else self.estimator)
+        refuse_frozen(estimator, type(self).__name__, "how far shares are from a mean")
         if self.random_state is not None:
             seed_estimator(estimator, check_random_state(self.random_state))
         if target.shape[1] == 0:  # one level, which has nothing to learn

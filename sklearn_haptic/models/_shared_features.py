@@ -25,6 +25,7 @@ from sklearn.utils import gen_batches
 from sklearn.utils.validation import check_is_fitted, has_fit_parameter
 
 from ..utils._folds import validation_split, warn_of_no_groups
+from ..utils._pipeline_steps import is_frozen
 
 # Rows, and values in them, that an estimator is given at once for prediction.
 _BATCH_ROWS, _BATCH_VALUES = 2**14, 2**22
@@ -133,6 +134,15 @@ def unfrozen(estimator):
     while isinstance(estimator, FrozenEstimator):
         estimator = estimator.estimator
     return estimator
+
+
+def refuse_frozen(estimator, owner, learned):
+    """Refuse a frozen estimator where `fit` decides what it would have to know."""
+    if is_frozen(estimator):
+        raise ValueError(
+            f"estimator is frozen, but {owner} decides in fit what it learns, {learned}"
+            f"; freeze the whole {owner} instead."
+        )
 
 
 def check_frozen(estimator, name, n_inputs, levels=None, *, names=None, position=False):

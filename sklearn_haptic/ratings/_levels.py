@@ -101,7 +101,8 @@ def levels_of_columns(table, levels, name):
         levels given.
     """
     labels = _column_labels(table)
-    if not labels or (levels is not None and _are_positions(table.columns)):
+    others = levels is not None and {*levels.tolist()} != {*labels}
+    if not labels or (others and _are_positions(table.columns)):
         return levels, None
     read = _read_numbers(labels)
     if len({*read}) < len(read):

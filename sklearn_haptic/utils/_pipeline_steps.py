@@ -49,3 +49,11 @@ def last_step(model, X=None):
             X = model[:-1].transform(X) if X is not None and len(model) > 1 else X
             model = model[-1]
     return model, X
+
+
+def is_frozen(estimator):
+    """Whether an estimator is, or has, a model that learned before and stays so."""
+    parts = [estimator, *estimator.get_params().values()]
+    return any(
+        isinstance(part, FrozenEstimator) and hasattr(part, "predict") for part in parts
+    )
