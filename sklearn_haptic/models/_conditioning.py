@@ -47,7 +47,8 @@ class EvenedFeatures:
     the penalty give it. With more features than trials nothing is lost, since the
     penalty drives weights outside the span to zero. Directions along which the
     features extend less than max(n_trials, n_features) rounding errors (2.2e-16)
-    times their largest extent cannot be told from rounding, and get no weight.
+    times their largest extent, or offset, cannot be told from rounding, and get no
+    weight.
 
     Parameters
     ----------
@@ -56,6 +57,8 @@ class EvenedFeatures:
         Penalty of the weights.
     trial_weight : float or ndarray of shape (n_trials,)
         Weight of each trial; 2 gives the same basis as the trial given twice.
+    offset : float, default=0.0
+        How large the features were before they were centred.
 
     Attributes
     ----------
@@ -65,7 +68,7 @@ class EvenedFeatures:
         Penalty of the weights of each input.
     """
 
-    def __init__(self, X, alpha, trial_weight):
+    def __init__(self, X, alpha, trial_weight, offset=0.0):
         trial_weight = np.broadcast_to(trial_weight, len(X))
         mean_weight = trial_weight.mean()
         # Equal weights are exactly 1 then, whatever the rounding of their sums.
@@ -85,7 +88,8 @@ class EvenedFeatures:
         X = X @ axes
         weighted = root_weight * X
         length = np.sqrt(np.einsum("ij,ij->j", weighted, weighted))
-        kept = length > length.max(initial=0) * max(X.shape) * np.finfo(float).eps
+        largest = max(length.max(initial=0), offset / unit * np.sqrt(len(X)))
+        kept = length > largest * max(X.shape) * np.finfo(float).eps
         root_alpha = np.sqrt(alpha) / unit
         stiffness = root_alpha / np.sqrt(_TYPICAL_CURVATURE * mean_weight)
         scale = np.hypot(length[kept], stiffness) / np.sqrt(len(X))
@@ -143,7 +147,8 @@ class Conditioning:
             X = X / self._spread
         input_alpha = np.full(X.shape[1], alpha)
         if rotate:
-            self._axes = EvenedFeatures(X, alpha, trial_weight)
+            offset = np.abs(self._centre).max(initial=0) / self._spread
+            self._axes = EvenedFeatures(X, alpha, trial_weight, offset)
             X, input_alpha = self._axes.inputs, self._axes.alpha
         self.inputs = X
         has_position = layout.n_inputs - self._n_features  # 0 or 1

@@ -58,6 +58,9 @@ _HALVINGS, _LARGEST_NUMBER = 40, 500
 
 _ROUNDING = 1e-14
 
+# Pivot of a Hessian with a unit diagonal below which it may be singular.
+_LEAST_PIVOT = 1e-5
+
 _LARGEST_PENALTY, _NO_COST = 1e300, 1e-280
 
 
@@ -356,6 +359,28 @@ def _inverse(hessian):
     return vectors / np.maximum(values, _ROUNDING) @ vectors.T
 
 
+def _solver(hessian):
+    """Return a function that solves for a vector.
+
+    Directions in which the Hessian is 0 but for rounding, as of collinear features
+    without a penalty, are left out: along them nothing is known, and a step would be
+    of any length.
+    """
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), np.finfo(float).tiny))
+    hessian = hessian * np.outer(scale, scale)
+    try:
+        factor = linalg.cho_factor(hessian, check_finite=False)
+        regular = np.diagonal(factor[0]).min(initial=1) > _LEAST_PIVOT
+    except linalg.LinAlgError:
+        regular = False
+    if regular:
+        return lambda r: scale * linalg.cho_solve(factor, scale * r, check_finite=False)
+    values, vectors = linalg.eigh(hessian, check_finite=False)
+    known = values > _ROUNDING * len(values) * values[-1]
+    root = scale[:, None] * vectors[:, known] / np.sqrt(values[known])
+    return lambda r: root @ (r @ root)
+
+
 class _Features:
     """Centred features as conjugate gradients need them.
 
@@ -414,14 +439,18 @@ class _Features:
 
     def _reduce(self):
         """Take few features as they are, many in coordinates of the trials' span."""
+        longest = max(self.rows.shape)
         if self.rows.shape[1] > _FEW:
             rows = self.rows.T
             self._axes, rows = linalg.qr(rows, mode="economic", check_finite=False)
             self.rows = np.ascontiguousarray(rows.T)
             self._offset = np.zeros(self.rows.shape[1])
         length = np.sqrt(np.einsum("ij,ij->j", self.rows, self.rows))
-        rounding = length.max(initial=0) * max(self.rows.shape) * np.finfo(float).eps
-        self.rows[:, length <= rounding] = 0
+        offset = (
+            np.abs(self.centre).max(initial=0) / self.unit * np.sqrt(len(self.rows))
+        )
+        rounding = max(length.max(initial=0), offset) * np.finfo(float).eps
+        self.rows[:, length <= longest * rounding] = 0
 
     def _find_directions(self, used):
         """Find principal directions of some trials, by a randomised range finder."""
@@ -457,14 +486,7 @@ class _Features:
         responses = self.rows if exact else self._responses
         hessian = curvature.within(responses)
         hessian[np.diag_indices(len(hessian))] += alpha
-        scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), np.finfo(float).tiny))
-        hessian *= np.outer(scale, scale)
-        hessian[np.diag_indices(len(hessian))] += _ROUNDING
-        factor = linalg.cho_factor(hessian, check_finite=False)
-
-        def inside(r):
-            return scale * linalg.cho_solve(factor, scale * r, check_finite=False)
-
+        inside = _solver(hessian)
         if exact:
 
             def within(r, to_r):
