@@ -766,7 +766,9 @@ ask(fitting(REPAIR, X=SKINS, y=None),
     *settings("limits", {"skn": (0, 1)}, says="^limits names the sensor 'skn'"))
 ask(fitting(REPAIR, y=None),
     check("a sensor without any samples", [None, None], "^X holds no|Expected 2D|NaN"),
-    check("text", [["a", "b"], ["c"]], "^Trial 0 of X is not an array of numbers"))
+    check("text", [["a", "b"], ["c"]], "^Trial 0 of X is not an array of numbers"),
+    check("arrays of rows, as of Parquet", [pd.Series([np.ones(2)] * 4).to_numpy()] * 3,
+        "^Trial 0 of X is not an array of numbers"))
 ask({"RepairTrials.transform": partial(call, RepairTrials().fit(SKINS).transform)},
     check("a sensor fewer", SKINS.rename(columns={"skin": "palm"}),
         r"^X has no column 'skin', only \['palm'\]; rename the one that is meant"),

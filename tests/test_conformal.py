@@ -25,6 +25,7 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     DummyDistribution,
     RegressedDistribution,
+    make_haptic_pipeline,
 )
 from sklearn_haptic.model_selection import cross_val_predict_proba
 
@@ -469,6 +470,14 @@ def test_intervals_of_sliders(grid):
     assert_array_equal(*drawn)
     with pytest.raises(ValueError, match="Sliders have no levels; use predict_inte"):
         model.predict_set(new)
+
+
+def test_messages_number_the_trials_of_all():
+    trials = [np.ones((5, 1)) for _ in range(12)]
+    trials[7] = np.array([[1.0], [np.nan]])
+    model = make_haptic_pipeline(None, random_state=0)
+    with pytest.raises(ValueError, match="Trial 7 of X"):
+        ConformalRatings(model).fit(trials, np.ones((12, 2)), groups=range(12))
 
 
 @pytest.mark.filterwarnings("ignore:GridSearchCV has cv=2, which splits by trial")

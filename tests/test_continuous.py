@@ -7,6 +7,7 @@ import polars as pl
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
+from sklearn.ensemble import RandomForestClassifier
 from sklearn.exceptions import DataConversionWarning
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
@@ -20,6 +21,7 @@ from sklearn_haptic import (
 )
 from sklearn_haptic.metrics import (
     crps,
+    neg_rps_scorer,
     noise_ceiling,
     ranked_probability_score,
 )
@@ -235,6 +237,26 @@ def test_the_mean_of_whole_numbers_is_kept_and_the_cdf_halfway(top):
     halfway = np.arange(top) + 0.5
     expected = (y[..., np.newaxis] <= halfway).mean(axis=(0, 1))
     assert_allclose(model.predict_cdf([[0]], halfway)[0], expected, atol=1e-12)
+
+
+def test_lists_of_answers_in_the_only_column_of_a_table():
+    y = [[1.0, 2], [3, 4, 9], [5]]
+    X = np.arange(3.0)[:, np.newaxis]
+    found = ContinuousRatingsRegressor().fit(X, pd.DataFrame({"slider": y}))
+    expected = ContinuousRatingsRegressor().fit(X, y)
+    assert_array_equal(found.predict_cdf(X), expected.predict_cdf(X))
+
+
+def test_a_classifier_that_takes_counts_for_labels_is_refused():
+    rng = np.random.default_rng(0)
+    X, y = rng.normal(size=(40, 2)), rng.uniform(size=(40, 3))
+    model = ContinuousRatingsRegressor(RandomForestClassifier(5)).fit(X, y)
+    with pytest.raises(ValueError, match=r"^RandomForestClassifier predicts no "):
+        model.predict(X)
+    counts = rng.multinomial(9, [0.2, 0.3, 0.5], 40)
+    forest = RandomForestClassifier(5).fit(X, counts)
+    with pytest.raises(ValueError, match=r"^RandomForestClassifier predicts no "):
+        neg_rps_scorer(forest, X, counts)
 
 
 def test_a_cell_ends_below_the_next_answer_also_next_to_it():

@@ -777,3 +777,51 @@ def test_agreement_equals_exact_arithmetic(counts):
 def test_correlation_of_the_largest_numbers():
     ratings = [[1e308, TINY], [-1e308, 2 * TINY], [0, 0]]
     assert_allclose(adjective_correlation(ratings).rho.iat[0, 1], -0.5)
+
+
+@pytest.mark.parametrize("offset", [0, 10, 1e3, 1e6])
+@pytest.mark.parametrize("copies", ["the sum", "another unit", "one-hot"])
+@pytest.mark.parametrize("regressor", [False, True])
+def test_without_a_penalty_a_redundant_feature_changes_nothing(
+    offset, copies, regressor
+):
+    """Along what collinear features leave unknown, weights would be of any size."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        X = rng.normal(size=(60, 4))
+        kind = np.arange(60) % 3
+        y = np.digitize(2 * X[:, 0] + kind + rng.logistic(size=60), [0, 1, 2])
+        if copies == "one-hot":
+            X = np.c_[X, np.eye(3)[kind][:, 1:]]
+            more = np.eye(3)[kind][:, :1]
+        else:
+            more = X.sum(axis=1) if copies == "the sum" else 3.3 * X[:, 1]
+        model = NNPOM(0, alpha=0, tol=1e-8)
+        if regressor:
+            model = DistributionalOrdinalRegressor(model)
+        more = np.c_[X, more] + offset
+        expected = clone(model).fit(X, y).predict_proba(X)
+        found = model.fit(more, y).predict_proba(more)
+        assert_allclose(found, expected, atol=1e-8 * (1 + offset / 100))
+
+
+@pytest.mark.parametrize("offset", [0, 1e3, 1e5])
+def test_redundant_features_of_hidden_units_predict_what_was_fitted(offset):
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        X = rng.normal(size=(60, 4))
+        y = np.digitize(2 * X[:, 0] + rng.logistic(size=60), [-1, 0, 1])
+        X = np.c_[X, X.sum(axis=1)] + offset
+        model = NNPOM(3, alpha=0, random_state=0, max_iter=2000).fit(X, y)
+        assert log_score(y, model.predict_proba(X)) == pytest.approx(model.loss_)
+
+
+@pytest.mark.parametrize("n, d", [(6, 30), (20, 300), (40, 60)])
+@pytest.mark.parametrize("people", [1, 12])
+@ignore_warnings(category=ConvergenceWarning)
+def test_without_a_penalty_more_features_than_touches_separate_the_levels(n, d, people):
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(n, d))
+    counts = np.where(X[:, :1] > 0, [0, people], [people, 0])
+    proba = NNPOM(0, alpha=0).fit(X, counts).predict_proba(X)
+    assert_allclose(proba, counts / people, atol=1e-3)

@@ -20,8 +20,10 @@ from sklearn.preprocessing import StandardScaler
 import sklearn_haptic
 from sklearn_haptic import (
     NNPOM,
+    ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DummyDistribution,
+    RegressedDistribution,
     SensorFusionNNPOM,
 )
 
@@ -82,6 +84,17 @@ def test_a_frozen_combined_network_is_not_fitted_again():
         other = make(SensorFusionNNPOM(SENSORS, NNPOM(2, random_state=1), final))
         assert not np.allclose(other.fit(X, counts).predict_proba(X), before)
         np.testing.assert_array_equal(full.predict_proba(X), before)
+
+
+@pytest.mark.parametrize("make", [ContinuousRatingsRegressor, RegressedDistribution])
+def test_what_fit_decides_cannot_be_frozen(make):
+    """The cells of a grid, or the mean from which a regressor's shares depart."""
+    X, counts = touches()
+    base = make().fit(X, counts).estimator_
+    for frozen in (FrozenEstimator(base), make_pipeline(FrozenEstimator(base))):
+        name = make.__name__
+        with pytest.raises(ValueError, match=f"^estimator is frozen, but {name} dec"):
+            make(frozen).fit(X, counts)
 
 
 @pytest.mark.parametrize("base", BASES, ids=lambda e: type(e).__name__)

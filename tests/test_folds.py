@@ -104,7 +104,7 @@ def test_names_of_objects_change_no_prediction(learner):
     names = np.array(RNG.permutation([f"object {i}" for i in range(20)]))
     proba = [
         clone(model).fit(X, COUNTS, groups=groups).predict_proba(X)
-        for groups in (OBJECTS, names[OBJECTS], -OBJECTS)
+        for groups in (OBJECTS, names[OBJECTS], (-OBJECTS).astype(">i4"))
     ]
     np.testing.assert_array_equal(proba[0], proba[1])
     np.testing.assert_array_equal(proba[0], proba[2])

@@ -188,6 +188,17 @@ def test_positions_of_columns_are_no_labels(table):
     assert check_ratings(table, [7, 5, 1, 0])[1].tolist() == [7, 5, 1, 0]
 
 
+def test_default_labels_that_are_the_levels_name_them():
+    """Equal tables are read alike, whatever makes their columns."""
+    by_range = pd.DataFrame(COUNTS, columns=range(4))
+    by_list = pd.DataFrame(COUNTS, columns=[0, 1, 2, 3])
+    for levels in ([3, 2, 1, 0], [1, 0, 2, 3], range(4)):
+        for table in (by_range, by_list):
+            counts, found = check_ratings(table, levels)
+            assert found.tolist() == list(levels)
+            assert_array_equal(counts, COUNTS[:, list(levels)])
+
+
 @pytest.mark.parametrize(
     ("labels", "levels"),
     [

@@ -402,6 +402,8 @@ def test_samples_are_interpolated_by_their_time_stamps():
         trial.index,
         pd.to_timedelta(at, unit="s"),
         pd.to_datetime(at, unit="s"),
+        pd.Timestamp("2026-11-26T07:30:00.123456789", tz="UTC")
+        + pd.to_timedelta(at, unit="s"),
     ):
         (repaired,) = RepairTrials().fit_transform([trial.set_axis(index)])
         assert_allclose(repaired.to_numpy(), np.column_stack((at, 1 - at)), atol=1e-15)

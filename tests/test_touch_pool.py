@@ -578,6 +578,20 @@ def test_parameters_of_members():
         ("a", 7, ["a0", "a1"]),
         ("b", 2, ["b"]),
     ]
+    pool.set_params(estimators=[("c", NNPOM(0), ["b"])], c__alpha=5.0)
+    assert [(n, m.alpha, c) for n, m, c in pool.estimators] == [("c", 5, ["b"])]
+
+
+def test_columns_by_position_are_as_many_as_in_fit():
+    X, counts, objects = made()
+    members = [("a", NNPOM(0), [0, 1]), ("b", NNPOM(0), [2])]
+    pool = TouchPool(members).fit(X.to_numpy(), counts, groups=objects)
+    stamped = np.c_[np.arange(len(X)), X]
+    for other in (stamped, stamped[:, :2], stamped.tolist()):
+        with pytest.raises(ValueError, match=r"^X has \d columns, but had 3 in fit"):
+            pool.predict_proba(other)
+    with pytest.raises(ValueError, match=r"^X has shape \(90,\); give a table"):
+        pool.predict_proba(stamped[:, 0])
 
 
 # Recordings --------------------------------------------------------------------

@@ -249,9 +249,10 @@ class ConformalRatings(
         else:
             folds, objects = make_folds(self, X, y, groups, [base], n_folds=10)
             params = groups_for(base, objects)
-            tasks = [Task(None, base, X, y, fold, params) for fold in [*folds, every]]
+            # Messages number the trials of the first that is fitted.
+            tasks = [Task(None, base, X, y, fold, params) for fold in [every, *folds]]
             models = [model for model, _ in run_tasks(tasks, None, n_jobs=self.n_jobs)]
-        *self.estimators_, self.estimator_ = models
+        self.estimator_, *self.estimators_ = models
         if self._sliders:
             self.grid_ = last_step(self.estimator_)[0].grid_
         else:

@@ -22,7 +22,7 @@ from sklearn.utils.parallel import Parallel, delayed
 from ..models._distributional import fit_linear_models, is_linear
 from ..models._shared_features import refuse_adjectives
 from ..ratings._checks import check_adjectives, check_rated, validate_rated_trials
-from ..ratings._distributions import cdf, shares
+from ..ratings._distributions import cdf, check_distributions, shares
 from ..ratings._levels import knows_order
 from ..utils._folds import ObjectKFold, number_objects, warn_of_no_groups
 from ..utils._pipeline_steps import is_frozen, last_step
@@ -402,18 +402,14 @@ def predict_fold(model, X_test, method=None, name=None):
         return last.predict_quantile(X_test, POSITIONS), None
     who, n_trials = _who(model, name), _num_samples(X_test)
     if not hasattr(model, "predict_proba"):
-        mend = f"from which method={method!r} is computed; set method='predict', or "
+        mend = (
+            f"from which method={method!r} is computed; set method='predict' or, for "
+            "sliders, 'predict_quantile', or "
+        )
         if method is None:
             mend = "give it to a DistributionalOrdinalRegressor as estimator, or "
         raise ValueError(f"{who} has no predict_proba, {mend}give a classifier.")
-    proba = model.predict_proba(X_test)
-    sums = 1 if isinstance(proba, list) else np.sum(proba, axis=-1)
-    if isinstance(proba, list) or not np.allclose(sums, 1, rtol=0, atol=1e-5):
-        raise ValueError(
-            f"{who} predicts no distribution, as if it took each column of y for "
-            "labels of its own; give it to a DistributionalOrdinalRegressor as "
-            "estimator, which takes counts."
-        )
+    proba = check_distributions(model.predict_proba(X_test), who)
     if not hasattr(model, "classes_"):
         raise ValueError(
             f"{who} has no classes_, which say what the columns of its predictions "

@@ -30,7 +30,7 @@ from ..utils._sklearn import (
     _fit_context,
     _safe_indexing,
 )
-from ..utils._validation import check_groups, check_names, column_of
+from ..utils._validation import check_groups, check_names, column_of, refuse_empty
 from ._out_of_fold import (
     Task,
     check_folds_know,
@@ -189,6 +189,7 @@ class TouchPool(
 
     def set_params(self, **params: Any) -> Self:
         """Set parameters; a member by its name, its own as ``name__parameter``."""
+        self.estimators = params.pop("estimators", self.estimators)
         return self._set_params("_members", **params)
 
     @_fit_context(prefer_skip_nested_validation=False)
@@ -223,6 +224,7 @@ class TouchPool(
         """
         names = check_members(self.estimators, "(name, estimator, columns)")
         self._validate_names([*names, MARGINAL])
+        X = _as_table(X)
         _check_named(X, self.estimators)
         members = [estimator for _, estimator, _ in self.estimators]
         set_levels = (levels_set_in(each) for each in members)
@@ -253,6 +255,7 @@ class TouchPool(
         self.oof_proba_ = oof
         self.estimators_ = fitted
         self._columns = [columns for *_, columns in self.estimators]
+        self._width = None if hasattr(X, "columns") else X.shape[1]
         return self
 
     def _fit_members(self, X, y, objects, folds, classes):
@@ -302,6 +305,12 @@ class TouchPool(
         """
         check_is_fitted(self)
         groups = check_groups(groups, X)
+        X = _as_table(X)
+        if self._width not in (None, X.shape[1]):
+            raise ValueError(
+                f"X has {X.shape[1]} columns, but had {self._width} in fit; give the "
+                "same ones in the same order."
+            )
         parts = [_columns(X, columns) for columns in self._columns]
         there = np.column_stack([_has_values(part) for part in parts])
         proba = np.zeros((*there.shape, len(self.classes_)))
@@ -444,12 +453,23 @@ def _check_named(X, members):
             )
 
 
+def _as_table(X):
+    """Return rows in a list as an array, and anything else unchanged."""
+    check_columns(X, [])
+    refuse_empty(X)
+    X = X if hasattr(X, "shape") or hasattr(X, "columns") else np.asarray(X)
+    if len(X.shape) != 2:
+        raise ValueError(
+            f"X has shape {X.shape}; give a table with a row per touch and a column "
+            "per sensor."
+        )
+    return X
+
+
 def _columns(X, columns):
     """Return some columns of a table."""
     asked = np.ravel(np.array(columns, dtype=object)).tolist()
     check_columns(X, [name for name in asked if isinstance(name, str)])
-    if not hasattr(X, "shape") and not hasattr(X, "columns"):
-        X = np.asarray(X)
     return _safe_indexing(X, columns, axis=1)
 
 

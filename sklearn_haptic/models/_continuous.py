@@ -20,7 +20,7 @@ from sklearn.utils.validation import (
 from ..metrics import crps
 from ..ratings._checks import check_rated, record_features
 from ..ratings._continuous import cdf_at, check_answers, check_values, quantile_at
-from ..ratings._distributions import cdf, shares
+from ..ratings._distributions import cdf, check_distributions, shares
 from ..utils._folds import TakesGroups, groups_for
 from ..utils._sklearn import HasMethods, Interval, Trials, _fit_context
 from ..utils._validation import check_groups, check_numbers, check_orders, check_weights
@@ -51,10 +51,8 @@ def make_grid(answers, weight, n_cells):
     values, which = np.unique(answers[given], return_inverse=True)
     share = np.bincount(which, each[given])
     below = np.cumsum(share)[:-1] / share.sum()
-    nearest = np.searchsorted(
-        (below[:-1] + below[1:]) / 2, np.arange(1, n_cells) / n_cells
-    )
-    gap = np.unique(nearest)
+    asked = np.arange(1, n_cells) / n_cells - 1e-12  # so that rounding decides nothing
+    gap = np.unique(np.searchsorted((below[:-1] + below[1:]) / 2, asked))
     lower, upper = values[gap], values[gap + 1]
     part = share[gap + 1] / (share[gap] + share[gap + 1])
     below_upper, equal = np.nextafter(upper, lower), np.ptp(values) / n_cells
@@ -262,7 +260,8 @@ class ContinuousRatingsRegressor(
     def _predict_ordered(self, X, params):
         """Predict the share of each cell of the grid."""
         check_is_fitted(self)
-        return shares(self.estimator_.predict_proba(X, **params))
+        proba = self.estimator_.predict_proba(X, **params)
+        return shares(check_distributions(proba, type(self.estimator_).__name__))
 
     def predict_cdf(  # type: ignore[override]
         self, X: Trials, values: ArrayLike | None = None

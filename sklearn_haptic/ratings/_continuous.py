@@ -10,6 +10,7 @@ import numpy as np
 from sklearn.utils.validation import check_array, column_or_1d
 
 from ..utils._validation import check_numbers, missing_to_none
+from ._levels import only_column
 
 
 def check_answers(y, name="y"):
@@ -18,6 +19,7 @@ def check_answers(y, name="y"):
     They are one number per trial; or several, NaN where somebody gave none; or one list
     of any length per trial. Each trial has at least one.
     """
+    y = only_column(y)
     try:
         array = np.asarray(y)
     except ValueError:  # lists of different lengths

@@ -12,6 +12,22 @@ def shares(counts):
     return counts / counts.sum(axis=-1, keepdims=True)
 
 
+def check_distributions(proba, who):
+    """Return what a model predicts; refuse what is not one distribution per trial.
+
+    Classifiers of scikit-learn take each column of counts for labels of its own, and
+    predict a list. A ValueError names the model.
+    """
+    many = isinstance(proba, list)
+    if many or not np.allclose(np.sum(proba, axis=-1), 1, rtol=0, atol=1e-5):
+        raise ValueError(
+            f"{who} predicts no distribution, as if it took each column of y for "
+            "labels of its own; give it to a DistributionalOrdinalRegressor as "
+            "estimator, which takes counts."
+        )
+    return proba
+
+
 def cdf(counts):
     """Return the share at or below each level, exactly 1 from the highest level used.
 

@@ -22,6 +22,7 @@ import numpy as np
 
 from ..utils._pipeline_steps import last_step
 from ..utils._validation import check_order, is_text, lossless_array
+from ._distributions import check_distributions
 
 _DIGITS = r"\d+(?:\.\d+)?"
 _NUMBER = re.compile(rf"[+-]?{_DIGITS}")
@@ -167,6 +168,7 @@ def predict_in_named_order(estimator, X, ratings):
     """
     check_order(X, ratings)
     proba, levels = estimator.predict_proba(X), estimator.classes_
+    check_distributions(proba, type(estimator).__name__)
     named = None
     if not knows_order(estimator):
         if np.ndim(ratings) == 2:

@@ -75,7 +75,8 @@ def fill_samples(trial, stamps=None):
     """
     if not np.isnan(trial).any():
         return trial.copy()
-    table = pd.DataFrame(trial, stamps)
+    # Numbers of dates, from 1970, would lose digits.
+    table = pd.DataFrame(trial, None if stamps is None else stamps - stamps[0])
     filled = table.interpolate("index", limit_direction="both")
     return filled.fillna(0).to_numpy(copy=True)
 

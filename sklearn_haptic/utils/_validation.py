@@ -229,7 +229,8 @@ def drop_missing(values, name):
     """Return the values of a column that are not missing, and a mask of them."""
     if isinstance(values, np.ndarray) and values.dtype.kind in "biuU" and values.size:
         check_regular(values, name)
-        return column_or_1d(values), np.ones(values.size, dtype=bool)
+        native = values.astype(values.dtype.newbyteorder("="), copy=False)
+        return column_or_1d(native), np.ones(values.size, dtype=bool)
     values = column_or_1d(missing_to_none(values, name), dtype=None)
     given = np.array([value is not None for value in values], dtype=bool)
     if not given.any():
@@ -258,6 +259,8 @@ def is_missing(value):
         return bool(value != value)
     if value is None or is_pandas_na(value):
         return True
+    if getattr(value, "ndim", 0) > 0:
+        return False
     differs = value != value
     return isinstance(differs, (bool, np.bool_)) and bool(differs)
 
