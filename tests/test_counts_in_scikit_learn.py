@@ -19,6 +19,7 @@ from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 from sklearn.ensemble import (
     AdaBoostClassifier,
     BaggingClassifier,
+    BaggingRegressor,
     RandomForestClassifier,
     StackingClassifier,
     VotingClassifier,
@@ -52,7 +53,12 @@ from sklearn.model_selection import (
     validation_curve,
 )
 from sklearn.multiclass import OneVsRestClassifier
-from sklearn.multioutput import ClassifierChain, MultiOutputClassifier
+from sklearn.multioutput import (
+    ClassifierChain,
+    MultiOutputClassifier,
+    MultiOutputRegressor,
+    RegressorChain,
+)
 from sklearn.preprocessing import TargetEncoder
 from sklearn.semi_supervised import SelfTrainingClassifier
 from test_out_of_fold import rated
@@ -304,10 +310,13 @@ def check_a_model_for_each_column():
         expected = clone(MODEL).fit(X, COUNTS[:, column]).predict_proba(X)
         np.testing.assert_array_equal(proba, expected)
         assert proba.shape[1] == len(np.unique(COUNTS[:, column]))
-    assert ClassifierChain(MODEL).fit(X, COUNTS).predict(X).max() > 5  # no rating
+    for alike in (MultiOutputRegressor, ClassifierChain, RegressorChain):
+        assert alike(MODEL).fit(X, COUNTS).predict(X).max() > 5  # no rating
     given = clone(MODEL).set_params(levels=[1, 2, 3, 4, 5])
     refuses("which is not among levels", MultiOutputClassifier(given))
     refuses("which is not among levels", ClassifierChain(given))
+    refuses("which is not among levels", MultiOutputRegressor(given))
+    refuses("which is not among levels", RegressorChain(given))
     forest = RandomForestClassifier(2, random_state=0).fit(X, COUNTS)
     assert [len(p[0]) for p in forest.predict_proba(X)] == [
         len(np.unique(column)) for column in COUNTS.T
@@ -320,6 +329,12 @@ def check_transformed_target():
     model = TransformedTargetRegressor(MODEL).fit(X, COUNTS)
     np.testing.assert_array_equal(model.predict(X).ravel(), fit().predict(X))
     assert not hasattr(model, "predict_proba")
+    labelled = pd.DataFrame(COUNTS, columns=[-2, -1, 0, 1, 2])
+    for lossy in (model, BaggingRegressor(MODEL, 5, random_state=0)):
+        assert (
+            clone(lossy).fit(X, labelled).predict(X).min() >= 1
+        )  # the labels are lost
+        assert not hasattr(lossy, "predict_proba")
 
 
 CHECKS = {
@@ -357,9 +372,12 @@ CHECKS = {
     "SelfTrainingClassifier": check_one_against_the_rest,
     "TunedThresholdClassifierCV": check_one_against_the_rest,
     "MultiOutputClassifier": check_a_model_for_each_column,
+    "MultiOutputRegressor": check_a_model_for_each_column,
+    "RegressorChain": check_a_model_for_each_column,
     "ClassifierChain": check_a_model_for_each_column,
     "RandomForestClassifier": check_a_model_for_each_column,
     "TransformedTargetRegressor": check_transformed_target,
+    "BaggingRegressor": check_transformed_target,
 }
 
 
@@ -384,6 +402,14 @@ def test_row_of_the_guide(check):
         check()
 
 
+def words_and_levels():
+    words = ["low", "middle", "high"]
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(60, 1))
+    level = np.digitize(X[:, 0] + 0.3 * rng.normal(size=60), [-0.5, 0.5])
+    return words, X, level, pd.Categorical.from_codes(level, words, ordered=True)
+
+
 @pytest.mark.parametrize(
     "several",
     [
@@ -394,14 +420,27 @@ def test_row_of_the_guide(check):
     ids=["voting", "bagging", "stacking"],
 )
 def test_single_answers_in_words(several):
-    words, model = ["low", "middle", "high"], DistributionalOrdinalRegressor()
-    rng = np.random.default_rng(0)
-    X = rng.normal(size=(60, 1))
-    level = np.digitize(X[:, 0] + 0.3 * rng.normal(size=60), [-0.5, 0.5])
-    answers = pd.Categorical.from_codes(level, words, ordered=True)
+    words, X, level, answers = words_and_levels()
+    model = DistributionalOrdinalRegressor()
     expected = several(model).fit(X, level).predict_proba(X)
     named = several(model).fit(X, answers)
     proba = pd.DataFrame(named.predict_proba(X), columns=named.classes_)[words]
     assert np.abs(proba - expected).max(axis=None) > 0.1
     with pytest.raises(ValueError, match="which is not among levels="):
         several(clone(model).set_params(levels=words)).fit(X, answers)
+
+
+def test_single_answers_in_words_out_of_fold():
+    words, X, level, answers = words_and_levels()
+    model, options = DistributionalOrdinalRegressor(), {"method": "predict_proba"}
+    expected = cross_val_predict(model, X, level, **options)
+    found = cross_val_predict(model, X, answers, **options)
+    found = pd.DataFrame(found, columns=sorted(words))[words]
+    assert np.abs(found - expected).max(axis=None) > 0.1
+    with pytest.raises(ValueError, match="which is not among levels="):
+        named = clone(model).set_params(levels=words)
+        cross_val_predict(named, X, answers, **options)
+    cv = KFold(5)
+    right = cross_val_predict_proba(model, X, answers, cv=cv)
+    expected = cross_val_predict_proba(model, X, level, cv=cv)
+    np.testing.assert_array_equal(right, expected)
