@@ -816,6 +816,35 @@ def test_redundant_features_of_hidden_units_predict_what_was_fitted(offset):
         assert log_score(y, model.predict_proba(X)) == pytest.approx(model.loss_)
 
 
+@pytest.mark.parametrize("constant", [1e8, 20261126073527, 1.7e18, 1e100])
+@pytest.mark.parametrize("n, d", [(60, 4), (40, 300), (300, 280)])
+@pytest.mark.parametrize("n_hidden", [0, 2])
+def test_a_large_constant_changes_nothing(constant, n, d, n_hidden):
+    """Such as the name of a session, or one time stamp for all touches."""
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(n, d))
+    y = np.digitize(2 * X[:, 0] + rng.logistic(size=n), [-1, 0, 1])
+    model = NNPOM(n_hidden, random_state=0, tol=1e-6)
+    expected = clone(model).fit(X, y).predict_proba(X)
+    more = np.c_[X, np.full(n, constant)]
+    assert_allclose(model.fit(more, y).predict_proba(more), expected, atol=1e-4)
+
+
+@pytest.mark.parametrize("offset", [0, 1e3, 1e5])
+@pytest.mark.parametrize("n, d", [(20, 300), (40, 300)])
+def test_offset_features_of_few_touches_predict_what_was_fitted(offset, n, d):
+    """Weighted unequally, touches tell their coordinates unequally well."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        X = rng.normal(size=(n, d)) + offset
+        near = np.exp(-((np.arange(4) - 1.5 - 2 * (X[:, :1] - offset)) ** 2) / 2)
+        share = near / near.sum(axis=1, keepdims=True)
+        counts = np.stack(list(map(rng.multinomial, rng.choice([1, 12], n), share)))
+        model = NNPOM(0, alpha=0, max_iter=300).fit(X, counts)
+        cost = np.where(counts, -counts * np.log(model.predict_proba(X)), 0).sum()
+        assert cost / counts.sum() == pytest.approx(model.loss_, rel=1e-6)
+
+
 @pytest.mark.parametrize("n, d", [(6, 30), (20, 300), (40, 60)])
 @pytest.mark.parametrize("people", [1, 12])
 @ignore_warnings(category=ConvergenceWarning)

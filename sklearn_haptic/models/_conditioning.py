@@ -39,6 +39,16 @@ def magnitude(X):
     return np.ldexp(1.0, np.frexp(largest)[1] - 1)
 
 
+def rounding_along(axes, offset, n_trials):
+    """Return how far features extend along axes by rounding alone.
+
+    `offset` is how large each feature was before it was centred. One that is constant
+    is exactly 0 then, however large it was, so give 0 for it.
+    """
+    each = np.sqrt(np.square(axes).T @ np.square(offset))
+    return 10 * np.finfo(float).eps * np.sqrt(n_trials) * each
+
+
 class EvenedFeatures:
     """Features in a basis of weights in which the cost curves about evenly.
 
@@ -47,8 +57,8 @@ class EvenedFeatures:
     the penalty give it. With more features than trials nothing is lost, since the
     penalty drives weights outside the span to zero. Directions along which the
     features extend less than max(n_trials, n_features) rounding errors (2.2e-16)
-    times their largest extent, or offset, cannot be told from rounding, and get no
-    weight.
+    times their largest extent, or no more than `rounding_along` them, cannot be told
+    from rounding, and get no weight.
 
     Parameters
     ----------
@@ -57,8 +67,8 @@ class EvenedFeatures:
         Penalty of the weights.
     trial_weight : float or ndarray of shape (n_trials,)
         Weight of each trial; 2 gives the same basis as the trial given twice.
-    offset : float, default=0.0
-        How large the features were before they were centred.
+    offset : ndarray of shape (n_features,), default=None
+        As of :func:`rounding_along`; by default 0.
 
     Attributes
     ----------
@@ -68,16 +78,17 @@ class EvenedFeatures:
         Penalty of the weights of each input.
     """
 
-    def __init__(self, X, alpha, trial_weight, offset=0.0):
+    def __init__(self, X, alpha, trial_weight, offset=None):
         trial_weight = np.broadcast_to(trial_weight, len(X))
         mean_weight = trial_weight.mean()
         # Equal weights are exactly 1 then, whatever the rounding of their sums.
         root_weight = np.sqrt(np.round(trial_weight / mean_weight, 12))[:, None]
         unit = magnitude(X)
         X = X / unit
-        self._span = None  # orthonormal basis of the span of the trials
+        offset = np.zeros(X.shape[1]) if offset is None else offset / unit
+        span = None  # orthonormal basis of the span of the trials
         if X.shape[1] > X.shape[0]:
-            self._span, triangle = linalg.qr(X.T, mode="economic", check_finite=False)
+            span, triangle = linalg.qr(X.T, mode="economic", check_finite=False)
             X = triangle.T
         weighted = root_weight * X
         gram = weighted.T @ weighted
@@ -88,24 +99,22 @@ class EvenedFeatures:
         X = X @ axes
         weighted = root_weight * X
         length = np.sqrt(np.einsum("ij,ij->j", weighted, weighted))
-        largest = max(length.max(initial=0), offset / unit * np.sqrt(len(X)))
-        kept = length > largest * max(X.shape) * np.finfo(float).eps
+        kept = length > length.max(initial=0) * max(X.shape) * np.finfo(float).eps
+        self._axes = axes if span is None else span @ axes
+        kept &= length > rounding_along(self._axes, offset, len(X))
         root_alpha = np.sqrt(alpha) / unit
         stiffness = root_alpha / np.sqrt(_TYPICAL_CURVATURE * mean_weight)
         scale = np.hypot(length[kept], stiffness) / np.sqrt(len(X))
         self.inputs = X[:, kept] / scale
         self.alpha = (root_alpha / scale) ** 2
-        self._axes, self._scale = axes[:, kept], scale * unit
+        self._axes, self._scale = self._axes[:, kept], scale * unit
 
     def to_features(self, weights):
         """Return weights of the features from weights of the inputs."""
-        weights = self._axes @ (weights.T / self._scale).T
-        return weights if self._span is None else self._span @ weights
+        return self._axes @ (weights.T / self._scale).T
 
     def to_inputs(self, weights):
         """Return weights of the inputs from weights of the features, in their span."""
-        if self._span is not None:
-            weights = self._span.T @ weights
         return ((self._axes.T @ weights).T * self._scale).T
 
 
@@ -147,7 +156,7 @@ class Conditioning:
             X = X / self._spread
         input_alpha = np.full(X.shape[1], alpha)
         if rotate:
-            offset = np.abs(self._centre).max(initial=0) / self._spread
+            offset = np.where(X.any(axis=0), self._centre / self._spread, 0)
             self._axes = EvenedFeatures(X, alpha, trial_weight, offset)
             X, input_alpha = self._axes.inputs, self._axes.alpha
         self.inputs = X

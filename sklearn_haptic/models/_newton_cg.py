@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from ..utils._sklearn import FloatArray, one_blas_thread
-from ._conditioning import magnitude
+from ._conditioning import magnitude, rounding_along
 from ._proportional_odds import (
     LARGEST_EXPONENT,
     marginal_thresholds,
@@ -438,19 +438,25 @@ class _Features:
             self._find_directions(np.flatnonzero(total))
 
     def _reduce(self):
-        """Take few features as they are, many in coordinates of the trials' span."""
-        longest = max(self.rows.shape)
+        """Take few features as they are, many in coordinates of the trials' span.
+
+        What extends no further than rounding may is made 0. Trials that are weighted
+        unequally tell less of a coordinate than of a feature.
+        """
+        n_trials, varies = len(self.rows), self.rows.any(axis=0)
+        least = max(self.rows.shape) * np.finfo(float).eps
         if self.rows.shape[1] > _FEW:
             rows = self.rows.T
             self._axes, rows = linalg.qr(rows, mode="economic", check_finite=False)
             self.rows = np.ascontiguousarray(rows.T)
             self._offset = np.zeros(self.rows.shape[1])
+            least = np.sqrt(_ROUNDING)
         length = np.sqrt(np.einsum("ij,ij->j", self.rows, self.rows))
-        offset = (
-            np.abs(self.centre).max(initial=0) / self.unit * np.sqrt(len(self.rows))
-        )
-        rounding = max(length.max(initial=0), offset) * np.finfo(float).eps
-        self.rows[:, length <= longest * rounding] = 0
+        self.rows[:, length <= least * length.max(initial=0)] = 0
+        if self._axes is not None:
+            offset = np.where(varies, self.centre / self.unit, 0)
+            along = n_trials * rounding_along(self._axes, offset, n_trials)
+            self.rows[:, length <= along] = 0
 
     def _find_directions(self, used):
         """Find principal directions of some trials, by a randomised range finder."""

@@ -22,7 +22,7 @@ from ..ratings._distributions import level_at, quantile_grid, shares
 # less than 1e-3 up to 4. They are used if on some training trials they differ from the
 # smallest number of cells by no more than the error below.
 _MIXTURE_NODES = 20
-_SMOOTH_ERROR, _SMOOTH_TRIALS, _SMOOTH_AMONG = 0.003, 32, 256
+_SMOOTH_ERROR, _SMOOTH_TRIALS, _SMOOTH_AMONG, _SMOOTH_CELLS = 0.003, 32, 256, 32
 
 # What jumps is averaged over cells, over more while the CDF may be off by this much.
 _CELLS = (384, 1024, 4096, 16384)
@@ -180,19 +180,19 @@ def decide(proba, rule):
 def is_smooth(predict, X, among=None):
     """Whether few nodes give about the same mixture of trials as many cells do.
 
-    Halfway between evenly spaced trials, or those `among` them, because trees may know
-    the trials by heart, it asks the most disputed: where all people agree, any nodes
-    give the same.
+    It asks halfway between evenly spaced trials, or those `among` them, because trees
+    may know the trials by heart, and where few cells differ most from the nodes.
     """
     among = np.arange(len(X)) if among is None else among
     spaced = np.unique(np.linspace(0, len(among) - 1, _SMOOTH_AMONG).astype(np.intp))
     some = X[among[spaced]] / 2
     some += np.roll(some, 1, axis=0)
     few, _ = _average(predict, some, *population_quadrature(_MIXTURE_NODES))
-    agreement = few.max(axis=-1).reshape(len(few), -1).min(axis=1)
-    disputed = np.argsort(agreement, kind="stable")[:_SMOOTH_TRIALS]
-    many, _ = _average(predict, some[disputed], *population_cells(_CELLS[0]))
-    error = np.cumsum(few[disputed] - many, axis=-1)
+    cells, _ = _average(predict, some, *population_cells(_SMOOTH_CELLS))
+    unlike = np.abs(np.cumsum(few - cells, axis=-1)).reshape(len(few), -1).max(axis=1)
+    asked = np.argsort(-unlike, kind="stable")[:_SMOOTH_TRIALS]
+    many, _ = _average(predict, some[asked], *population_cells(_CELLS[0]))
+    error = np.cumsum(few[asked] - many, axis=-1)
     return np.abs(error).max() <= _SMOOTH_ERROR
 
 
