@@ -161,8 +161,8 @@ class DistributionalOrdinalRegressor(
     predictions of trees, and of any regressor, whose ratings are rounded, jump as p
     grows. They are averaged over 384 positions, and over 1024 or more for trials whose
     jumps need them, so that the CDF is off by less than 0.005
-    (`benchmarks/networks.py`); of a tree fitted to one rating per trial, it was off by
-    up to 0.014 for a few trials.
+    (`benchmarks/networks.py`); of single small trees, it was off by up to 0.014 for a
+    few trials.
 
     References
     ----------
