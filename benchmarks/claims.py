@@ -81,18 +81,20 @@ def ceiling(n_repeats):
 def raters(n_repeats):
     """Honest people differ in shift, spread and care; one or three may be careless."""
     columns = ("false alarm", "one at random", "three at random", "one reversed")
-    known = "objects", "people", "rated", "habits", "care"
+    known = "objects", "people", "rated", "adjectives", "habits", "care"
     head(*known, *columns, title="Raters called outlying")
     rng = np.random.default_rng(0)
     designs = [(20, 12, 20), (60, 12, 60), (20, 36, 20), (30, 60, 5), (20, 100, 10)]
-    for n_objects, n_people, n_rated in designs:
+    designs = [(*each, 3) for each in designs] + [(20, 12, 20, 1), (20, 100, 10, 1)]
+    for n_objects, n_people, n_rated, n_adjectives in designs:
         for habit, care in [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (1.0, 0.3)]:
             found = np.empty((4, n_repeats))
             for kind, each in np.ndindex(found.shape):
-                felt = 1.2 * rng.normal(size=(n_objects, 1, 3))
+                felt = 1.2 * rng.normal(size=(n_objects, 1, n_adjectives))
                 noise = 0.8 * np.exp(care * rng.normal(size=(1, n_people, 1)))
-                felt = felt + noise * rng.normal(size=(n_objects, n_people, 3))
-                shift, spread = habit * rng.normal(size=(2, 1, n_people, 3))
+                shape = n_objects, n_people, n_adjectives
+                felt = felt + noise * rng.normal(size=shape)
+                shift, spread = habit * rng.normal(size=(2, 1, *shape[1:]))
                 answers = 3 + np.exp(0.4 * spread) * felt + 0.6 * shift
                 answers = np.clip(np.rint(answers), 1, 5)
                 careless = [0, 1, 3, 1][kind]
@@ -102,11 +104,12 @@ def raters(n_repeats):
                 objects, people = map(np.ravel, np.indices((n_objects, n_people)))
                 order = rng.random((n_objects, n_people)).argsort(axis=0)
                 answers[order >= n_rated] = np.nan
-                called = outlying_raters(answers.reshape(-1, 3), objects, people)
+                answers = answers.reshape(-1, n_adjectives)
+                called = outlying_raters(answers, objects, people)
                 called = called["outlying"].to_numpy()
                 found[kind, each] = called[:careless].mean() if kind else called.any()
             shown = [plus_minus(each, 2, sign="") for each in found]
-            row(n_objects, n_people, n_rated, habit, care, *shown)
+            row(n_objects, n_people, n_rated, n_adjectives, habit, care, *shown)
 
     head("levels", "share of the lowest", "false alarm", title="Answers at an end")
     designs = {5: [(-2, -0.7, 0.7, 2), (1, 1.7, 2.4, 3.1)], 2: [(0,), (1.4,)]}
