@@ -27,20 +27,20 @@ class TouchNode:
     ----------
     model : AnytimeRegressor
     on_proba : callable
-        Called with seconds and distribution whenever a new duration is complete.
+        Called with seconds and distribution whenever the prediction has changed.
     on_done : callable
         Called with the seconds, once, when the touch is long enough.
     """
 
     def __init__(self, model, on_proba, on_done):
-        self.model, self.touch = model, model.start()
+        self.touch = model.start()
         self._on_proba, self._on_done = on_proba, on_done
         self.on_start()
 
     def on_start(self):
         """Begin a new touch."""
         self.touch.reset()
-        self._n_said, self._done = 0, False
+        self._said, self._done = self.touch.predict_proba(), False
 
     def on_samples(self, sensor, samples):
         """Take new samples of a sensor, of shape (n_new, n_channels)."""
@@ -50,10 +50,10 @@ class TouchNode:
     def on_timer(self):
         """Say what is new."""
         touch = self.touch
-        n_complete = np.sum(self.model.durations_ <= touch.seconds + 1e-6)
-        if n_complete > self._n_said and not self._done:
-            self._n_said = n_complete
-            self._on_proba(touch.seconds, touch.predict_proba())
+        proba = touch.predict_proba()
+        if not self._done and not np.array_equal(proba, self._said):
+            self._said = proba
+            self._on_proba(touch.seconds, proba)
         if touch.done and not self._done:
             self._done = True
             self._on_done(touch.seconds)

@@ -16,6 +16,7 @@ from sklearn.naive_bayes import GaussianNB
 
 from sklearn_haptic import (
     NNPOM,
+    ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DummyDistribution,
     SensorFusionNNPOM,
@@ -550,3 +551,21 @@ def test_counts_are_aligned_to_trials_whatever_the_ids(objects, data):
     unknown = 7.5 if isinstance(objects[0], int) else "not one of them"
     with pytest.raises(ValueError, match=f"no ratings of objects .*{unknown}"):
         table.counts_for([*wanted, unknown])
+
+
+@pytest.mark.parametrize("place", [0, 3])
+def test_columns_that_pandas_names_are_no_levels_answers_or_features(place):
+    """Of a table saved with its index and read without."""
+    table = pd.DataFrame(COUNTS, columns=["very soft", "soft", "hard", "very hard"])
+    read = table.copy()
+    read.insert(place, f"Unnamed: {place}", range(len(table)))
+    X = np.arange(len(table), dtype=float)[:, np.newaxis]
+    answers, model = read.drop(columns="soft"), ContinuousRatingsRegressor(NNPOM(0))
+    for call in (
+        lambda: DistributionalOrdinalRegressor().fit(X, read),
+        lambda: ranked_probability_score(read, np.full((len(read), 5), 0.2)),
+        lambda: model.fit(X, answers),
+        lambda: DistributionalOrdinalRegressor().fit(read, table),
+    ):
+        with pytest.raises(ValueError, match=f"has a column 'Unnamed: {place}', as pa"):
+            call()

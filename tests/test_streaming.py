@@ -402,6 +402,29 @@ def test_what_is_kept_and_what_an_update_costs_do_not_grow(of_codes):
     assert sum(kept) < 100_000
 
 
+def test_the_node_of_the_examples_says_what_is_known_before_it_is_done():
+    """Also if a duration is no whole number of samples."""
+    path = Path(__file__).parents[1] / "examples" / "run_touch_node.py"
+    rng = np.random.default_rng(0)
+    X = [rng.normal(size=(60, 1)) for _ in range(24)]
+    model = AnytimeRegressor(
+        make_haptic_pipeline(None, random_state=0),
+        durations=[0.5, 1],
+        sampling_rates=1000 / 28,
+        cv=2,
+    )
+    model.fit(X, rng.multinomial(9, [0.2, 0.3, 0.5], 24), groups=np.arange(24))
+    said, done = [], []
+    node = runpy.run_path(str(path))["TouchNode"](
+        model, lambda _, proba: said.append(proba), done.append
+    )
+    for sample in X[0]:
+        node.touch.update(sample)
+        node.on_timer()
+    assert len(done) == 1 and len(said) == 2
+    assert_allclose(said[-1], model.predict_proba(X[:1])[0], atol=1e-12)
+
+
 def test_the_node_of_the_examples_replays_a_recorded_touch(of_codes):
     """Without ROS: its predictions are the model's, and it says once to stop."""
     path = Path(__file__).parents[1] / "examples" / "run_touch_node.py"

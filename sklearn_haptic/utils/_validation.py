@@ -44,6 +44,13 @@ def check_numbers(values, name):
                 "it."
             )
         return
+    nameless = [each for each in values.columns if str(each).startswith("Unnamed: ")]
+    if nameless:
+        raise ValueError(
+            f"{name} has a column {nameless[0]!r}, as pandas calls one without a name "
+            "in a file, mostly numbers of rows; read the file with index_col=0, or "
+            "leave the column out."
+        )
     # Column by column: an array of them all may make numbers of dates.
     for i, dtype in enumerate(values.dtypes):
         if is_numeric(dtype):
