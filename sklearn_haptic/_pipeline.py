@@ -24,8 +24,8 @@ from .models import (
 )
 from .recordings._biotac import PROCEDURES, SENSORS, columns_of
 from .recordings._sensors import BIOTAC, Sensor, Signal, TaxelGrid
+from .utils._row_order import check_orders
 from .utils._sklearn import Memory, RandomState, Trials, all_or_nothing
-from .utils._validation import check_orders
 
 # Atoms of the sensors that have not 25 in the 2020 paper.
 _N_ATOMS = {"pac": 40, "tdc": 10}
@@ -142,7 +142,7 @@ class HapticPipeline(Pipeline):
     @all_or_nothing
     def fit(self, X: Trials, y: ArrayLike | None = None, **params: Any) -> Self:
         """Fit clones of the steps, which take the place of the steps."""
-        check_orders(X, y=y, **params)
+        check_orders(X=X, y=y, **params)
         self.steps: list[Any] = clone(self.steps, safe=False)
         fitted: Self = super().fit(X, y, **params)
         return fitted
@@ -155,7 +155,7 @@ class HapticPipeline(Pipeline):
         **params: Any,
     ) -> float:
         """Return the score of the last step; rows of `y` belong to those of `X`."""
-        check_orders(X, y=y, sample_weight=sample_weight, **params)
+        check_orders(X=X, y=y, sample_weight=sample_weight, **params)
         return float(super().score(X, y, sample_weight, **params))
 
 

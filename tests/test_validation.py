@@ -12,6 +12,7 @@ from scipy import sparse
 
 from sklearn_haptic import (
     NNPOM,
+    ConformalRatings,
     ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DistributionBlend,
@@ -306,6 +307,25 @@ def test_predictions_of_named_touches_in_another_order():
     assert ranked_probability_score(y, proba.loc[y.index]) == pytest.approx(0.19)
 
 
+@pytest.mark.parametrize(
+    "use",
+    [
+        cross_val_predict_proba,
+        model_report,
+        lambda model, *data, **groups: TouchPool([("x", model, [0])]).fit(
+            *data, **groups
+        ),
+        lambda model, *data, **groups: ConformalRatings(model).fit(*data, **groups),
+    ],
+    ids=["out of fold", "report", "pool", "conformal"],
+)
+def test_groups_in_another_order_than_ratings_where_features_have_no_labels(use):
+    X, y = counts_by_name()
+    groups = pd.Series(range(12), y.index[::-1])
+    with pytest.raises(ValueError, match="^groups " + REORDERED.format("y")):
+        use(DistributionalOrdinalRegressor(), X.to_numpy(), y, groups=groups)
+
+
 @pytest.mark.parametrize("name", ["groups", "sample_weight"])
 @pytest.mark.parametrize(
     "model",
@@ -323,6 +343,8 @@ def test_what_is_given_of_named_touches_in_another_order(model, name):
     given = pd.Series(range(1, 13), y.index[::-1])
     with pytest.raises(ValueError, match=f"^{name} " + REORDERED.format("X")):
         model.fit(X, y, **{name: given})
+    with pytest.raises(ValueError, match=f"^{name} " + REORDERED.format("y")):
+        model.fit(X.to_numpy(), y, **{name: given})
 
 
 @pytest.mark.parametrize(

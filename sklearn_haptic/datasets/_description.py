@@ -25,14 +25,9 @@ from ..recordings._repair import (
 )
 from ..recordings._trials import name_of, rate_of, trial_columns
 from ..utils._report import Report
+from ..utils._row_order import check_order
 from ..utils._sklearn import Trials, validate_params
-from ..utils._validation import (
-    check_objects,
-    check_order,
-    check_regular,
-    count,
-    drop_missing,
-)
+from ..utils._validation import check_objects, check_regular, count, drop_missing
 
 _MOST_ROWS = 12  # of objects that are shown
 

@@ -22,12 +22,13 @@ from sklearn.utils.parallel import Parallel, delayed
 from ..models._distributional import fit_linear_models, is_linear
 from ..models._shared_features import refuse_adjectives
 from ..ratings._checks import check_adjectives, check_rated, validate_rated_trials
-from ..ratings._distributions import cdf, check_distributions, shares
+from ..ratings._distributions import as_distributions, cdf, shares
 from ..ratings._levels import knows_order
 from ..utils._folds import ObjectKFold, number_objects, warn_of_no_groups
 from ..utils._pipeline_steps import is_frozen, last_step
+from ..utils._row_order import check_orders
 from ..utils._sklearn import _check_method_params, _num_samples, _safe_indexing
-from ..utils._validation import check_groups, check_orders, check_weights
+from ..utils._validation import check_groups, check_weights
 
 Fold = tuple[NDArray[np.intp], NDArray[np.intp]]
 
@@ -367,7 +368,7 @@ def _run(task, model, classes, fit):
 
 def fit_fold(estimator, X, y, train, params, fit=fit_clone, name=None):
     """Return a clone of an estimator, fitted to the training trials."""
-    check_orders(X, **params)
+    check_orders(X=X, y=y, **params)
     params = _check_method_params(X, params, indices=train)
     X, y = _safe_indexing(X, train), _safe_indexing(y, train)
     try:
@@ -409,7 +410,7 @@ def predict_fold(model, X_test, method=None, name=None):
         if method is None:
             mend = "give it to a DistributionalOrdinalRegressor as estimator, or "
         raise ValueError(f"{who} has no predict_proba, {mend}give a classifier.")
-    proba = check_distributions(model.predict_proba(X_test), who)
+    proba = as_distributions(model.predict_proba(X_test), who)
     if not hasattr(model, "classes_"):
         raise ValueError(
             f"{who} has no classes_, which say what the columns of its predictions "

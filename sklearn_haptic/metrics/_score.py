@@ -7,8 +7,9 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
+from ..utils._row_order import check_orders
 from ..utils._sklearn import StrOptions, validate_params
-from ..utils._validation import check_order, check_weights
+from ..utils._validation import check_weights
 
 _SHARED = {
     "y_true": ["array-like"],
@@ -38,8 +39,7 @@ def as_score(**constraints: list[Any]) -> Callable[[F], F]:
         @wraps(score)
         def in_order(*args, **kwargs):
             given = arguments.bind(*args, **kwargs).arguments
-            for name, rows in given.items():
-                check_order(given["y_true"], rows, name, "y_true")
+            check_orders(**given)
             return score(*args, **kwargs)
 
         return cast(F, validate(in_order))

@@ -10,8 +10,8 @@ from sklearn.base import BaseEstimator
 
 from ..ratings._levels import predict_in_named_order
 from ..utils._pipeline_steps import last_step
+from ..utils._row_order import check_orders
 from ..utils._sklearn import Trials
-from ..utils._validation import check_orders
 from ._absolute_errors import macro_mae, macro_mae_at_positions
 from ._proper_scores import ranked_probability_score
 from ._trial_scores import ratings_decided_on
@@ -56,7 +56,7 @@ def neg_rps_scorer(
     >>> neg_rps_scorer(DummyClassifier(strategy="prior").fit(X, y), X, y)
     -0.25
     """
-    check_orders(X, sample_weight=sample_weight)
+    check_orders(X=X, y=y, sample_weight=sample_weight)
     proba, levels = predict_in_named_order(estimator, X, y)
     return -_score_predicted(ranked_probability_score, proba, levels, y, sample_weight)
 
@@ -104,7 +104,7 @@ def neg_macro_mae_scorer(
     >>> round(neg_macro_mae_scorer(model, X, y), 4)
     -0.3333
     """
-    check_orders(X, y=y, sample_weight=sample_weight)
+    check_orders(X=X, y=y, sample_weight=sample_weight)
     model, X = last_step(estimator, X)
     decided = ratings_decided_on(model, X)
     if decided is None:

@@ -158,7 +158,7 @@ def sensor_contributions(
     """
     features, regressor = _split_model(model)
     X, y = check_rated(X, y)
-    groups = check_groups(groups, X)
+    groups = check_groups(groups, X, y)
     counts, _ = check_adjectives(y, regressor.levels)
     objects = np.arange(len(counts)) if groups is None else groups
     splitter = make_splitter(regressor, y, groups, cv)

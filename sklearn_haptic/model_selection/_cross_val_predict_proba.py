@@ -155,7 +155,7 @@ def cross_val_predict_proba(
     params = {} if params is None else params
     groups = params.get("groups") if groups is None else groups
     X, y = check_rated(X, y)
-    groups = check_groups(groups, X)
+    groups = check_groups(groups, X, y)
     splitter = make_splitter(estimator, y, groups, cv)
     for_fit = groups_for(estimator, groups) | dict(params)
     folds = check_folds(splitter.split(X, y, groups), _num_samples(X))

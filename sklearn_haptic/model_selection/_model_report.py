@@ -36,6 +36,7 @@ from ..ratings._levels import levels_set_in, names_levels
 from ..utils._folds import groups_for, make_splitter
 from ..utils._pipeline_steps import is_frozen, last_step
 from ..utils._report import Report
+from ..utils._row_order import check_order
 from ..utils._sklearn import (
     CrossValidator,
     HasMethods,
@@ -44,7 +45,7 @@ from ..utils._sklearn import (
     _safe_indexing,
     validate_params,
 )
-from ..utils._validation import check_groups, check_order, count, is_text
+from ..utils._validation import check_groups, count, is_text
 from ._cost import predictor, seconds_per_trial, timed
 from ._cross_val_predict_proba import join_folds
 
@@ -233,7 +234,7 @@ def model_report(
     for name in others:
         check_order(targets[first], targets[name], f"y[{name!r}]", f"y[{first!r}]")
     X, *ratings = check_rated(X, *targets.values())
-    groups = check_groups(groups, X)
+    groups = check_groups(groups, X, targets[first])
     targets, kind = _checked(model, dict(zip(targets, ratings)))
     ratings = [*targets.values()]
     splitter = make_splitter(model, ratings[0], groups, cv)

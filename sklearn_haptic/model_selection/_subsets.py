@@ -144,7 +144,7 @@ def sensor_subsets(
         for subset in combinations(sensors, size)
     ]
     X, y = check_rated(X, y)
-    groups = check_groups(groups, X)
+    groups = check_groups(groups, X, y)
     scorer = check_scoring(model, scoring)
     splitter = make_splitter(model, y, groups, cv)
     folds = check_folds(splitter.split(X, y, groups), _num_samples(X), least=None)

@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from ..ratings._checks import check_rated, check_ratings
 from ..ratings._distributions import shares
 from ..utils._sklearn import StrOptions, Trials, _fit_context, _num_samples
-from ..utils._validation import check_order, check_weights
+from ..utils._validation import check_weights
 from ._ordinal import OrdinalClassifierMixin
 
 
@@ -94,7 +94,6 @@ class DummyDistribution(OrdinalClassifierMixin, BaseEstimator):
         self : DummyDistribution
         """
         check_rated(X)
-        check_order(X, y)
         validate_data(self, X, skip_check_array=True)
         counts, self.levels_ = check_ratings(y, self.levels)
         check_rated(X, counts)

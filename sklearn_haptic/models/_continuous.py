@@ -20,10 +20,11 @@ from sklearn.utils.validation import (
 from ..metrics import crps
 from ..ratings._checks import check_rated, record_features
 from ..ratings._continuous import cdf_at, check_answers, check_values, quantile_at
-from ..ratings._distributions import cdf, check_distributions, shares
+from ..ratings._distributions import as_distributions, cdf, shares
 from ..utils._folds import TakesGroups, groups_for
+from ..utils._row_order import check_orders
 from ..utils._sklearn import HasMethods, Interval, Trials, _fit_context
-from ..utils._validation import check_groups, check_numbers, check_orders, check_weights
+from ..utils._validation import check_groups, check_numbers, check_weights
 from ._distributional import DistributionalOrdinalRegressor
 from ._ordinal import DistributionMixin
 from ._shared_features import refuse_frozen
@@ -261,7 +262,7 @@ class ContinuousRatingsRegressor(
         """Predict the share of each cell of the grid."""
         check_is_fitted(self)
         proba = self.estimator_.predict_proba(X, **params)
-        return shares(check_distributions(proba, type(self.estimator_).__name__))
+        return shares(as_distributions(proba, type(self.estimator_).__name__))
 
     def predict_cdf(  # type: ignore[override]
         self, X: Trials, values: ArrayLike | None = None
@@ -326,6 +327,6 @@ class ContinuousRatingsRegressor(
         score : float
             Higher is better; :func:`~sklearn_haptic.metrics.crps` with another sign.
         """
-        check_orders(X, y=y, sample_weight=sample_weight)
+        check_orders(X=X, y=y, sample_weight=sample_weight)
         below = self.predict_cdf(X)
         return -float(crps(y, below, self.grid_, sample_weight=sample_weight))

@@ -13,8 +13,9 @@ from sklearn.utils import check_random_state
 
 from ..metrics import neg_rps_scorer
 from ..ratings._distributions import cdf, level_at
+from ..utils._row_order import check_orders
 from ..utils._sklearn import RandomState, Trials
-from ..utils._validation import check_orders, check_positions
+from ..utils._validation import check_positions
 
 
 class DistributionMixin:
@@ -166,5 +167,5 @@ class OrdinalClassifierMixin(DistributionMixin, ClassifierMixin):
         """
         if self._ordered:
             return neg_rps_scorer(self, X, y, sample_weight)
-        check_orders(X, y=y, sample_weight=sample_weight)
+        check_orders(X=X, y=y, sample_weight=sample_weight)
         return float(accuracy_score(y, self.predict(X), sample_weight=sample_weight))

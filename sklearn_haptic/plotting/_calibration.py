@@ -17,8 +17,9 @@ from ..metrics import pit_histogram
 from ..ratings._checks import check_distributions
 from ..ratings._distributions import cdf, shares
 from ..ratings._levels import predict_in_named_order
+from ..utils._row_order import check_order
 from ..utils._sklearn import Trials
-from ..utils._validation import check_groups, check_order
+from ..utils._validation import check_groups
 from ._display import Axes, Display
 from ._style import BLUE, colours_of, legend_beside
 

@@ -14,7 +14,8 @@ from sklearn.utils.validation import check_consistent_length
 
 from ..ratings import adjective_correlation, interrater_agreement
 from ..ratings._checks import check_counts, check_two_ratings
-from ..utils._validation import check_objects, check_order
+from ..utils._row_order import check_order
+from ..utils._validation import check_objects
 from ._display import Axes, Display
 from ._style import BLUE
 

@@ -13,7 +13,8 @@ from ..metrics import ranked_probability_score
 from ..metrics._score import mean_over_objects
 from ..ratings._checks import check_distributions
 from ..ratings._levels import in_named_order
-from ..utils._validation import check_groups, check_numbers, check_order
+from ..utils._row_order import check_order
+from ..utils._validation import check_groups, check_numbers
 from ._display import Axes, Display
 from ._style import colours_of, legend_beside
 

@@ -9,11 +9,11 @@ import numpy as np
 from sklearn.utils import indexable
 from sklearn.utils.validation import check_array, column_or_1d, validate_data
 
+from ..utils._row_order import check_order
 from ..utils._sklearn import _num_samples
 from ..utils._validation import (
     FLOATS,
     check_numbers,
-    check_order,
     check_regular,
     check_table,
     is_missing,
@@ -246,10 +246,8 @@ def check_rated(X, *ratings):
 def record_features(estimator, X, y):
     """Give an estimator the number and names of features that others will validate.
 
-    A ValueError says that there are no trials, or no `y`, which may be any, or that it
-    has the labels of the trials in another order.
+    A ValueError says that there are no trials, or no `y`, which may be any.
     """
-    check_order(X, y)
     check_rated(X)
     required = None if y is None else "no_validation"
     validate_data(estimator, X, y=required, skip_check_array=True)

@@ -11,15 +11,10 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_consistent_length
 
+from ..utils._row_order import check_orders
 from ..utils._sklearn import Interval, validate_params
-from ..utils._validation import (
-    check_objects,
-    check_order,
-    count,
-    drop_missing,
-    rows_of_objects,
-)
-from ._checks import check_counts, match_levels, refuse_second_ratings
+from ..utils._validation import check_objects, count, drop_missing, rows_of_objects
+from ._checks import check_counts, check_people, match_levels, refuse_second_ratings
 from ._distributions import cdf, shares
 
 # Candidates for the strength, in people.
@@ -231,7 +226,7 @@ def rating_counts(
     2  1  2  0  0  0
     """
     check_consistent_length(ratings, objects)
-    check_order(ratings, objects, "objects", "ratings")
+    check_orders(ratings=ratings, objects=objects, raters=raters)
     values, given = drop_missing(ratings, "ratings")
     objects = check_objects(objects)
     matches, levels = match_levels(
@@ -251,7 +246,6 @@ def rating_counts(
     if raters is None:
         return RatingTable(counts, objects, levels)
     check_consistent_length(ratings, raters)
-    check_order(ratings, raters, "raters", "ratings")
     raters = _check_raters(raters)[given]
     raters, rater = np.unique(raters, return_inverse=True)
     answers = np.column_stack((row[given], rater, level))
@@ -302,8 +296,14 @@ def shrink_counts(
     Raises
     ------
     ValueError
-        If there are fewer than two objects; or if no strength is given, and counts are
-        not whole numbers or no object has two ratings, so that none can be left out.
+        If there are fewer than two objects, or rows are shares of people; or if no
+        strength is given, and counts are not whole numbers or no object has two
+        ratings, so that none can be left out.
+
+    Warns
+    -----
+    UserWarning
+        If rows sum to 100, as percentages do.
 
     Notes
     -----
@@ -321,6 +321,7 @@ def shrink_counts(
            [0.33333333, 1.5       , 0.16666667]])
     """
     counts, _ = check_counts(counts)
+    check_people(counts, "counts")
     if strength is None:
         strength = _leave_one_out_strength(counts)
     n = counts.sum(axis=1, keepdims=True)

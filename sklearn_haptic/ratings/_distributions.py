@@ -12,7 +12,7 @@ def shares(counts):
     return counts / counts.sum(axis=-1, keepdims=True)
 
 
-def check_distributions(proba, who):
+def as_distributions(proba, who):
     """Return what a model predicts; refuse what is not one distribution per trial.
 
     Classifiers of scikit-learn take each column of counts for labels of its own, and

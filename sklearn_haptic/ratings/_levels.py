@@ -21,12 +21,13 @@ from numbers import Real
 import numpy as np
 
 from ..utils._pipeline_steps import last_step
-from ..utils._validation import check_order, is_text, lossless_array
-from ._distributions import check_distributions
+from ..utils._row_order import check_order
+from ..utils._validation import is_text, lossless_array
+from ._distributions import as_distributions
 
 _DIGITS = r"\d+(?:\.\d+)?"
 _NUMBER = re.compile(rf"[+-]?{_DIGITS}")
-_NUMBERED = re.compile(rf"(\D+)({_DIGITS})")  # n1, or level-1, which is 1 and not -1
+_NUMBERED = re.compile(rf"(.*?\D)({_DIGITS})")  # n1, q7_1, or level-1, which is not -1
 
 
 def names_levels(y):
@@ -168,7 +169,7 @@ def predict_in_named_order(estimator, X, ratings):
     """
     check_order(X, ratings)
     proba, levels = estimator.predict_proba(X), estimator.classes_
-    check_distributions(proba, type(estimator).__name__)
+    as_distributions(proba, type(estimator).__name__)
     named = None
     if not knows_order(estimator):
         if np.ndim(ratings) == 2:

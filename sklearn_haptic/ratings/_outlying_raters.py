@@ -10,8 +10,9 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_consistent_length
 
+from ..utils._row_order import check_orders
 from ..utils._sklearn import Interval, validate_params
-from ..utils._validation import check_objects, check_order
+from ..utils._validation import check_objects
 from ._checks import check_single_ratings, refuse_second_ratings
 from ._counts import RatingTable
 
@@ -116,8 +117,7 @@ def outlying_raters(
         )
     answers = check_single_ratings(ratings)
     check_consistent_length(answers, objects, raters)
-    check_order(ratings, objects, "objects", "ratings")
-    check_order(ratings, raters, "raters", "ratings")
+    check_orders(ratings=ratings, objects=objects, raters=raters)
     objects, of_object = np.unique(check_objects(objects), return_inverse=True)
     people, of_rater = np.unique(
         check_objects(raters, name="raters"), return_inverse=True

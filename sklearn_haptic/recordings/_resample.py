@@ -11,8 +11,9 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.signal import resample_poly
 
+from ..utils._row_order import check_order
 from ..utils._sklearn import FloatArray, Interval, StrOptions, validate_params
-from ..utils._validation import check_order, has_no_samples
+from ..utils._validation import has_no_samples
 from ._trials import UNITS, check_trials, has_time_index, seconds_of, typical_step
 
 # Factor of rates beyond which stamps are in another unit: 10 Hz may become 3 kHz.

@@ -11,7 +11,7 @@ from sklearn.utils import Bunch
 from ..ratings._checks import check_ratings
 from ..ratings._levels import in_order_of_levels, levels_of_columns
 from ..recordings._biotac import PROCEDURES, SENSORS
-from ..utils._validation import check_order
+from ..utils._row_order import check_order
 
 
 def open_corpus(corpus):

@@ -8,6 +8,7 @@ here and keep the names that scikit-learn gave them.
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import wraps
+from inspect import signature
 from threading import local
 from typing import Any, Protocol, TypeAlias, TypeVar
 
@@ -40,6 +41,8 @@ from sklearn.utils.validation import (
     _check_sample_weight,
     _num_samples,
 )
+
+from ._row_order import check_orders
 
 FloatArray: TypeAlias = NDArray[np.floating]
 """float64, or float32 where the input is."""
@@ -75,6 +78,8 @@ class Memory(Protocol):
         """Return a function that remembers its results."""
 
 
+_OF_TRIALS = "X", "y", "sample_weight", "groups"
+
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
@@ -87,10 +92,14 @@ def all_or_nothing(fit: _Function) -> _Function:
 
     If ``fit`` raises an error or is interrupted, the estimator is as it was before. So
     ``fit`` sets new attributes, and never changes the value of an old one in place.
+    What is given of the trials has to have them in one order.
     """
+    names = [*signature(fit).parameters][1:]
 
     @wraps(fit)
     def call(estimator: Any, *args: Any, **kwargs: Any) -> Any:
+        given = dict(zip(names, args)) | kwargs
+        check_orders(**{name: given[name] for name in _OF_TRIALS if name in given})
         before = vars(estimator).copy()
         try:
             return fit(estimator, *args, **kwargs)

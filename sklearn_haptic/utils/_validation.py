@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Set
 from datetime import date, timedelta
 from difflib import get_close_matches
@@ -21,6 +20,7 @@ from sklearn.utils.validation import (
     validate_data,
 )
 
+from ._row_order import check_order, check_orders
 from ._sklearn import _check_sample_weight, is_pandas_na
 
 _NO_NUMBERS = (str, bytes, date, timedelta, np.datetime64, np.timedelta64, pd.Period)
@@ -199,30 +199,11 @@ def rows_of_objects(
     return np.array([row[each] for each in objects], dtype=np.intp)
 
 
-def check_order(X, rows, name="y", of="X"):
-    """Refuse rows of pandas that have the labels of those of `X` in another order."""
-    if not all(isinstance(each, (pd.DataFrame, pd.Series)) for each in (X, rows)):
-        return
-    labels, others = X.index, rows.index
-    if not labels.equals(others) and Counter(labels) == Counter(others):
-        raise ValueError(
-            f"{name} has the row labels of {of} in another order, but rows are matched "
-            f"by position; give {name}.loc[{of}.index] if labels are unique, or "
-            f"{name}.to_numpy() if the order is right."
-        )
-
-
-def check_orders(X, **given):
-    """Refuse each that is given of the named trials X in another order."""
-    for name, rows in given.items():
-        check_order(X, rows, name)
-
-
-def check_groups(groups, X):
-    """Validate the object of each trial; None stays None."""
+def check_groups(groups, X, y=None):
+    """Validate the object of each trial, which has ratings `y`; None stays None."""
     if groups is None:
         return None
-    check_order(X, groups, "groups")
+    check_orders(X=X, y=y, groups=groups)
     shape = np.shape(groups)
     if len(shape) != 1 and shape[1:] != (1,):
         raise ValueError(
