@@ -342,6 +342,22 @@ def test_a_sensor_that_no_training_touch_has_at_a_duration_tells_nothing_there()
     )
 
 
+@pytest.mark.parametrize("kind", [int, bool])
+def test_means_of_whole_numbers_stand_for_a_missing_sensor(kind):
+    def peaks(trials):
+        return np.array([(np.abs(x) > 0.5).sum(axis=0) % 3 for x in trials])
+
+    found = []
+    for cast in (lambda f: f.astype(kind), lambda f: f.astype(kind).astype(float)):
+        transform = FunctionTransformer(lambda trials, cast=cast: cast(peaks(trials)))
+        parts = [(s, transform, s) for s in RATES]
+        steps = make_pipeline(ColumnTransformer(parts), StandardScaler(), HEAD)
+        model = make_model(steps, durations=[1, 2])
+        model.fit(TOUCHES, COUNTS, groups=OBJECTS)
+        found.append(model.predict_proba(TOUCHES.assign(slow=None)))
+    np.testing.assert_allclose(*found, atol=1e-12)
+
+
 def test_a_duration_of_one_object_is_refused():
     many = np.repeat([0, 1], 12)
     long = TOUCHES.copy()

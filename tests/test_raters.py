@@ -138,7 +138,9 @@ def test_chosen_strength_is_near_the_concentration_of_the_crowd():
 
 def test_percentages_are_no_people_to_shrink():
     counts = np.array([[2, 1, 1], [0, 1, 3], [1, 1, 2]])
-    with pytest.warns(UserWarning, match="^counts has rows that sum to 100, which are"):
+    with pytest.warns(
+        UserWarning, match=r"^counts has rows that sum to 100, which are"
+    ):
         shrink_counts(25 * counts)
-    with pytest.raises(ValueError, match="^counts has rows that sum to 1, which look"):
+    with pytest.raises(ValueError, match=r"^counts has rows that sum to 1, which"):
         shrink_counts(counts / 4, strength=1)

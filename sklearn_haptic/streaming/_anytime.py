@@ -363,7 +363,8 @@ class AnytimeRegressor(
         widths = [features[0].shape[1] if features else 0 for features in found]
         ends = np.cumsum(widths).tolist()  # of slices that skops can write
         self._columns = [slice(end - n, end) for n, end in zip(widths, ends)]
-        dtype = np.result_type(*(f.dtype for features in found for f in features))
+        types = (f.dtype for features in found for f in features)
+        dtype = np.result_type(np.float32, *types)  # means of whole numbers are none
         self._seen = np.array([[f is not None for _, f in each] for each in blocks])
         self._means = np.zeros((len(blocks), ends[-1]), dtype)
         for means, of_duration in zip(self._means, blocks):
