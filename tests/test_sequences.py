@@ -68,3 +68,11 @@ def test_channels_with_numbers_for_names_are_put_in_the_order_of_the_first():
     expected = features.fit_transform([trial[wiring].to_numpy() for trial in trials])
     np.testing.assert_array_equal(features.fit_transform(mixed), expected)
     np.testing.assert_array_equal(features.transform(mixed[:1]), expected[:1])
+
+
+@pytest.mark.parametrize("kind", [bool, int, np.int8, np.float16])
+def test_encoded_arrays_of_any_numbers_are_pooled_as_floats(kind):
+    trials = [np.array([[0, 1], [1, 1], [1, 0], [0, 1.0]])] * 2
+    lazy = Sequences(trials, ["a", "b"], encode=lambda trial: trial.astype(kind))
+    pool = TemporalMaxPool((1,), statistics=("mean", "share"))
+    np.testing.assert_array_equal(pool.fit_transform(lazy), [[0.5, 0.75] * 2] * 2)

@@ -136,7 +136,9 @@ class Sequences(Sequence[FloatArray]):
 
     @one_blas_thread
     def _code(self, trial: Any) -> FloatArray:
-        return self._encode(trial)  # type: ignore[misc]
+        array = np.asarray(self._encode(trial))  # type: ignore[misc]
+        # Means of whole numbers are none.
+        return array if array.dtype == np.float32 else array.astype(float, copy=False)
 
     def __repr__(self) -> str:
         return f"<Sequences: {len(self)} trials, {len(self.feature_names)} columns>"
