@@ -284,6 +284,19 @@ def test_a_dead_channel_is_reported_once():
     assert found[found["fault"] == "rest level"]["channel"].tolist() == [0, 2, 3]
 
 
+@pytest.mark.parametrize("n_without", [0, 3, 20])
+def test_touches_without_a_channel_do_not_hide_a_dead_one(n_without):
+    rng = np.random.default_rng(0)
+    signals = np.cumsum(rng.normal(size=(30, 200, 2)), axis=1)
+    trials = [*np.concatenate([signals, signals @ [[1.0], [2.0]] + 4], axis=2)]
+    true = trials[0][:, 2].copy()
+    trials[0][:, 2] = 7
+    for trial in trials[1 : 1 + n_without]:
+        trial[:, 2] = np.nan
+    repaired = RepairTrials().fit_transform(trials)
+    assert_allclose(repaired[0][:, 2], true, atol=1e-6)
+
+
 def test_a_channel_that_often_rests_is_not_dead():
     trials = recordings()
     for trial in trials[:3]:

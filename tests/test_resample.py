@@ -431,6 +431,21 @@ def test_uneven_stamps_tell_the_rate(rate, jitter, lost, seed):
             assert found == pytest.approx(rate, rel=0.2)
 
 
+@pytest.mark.parametrize("n_samples, within", [(60, 0.1), (5000, 0.01)])
+@pytest.mark.parametrize("cause", ["clock", "delay", "loop", "rounding", "loss"])
+def test_jitter_does_not_make_rates_higher(cause, n_samples, within):
+    rng = np.random.default_rng(0)
+    times = np.arange(n_samples) / 300
+    stamps = {
+        "clock": times + rng.uniform(-0.45, 0.45, n_samples) / 300,
+        "delay": np.sort(times + rng.exponential(0.25, n_samples) / 300),
+        "loop": np.cumsum(rng.uniform(0.7, 1.3, n_samples)) / 300,
+        "rounding": times.round(3),
+        "loss": times[rng.random(n_samples) > 0.1],
+    }[cause]
+    assert rate_of([pd.Series(0.0, stamps)]) == pytest.approx(300, rel=within)
+
+
 def test_no_vibration_comes_out_as_a_slower_one():
     times = np.arange(4000) / 1000
     trial = np.sin(2 * np.pi * 95 * times)  # an alias of 5 Hz at 100 Hz

@@ -230,7 +230,7 @@ def _sensor_row(column, name, limits):
         "n_missing_samples": int(n_missing),
         "saturated": np.nan if limits is None else float(saturated),
         "dead": int(sum(dead)),
-        "constant": int(np.isinf(each).all(axis=0).sum()),
+        "constant": int((~np.isfinite(each)).all(axis=0).sum()),
     }
 
 

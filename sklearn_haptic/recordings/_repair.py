@@ -125,7 +125,9 @@ def repair_trial(cell, usual, limits, rest, length=np.nan, stamps=None):
 
 
 def longest_rests(cell):
-    """Return how many samples in a row each channel rests, infinity if throughout.
+    """Return how many samples in a row each channel rests.
+
+    It is infinity if throughout, and NaN of a channel without any known sample.
 
     Examples
     --------
@@ -138,7 +140,8 @@ def longest_rests(cell):
     times = np.arange(1, len(cell))[:, np.newaxis]
     begins = np.maximum.accumulate(np.where(moves, times, 0), axis=0)
     longest = (times - begins + 1).max(axis=0, initial=1)
-    return np.where(moves.any(axis=0), longest, np.inf)
+    longest = np.where(moves.any(axis=0), longest, np.inf)
+    return np.where(np.isnan(cell).all(axis=0), np.nan, longest)
 
 
 def usual_rests(rests):
@@ -147,9 +150,15 @@ def usual_rests(rests):
     Parameters
     ----------
     rests : array-like of shape (n_trials, n_channels)
-        Of :func:`longest_rests`.
+        Of :func:`longest_rests`. Trials without a channel do not count.
     """
-    return np.quantile(rests, _USUAL, axis=0, method="inverted_cdf")
+    known = [each[~np.isnan(each)] for each in np.transpose(rests)]
+    return np.array(
+        [
+            np.quantile(each, _USUAL, method="inverted_cdf") if each.size else np.inf
+            for each in known
+        ]
+    )
 
 
 def moving(cell):

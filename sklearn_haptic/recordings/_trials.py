@@ -290,14 +290,18 @@ def seconds_of(stamps, name, unit="s"):
 def typical_step(seconds, name=None):
     """Return the typical step from sample to sample, of two stamps or more.
 
-    It is the lower quartile, so that lost samples do not change it, of ten steps at a
-    time if there are as many, so that rounding, such as to milliseconds, hardly does.
-    Stamps with a `name` are refused if most of their time is in steps unlike it, as
-    where samples come in packets, each stamped when it arrives.
+    It is the lower quartile of spans of ten steps, if there are as many, so that lost
+    samples do not change it and rounding, such as to milliseconds, hardly does; and
+    then the mean of the spans like it, because jitter makes most of them longer. Stamps
+    with a `name` are refused if most of their time is in steps unlike it, as where
+    samples come in packets, each stamped when it arrives.
     """
     n = 10 if len(seconds) > 10 else 1
     spans = np.sort(seconds[n:] - seconds[:-n])
-    step = spans[(len(spans) - 1) // 4] / n
+    typical = spans[(len(spans) - 1) // 4]
+    for _ in range(10):
+        typical = spans[np.abs(spans - typical) < 0.75 * typical / n].mean()
+    step = typical / n
     steps = np.diff(seconds)
     alike = steps[np.abs(steps - step) < 0.75 * step].sum()
     if name is not None and n == 10 and alike < steps.sum() / 2:
