@@ -63,8 +63,9 @@ def resample_trials(
         that are data frames. By default they are the index of trials of pandas.
     rate : float, default=None
         Samples per second of the result. By default that of the typical step, which is
-        too low where more than a tenth of the samples is lost here and there, and too
-        high where as many are far later than others but none is lost.
+        too low where more than a tenth of the samples is lost here and there, too high
+        where as many are far later than others but none is lost, and up to 5 % off for
+        more than 700 Hz with stamps in milliseconds.
     unit : {"s", "ms", "us", "ns"}, default="s"
         Unit of stamps that are numbers.
     longest_gap : float, default=None
