@@ -248,8 +248,9 @@ class DistributionalOrdinalRegressor(
             Weight of each trial, also where early stopping validates on it. With
             ``sampling="level"`` a weight of 2 equals giving the trial twice, if groups
             keep both on the same side of the split; "random" draws positions for each
-            trial anew. Multiplying all weights by a factor divides the
-            estimator's penalty by it.
+            trial anew. Multiplying all weights by a factor divides the penalty of an
+            estimator that takes weights by it; one that takes none, as a Pipeline, is
+            fitted without them if they are equal.
         groups : array-like of shape (n_trials,), default=None
             The object of each trial, so that an estimator with
             ``early_stopping=True`` validates on whole objects; without them it warns.
