@@ -385,6 +385,22 @@ def test_labels(head):
         assert model.score(TOUCHES, labels) == accuracy
 
 
+def test_a_class_of_touches_too_short_for_any_duration_is_refused():
+    touches = make_touches(seconds=(1.1, 1.5))
+    touches.iloc[-3:] = cut(touches[-3:], 0.9)
+    labels = np.repeat(["foam", "wood"], 12).astype(object)
+    labels[-3:] = "tap"
+    head = make_pipeline(features(), StandardScaler(), LogisticRegression())
+    model = make_model(head, cv=2, durations=[0.5, 1.0])
+    runs = np.tile(np.arange(3), 8)
+    proba = model.fit(touches, labels, groups=runs).predict_proba(touches[-3:])
+    assert model.classes_.tolist() == ["foam", "tap", "wood"]
+    assert (proba[:, 1] > 0.05).all()
+    model.set_params(durations=[1.0])
+    with pytest.raises(ValueError, match="y has the class 'tap' only where touches"):
+        model.fit(touches, labels, groups=runs)
+
+
 def test_classes_that_a_fold_has_not_seen_get_no_share():
     """Objects but the first two are classes of their own, which their folds lack."""
     names = np.array([f"object {max(i, 1)}" for i in OBJECTS])

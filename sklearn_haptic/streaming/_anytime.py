@@ -220,8 +220,9 @@ class AnytimeRegressor(
         ------
         ValueError
             If durations or rates are unusable, a training touch lacks a sensor, too few
-            touches are as long as a duration, a fold trains on an object that it tests,
-            or each class is in one group.
+            touches are as long as a duration, no touch of a class is as long as the
+            first, a fold trains on an object that it tests, or each class is in one
+            group.
         """
         steps = self._check_estimator()
         durations = check_durations(self.durations)
@@ -398,9 +399,17 @@ class AnytimeRegressor(
 
     def _shares(self, y):
         """Return labels or counts as shares of the classes."""
-        if np.ndim(y) == 1:
-            return (np.asarray(y)[:, np.newaxis] == self.classes_).astype(np.float64)
-        return shares(check_adjectives(y, self.classes_)[0])
+        if np.ndim(y) > 1:
+            return shares(check_adjectives(y, self.classes_)[0])
+        labels = np.asarray(y)
+        known = labels[:, np.newaxis] == self.classes_
+        if not known.any(axis=1).all():
+            raise ValueError(
+                f"y has the class {labels[~known.any(axis=1)].tolist()[0]!r} only where "
+                f"touches are shorter than {self.durations_[0]:g} s, the first of "
+                "durations; add a shorter one, or leave this class out."
+            )
+        return known.astype(np.float64)
 
     def _predict_rows(self, rows, k):
         proba = predict_at(self.heads_[k], rows, self.classes_)
