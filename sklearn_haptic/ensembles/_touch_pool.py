@@ -113,8 +113,9 @@ class TouchPool(
     set of members and any number of touches has weights of its own, and each is
     learned from all training rows. So has the breadth: the mean variance of the
     predictions is to equal the mean square of the ratings' distances from the predicted
-    means, judged by pools of as many touches of each training object, if it has all the
-    members. Pools of more touches than a training object has are somewhat too broad.
+    means, judged by pools of as many touches of each training object, in the order of
+    its rows, if it has all the members. Pools of more touches than a training object
+    has are somewhat too broad.
 
     If the members know no order of the levels, as those of scikit-learn, the Brier
     score takes the place of the ranked probability score, also for the power, and the
