@@ -290,9 +290,9 @@ def test_combined_network_is_a_minimum_of_costs_written_out(held_out):
     rows, ratings = [], []  # per adjective: activations, (level, weight)
     for a in range(3):
         share = counts[:, a] / counts[:, a].sum(axis=-1, keepdims=True)
-        middle = np.cumsum(share, axis=-1) - share / 2
-        t, level = np.nonzero(share)
-        p = middle[t, level]
+        t, level, node = np.nonzero(np.repeat(share[..., None], 3, axis=-1))
+        p = (np.cumsum(share, axis=-1) - share)[t, level]
+        p += share[t, level] * (1 + np.array([-(0.6**0.5), 0, 0.6**0.5])[node]) / 2
         hidden = []
         for sensor, columns in SENSORS.items():
             if sensor == held_out:
@@ -303,7 +303,8 @@ def test_combined_network_is_a_minimum_of_costs_written_out(held_out):
             of_sensor = network.coefs_, network.intercepts_, network.thresholds_
             hidden.append(plain_network(inputs, *of_sensor, a)[0])
         rows.append(np.hstack(hidden))
-        ratings.append((level, 5 * share[t, level]))
+        weight = np.array([5 / 18, 8 / 18, 5 / 18])[node]  # of Gauss and Legendre
+        ratings.append((level, 5 * share[t, level] * weight))
 
     def cost(params):
         coef, bias, output, raw = np.split(params, [18, 21, 30])

@@ -74,6 +74,19 @@ def test_paper_settings_never_change():
     assert PAPER_2020["n_duplicates"] == 15 and joint["n_duplicates"] == 5
 
 
+@pytest.mark.parametrize("n_people", [12, 100])
+@pytest.mark.parametrize("n_levels", [5, 7, 11, 21])
+def test_scales_of_any_length_have_the_shares_of_all_people(n_levels, n_people):
+    """Most people choose the lowest level, and no feature tells anything."""
+    rng = np.random.default_rng(0)
+    share = np.r_[0.6, np.full(n_levels - 1, 0.4 / (n_levels - 1))]
+    counts = rng.multinomial(n_people, share, size=200)
+    X = rng.normal(size=(200, 1))
+    below = DistributionalOrdinalRegressor().fit(X, counts).predict_cdf(X)
+    true = np.cumsum(counts.mean(axis=0)) / n_people
+    assert_allclose(below.mean(axis=0), true, rtol=0, atol=0.008)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("decode", ["mixture", "quantile"])
 @pytest.mark.parametrize(

@@ -88,13 +88,14 @@ class DistributionalOrdinalRegressor(
         the position as given by ``p_transform``; `fit` only checks that its inputs and
         levels are those of the trials.
     n_duplicates : int, default=15
-        Observations per trial. Their weights sum to this number, so a larger one makes
-        the estimator's penalty weaker in comparison.
+        Total weight of the observations of a trial, so that a larger one makes the
+        estimator's penalty weaker in comparison; with random positions also their
+        number.
     sampling : {"level", "random"}, default="level"
         How positions are chosen. "level": quadrature nodes within the share of the
-        population at each level, weighted by that share, so that no rating is missed
-        and nothing is random; the estimator must take sample weights. "random": at
-        random (the paper).
+        population at each level, three or more, weighted by that share, so that no
+        rating is missed and nothing is random; the estimator must take sample weights.
+        "random": at random (the paper).
     p_transform : {"logit", None}, default="logit"
         What the estimator gets as its last feature: the log-odds of p, which reach
         into the tails of the distribution, or p itself (the paper).

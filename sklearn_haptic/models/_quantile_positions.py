@@ -18,6 +18,10 @@ from sklearn.utils import gen_batches
 
 from ..ratings._distributions import level_at, quantile_grid, shares
 
+# Nodes of each level. With one, where most people choose one of many levels, the CDF was
+# off by up to .11, with two by .02, with three by .003.
+_LEAST_NODES = 3
+
 # With 20 nodes the CDF is off by less than 1e-4 for weights of the log-odds up to 2, by
 # less than 1e-3 up to 4. They are used if on some training trials they differ from the
 # smallest number of cells by no more than the error below.
@@ -65,15 +69,20 @@ def training_observations(counts, n_duplicates, sampling, random_state):
 
 
 def _level_nodes(counts, n_duplicates):
-    """Return Gauss–Legendre nodes in the interval of positions of each level."""
+    """Return Gauss–Legendre nodes in the interval of positions of each level.
+
+    There are as many columns as one trial needs; others have some of no weight.
+    """
     n_trials, n_levels = counts.shape
     share = shares(counts)
     start = np.cumsum(share, axis=1) - share
-    nodes, node_weight = unit_gauss_legendre(max(1, n_duplicates // n_levels))
-    positions = (start[:, :, None] + share[:, :, None] * nodes).reshape(n_trials, -1)
-    weight = (share[:, :, None] * node_weight).reshape(n_trials, -1) * n_duplicates
-    level = np.broadcast_to(np.arange(n_levels).repeat(len(nodes)), weight.shape)
-    return clip_positions(positions), level, weight
+    n_chosen = np.count_nonzero(share, axis=1).max()
+    level = np.argsort(share == 0, axis=1, kind="stable")[:, :n_chosen]  # in order
+    share, start = (np.take_along_axis(each, level, axis=1) for each in (share, start))
+    nodes, weight = unit_gauss_legendre(max(_LEAST_NODES, n_duplicates // n_levels))
+    positions = (start[..., None] + share[..., None] * nodes).reshape(n_trials, -1)
+    weight = (share[..., None] * weight).reshape(n_trials, -1) * n_duplicates
+    return clip_positions(positions), level.repeat(len(nodes), axis=1), weight
 
 
 def clip_positions(positions):
