@@ -241,6 +241,18 @@ def test_touches_that_people_rated_apart_tell_no_objects():
         DistributionBlend(members()).fit(X, counts)
 
 
+def test_objects_of_two_people_share_their_counts():
+    """Of products touched once each, fifteen different counts tell no objects."""
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(120, 2))
+    level = np.rint(2 + X[:, :1] + rng.normal(size=(120, 2)) / 2).clip(0, 4)
+    counts = (level[..., None] == np.arange(5)).sum(axis=1)
+    with pytest.warns(UserWarning, match="takes each trial for another object"):
+        blend = DistributionBlend(members()).fit(X, counts)
+    told = fitted(X, counts, np.arange(120))
+    assert_array_equal(blend.predict_proba(X), told.predict_proba(X))
+
+
 def test_counts_tell_the_objects_where_these_are_not_told():
     X, counts, objects = made()
     counts[:, 0] += objects / 100  # so that no two share their counts

@@ -188,8 +188,8 @@ class DistributionBlend(
         groups : array-like of shape (n_trials,), default=None
             The object of each trial; objects weigh the same. Without them, trials of
             equal counts are taken to be of one object, or of several if they are many,
-            and trials weigh the same. If counts do not repeat, or there are none, `fit`
-            warns, and takes each trial for an object.
+            and trials weigh the same. If counts cannot tell objects, `fit` warns, and
+            takes each trial for an object.
 
         Returns
         -------

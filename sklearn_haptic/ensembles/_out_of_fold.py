@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.special import comb
 from sklearn.base import clone
 from sklearn.model_selection import check_cv
 from sklearn.utils.parallel import Parallel, delayed
@@ -52,15 +53,18 @@ def infer_objects(y, weight=None):
     to be shared by several objects of median size, whose trials stand together: else
     most objects would be held out at once where people agree about most. Labels and
     counts of a single rating each tell nothing, nor do counts of which more than a
-    tenth are of one trial alone. Trials of weight 0 are objects of their own.
+    tenth are of one trial alone, or counts of so few people that more than a third of
+    all that there can be occur. Trials of weight 0 are objects of their own.
 
     Examples
     --------
     >>> from sklearn_haptic.ensembles._out_of_fold import infer_objects
     >>> infer_objects([[4, 1], [2, 3], [4, 1], [2, 3]])
     array([0, 1, 0, 1])
-    >>> infer_objects([[5, 0]] * 4 + [[4, 1]] * 2 + [[2, 3]] * 2)
+    >>> infer_objects([[9, 0]] * 4 + [[8, 1]] * 2 + [[2, 7]] * 2)
     array([0, 0, 1, 1, 2, 2, 3, 3])
+    >>> infer_objects([[2, 0]] * 4 + [[1, 1]] * 2 + [[0, 2]] * 2) is None
+    True
     >>> infer_objects([[1, 0], [1, 0], [0, 1]]) is None
     True
     >>> infer_objects([[4, 1], [3, 2], [2, 3]]) is None
@@ -74,7 +78,7 @@ def infer_objects(y, weight=None):
         return None
     same = number_objects([row.tobytes() for row in counts], len(counts))
     size = np.bincount(same)
-    if np.sum(size == 1) > len(counts) / 10:
+    if np.sum(size == 1) > len(counts) / 10 or len(size) > _n_possible(counts) / 3:
         return None
     sharing = np.maximum(size // np.median(size), 1).astype(np.intp)
     sharing[size <= len(counts) / 5] = 1
@@ -83,6 +87,14 @@ def infer_objects(y, weight=None):
     objects = -1 - np.arange(len(y))
     objects[used] = same + len(size) * part
     return number_objects(objects, len(y))
+
+
+def _n_possible(counts):
+    """Return how many different counts as many people can give, infinity for shares."""
+    if (counts % 1 != 0).any():
+        return np.inf
+    n_others = counts.shape[1] - 1
+    return comb(np.median(counts.sum(axis=1)) + n_others, n_others)
 
 
 def make_folds(

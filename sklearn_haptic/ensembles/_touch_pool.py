@@ -206,9 +206,9 @@ class TouchPool(
             Counts of ratings or labels, whatever the members take.
         groups : array-like of shape (n_trials,), default=None
             The object of each row. Rows of one object are touches of it. Without
-            them, rows of equal counts are of one object. If counts do not repeat, or
-            there are none, `fit` warns, and takes each row for another object. If `y`
-            names the objects themselves, give what divides their touches, such as runs.
+            them, rows of equal counts are of one object. If counts cannot tell objects,
+            `fit` warns, and takes each row for another one. If `y` names the objects
+            themselves, give what divides their touches, such as runs.
 
         Returns
         -------
