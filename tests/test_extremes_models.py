@@ -578,8 +578,8 @@ def test_observations_of_extreme_counts(counts, n_duplicates, sampling):
             assert counts[k] > 0
             assert below[k] - counts[k] - tolerance <= rank <= below[k] + tolerance
     if sampling == "level":
-        at_level = np.bincount(level[0], weight[0], len(counts)) * below[-1] / n_duplicates
-        assert_allclose(at_level, counts, rtol=1e-12)
+        share = np.bincount(level[0], weight[0], len(counts)) / n_duplicates
+        assert_allclose(share * below[-1], counts, rtol=1e-12)
 
 
 class Uniform:

@@ -403,11 +403,12 @@ class AnytimeRegressor(
             return shares(check_adjectives(y, self.classes_)[0])
         labels = np.asarray(y)
         known = labels[:, np.newaxis] == self.classes_
-        if not known.any(axis=1).all():
+        lost = labels[~known.any(axis=1)].tolist()
+        if lost:
             raise ValueError(
-                f"y has the class {labels[~known.any(axis=1)].tolist()[0]!r} only where "
-                f"touches are shorter than {self.durations_[0]:g} s, the first of "
-                "durations; add a shorter one, or leave this class out."
+                f"y has the class {lost[0]!r} only where touches are shorter than "
+                f"{self.durations_[0]:g} s, the first of durations; add a shorter one, "
+                "or leave this class out."
             )
         return known.astype(np.float64)
 
