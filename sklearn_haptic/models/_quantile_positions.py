@@ -18,8 +18,8 @@ from sklearn.utils import gen_batches
 
 from ..ratings._distributions import level_at, quantile_grid, shares
 
-# Nodes of each level. Where most people choose one of many levels, the CDF was off by up
-# to .11 with one, .02 with two and .003 with three.
+# Nodes of each level. Where most people choose one of many levels, the CDF was off by
+# up to .11 with one, .02 with two and .003 with three.
 _LEAST_NODES = 3
 
 # With 20 nodes the CDF is off by less than 1e-4 for weights of the log-odds up to 2, by
