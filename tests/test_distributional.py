@@ -12,7 +12,7 @@ from scipy.special import expit, logit
 from sklearn.base import BaseEstimator, ClassifierMixin, RegressorMixin, clone
 from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestClassifier
 from sklearn.linear_model import LogisticRegression, Ridge, RidgeClassifier
-from sklearn.neighbors import KNeighborsClassifier
+from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor
 from touches import ordinal_touches
 
 from sklearn_haptic import (
@@ -85,6 +85,44 @@ def test_scales_of_any_length_have_the_shares_of_all_people(n_levels, n_people):
     below = DistributionalOrdinalRegressor().fit(X, counts).predict_cdf(X)
     true = np.cumsum(counts.mean(axis=0)) / n_people
     assert_allclose(below.mean(axis=0), true, rtol=0, atol=0.008)
+
+
+@pytest.mark.parametrize(
+    "n_people", [np.full(300, 2), np.full(300, 3), 2 + 10 * (np.arange(300) % 20 == 0)]
+)
+def test_hidden_units_learn_the_ratings_of_two_or_three_people(n_people):
+    """They jump where the levels of all objects begin: the population must not."""
+    excess, spread = [], []
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        X, new = rng.normal(size=(2, 300, 2))
+        latent = [X @ [1, 0] + 0.5 * np.sin(2 * X[:, 1]) for X in (X, new)]
+        below, true = (expit([0.4, 1.2, 2, 2.8] - each[:, None]) for each in latent)
+        shares = np.diff(below, prepend=0, append=1)
+        counts = np.array([rng.multinomial(n, s) for n, s in zip(n_people, shares)])
+        model = DistributionalOrdinalRegressor(NNPOM(random_state=0))
+        found = model.fit(X, counts).predict_cdf(new)[:, :-1]
+        excess.append(np.sum((found - true) ** 2))
+        spread.append(np.sum(true * (1 - true)))
+    assert sum(excess) < 0.03 * sum(spread)  # .04 to .06 with three nodes per level
+
+
+@pytest.mark.parametrize("n_levels", [2, 5])
+def test_a_prediction_halfway_between_levels_is_half_of_each(n_levels):
+    """So that levels may be turned round; of two neighbours, means are often .5."""
+    rng = np.random.default_rng(0)
+    X, new = rng.normal(size=(2, 60, 2))
+    counts = rng.multinomial(12, np.ones(n_levels) / n_levels, size=60)
+    params = {"sampling": "random", "random_state": 0, "p_transform": None}
+    model = DistributionalOrdinalRegressor(KNeighborsRegressor(2), **params)
+    model.fit(X, counts)
+    proba = model.predict_proba(new)
+    p = (np.arange(1000) + 0.5) / 1000
+    rows = np.column_stack((np.repeat(new, len(p), axis=0), np.tile(p, len(new))))
+    twice = np.rint(2 * model.estimator_.predict(rows)).astype(int)
+    nearest = np.eye(n_levels)[twice // 2] / 2 + np.eye(n_levels)[-(-twice // 2)] / 2
+    expected = nearest.reshape(len(new), len(p), n_levels).mean(axis=1)
+    assert_allclose(np.cumsum(proba - expected, axis=1), 0, atol=0.006)
 
 
 @pytest.mark.slow

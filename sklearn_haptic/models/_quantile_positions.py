@@ -71,18 +71,41 @@ def training_observations(counts, n_duplicates, sampling, random_state):
 def _level_nodes(counts, n_duplicates):
     """Return Gauss–Legendre nodes in the interval of positions of each level.
 
-    There are as many columns as one trial needs; others have some of no weight.
+    A trial has about `n_duplicates` nodes if all its levels are chosen, or each person
+    chooses another one. The levels of few people begin and end at the same positions on
+    all objects, and hidden units learn at will what lies between the nodes there: with
+    three nodes for each level, RPS was up to 4% worse for two or three people. Rows are
+    filled up with observations of no weight.
     """
     n_trials, n_levels = counts.shape
+    n_chosen = np.count_nonzero(counts, axis=1)
+    n_people = np.maximum(counts.sum(axis=1), n_chosen)  # more, if counts are shares
+    wanted = np.ceil(n_duplicates / np.minimum(n_people, n_levels))
+    n_nodes = np.maximum(wanted.astype(int), _LEAST_NODES)
+    if n_chosen.max() == 1:  # positions tell nothing
+        n_nodes[:] = _LEAST_NODES
+    shape = n_trials, (n_chosen * n_nodes).max()
+    observations = np.full(shape, 0.5), np.zeros(shape, np.intp), np.zeros(shape)
+    for n in np.unique(n_nodes):
+        rows = np.flatnonzero(n_nodes == n)
+        for all_rows, some in zip(observations, _nodes_of_levels(counts[rows], n)):
+            all_rows[rows, : some.shape[1]] = some
+    positions, level, weight = observations
+    return clip_positions(positions), level, weight * n_duplicates
+
+
+def _nodes_of_levels(counts, n_nodes):
+    """Return positions, levels and weights of so many nodes of each level."""
     share = shares(counts)
     start = np.cumsum(share, axis=1) - share
     n_chosen = np.count_nonzero(share, axis=1).max()
     level = np.argsort(share == 0, axis=1, kind="stable")[:, :n_chosen]  # in order
     share, start = (np.take_along_axis(each, level, axis=1) for each in (share, start))
-    nodes, weight = unit_gauss_legendre(max(_LEAST_NODES, n_duplicates // n_levels))
-    positions = (start[..., None] + share[..., None] * nodes).reshape(n_trials, -1)
-    weight = (share[..., None] * weight).reshape(n_trials, -1) * n_duplicates
-    return clip_positions(positions), level.repeat(len(nodes), axis=1), weight
+    nodes, weight = unit_gauss_legendre(n_nodes)
+    positions = start[..., None] + share[..., None] * nodes
+    weight = share[..., None] * weight
+    size = len(counts), -1
+    return positions.reshape(size), level.repeat(n_nodes, 1), weight.reshape(size)
 
 
 def clip_positions(positions):

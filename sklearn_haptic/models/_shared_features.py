@@ -281,8 +281,9 @@ class RepeatedRows:
             return proba
         levels = np.arange(self.n_levels) if regressor else self.present
         place = check_output(estimator.predict(rows), (n_rows,))
-        place = np.rint(np.clip(place, 0, len(levels) - 1)).astype(int)
-        proba[np.arange(n_rows), levels[place]] = 1
+        place = np.clip(place, 0, len(levels) - 1)
+        for nearest in (np.ceil(place - 0.5), np.floor(place + 0.5)):  # or both nearest
+            proba[np.arange(n_rows), levels[nearest.astype(int)]] += 0.5
         return proba
 
     def validation_share(self):
