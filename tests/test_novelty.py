@@ -89,6 +89,25 @@ def test_p_values_equal_fractions(n_touches):
     assert conformal_p_values(np.array([-1.0]), known, objects).max() <= 1
 
 
+def test_equal_distances_of_whole_numbers_are_equal():
+    """Fractions tell which are; their square roots differ in the last digits."""
+    rng = np.random.default_rng(0)
+    X, new = rng.integers(0, 3, (48, 7)), rng.integers(0, 3, (60, 7))
+    n = len(X)
+    squares = [int(n * column @ column - column.sum() ** 2) for column in X.T]
+
+    def nearest(row, rows):
+        steps = (row - rows).tolist()
+        return min(sum(Fraction(d * d, s) for d, s in zip(r, squares)) for r in steps)
+
+    known = [nearest(row, np.delete(X, i, axis=0)) for i, row in enumerate(X)]
+    distances = [nearest(row, X) for row in new]
+    exact = [(1 + sum(k >= d for k in known)) / (n + 1) for d in distances]
+    counts = rng.multinomial(12, np.ones(5) / 5, size=n)
+    found = guard().fit(X, counts, groups=np.arange(n)).p_values(new)
+    assert_allclose(found, exact, atol=1e-9)
+
+
 def test_p_values_of_objects_of_the_same_kind_are_valid():
     """Over many draws, p is at most a with a probability of about a, or below."""
     p = []

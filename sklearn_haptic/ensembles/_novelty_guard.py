@@ -41,7 +41,7 @@ from ..utils._sklearn import (
     _safe_indexing,
 )
 from ..utils._validation import column_of
-from ._conformal_scores import weight_at_least
+from ._conformal_scores import TOLERANCE, weight_at_least
 from ._out_of_fold import (
     Task,
     check_folds_know,
@@ -129,7 +129,8 @@ def conformal_p_values(distance, known, objects):
     p : ndarray of shape (n_rows,)
         From 1 / (number of objects + 1) to 1.
     """
-    reached = weight_at_least(distance, known, 1 / np.bincount(objects)[objects])
+    weight = 1 / np.bincount(objects)[objects]
+    reached = weight_at_least(distance, known * (1 + TOLERANCE), weight)
     # Sums of tenths are rounded, so that p is .05 where it should be.
     return np.round((1 + reached) / (objects.max() + 2), 12)
 
