@@ -179,6 +179,17 @@ def test_predictions_are_those_of_the_levels_of_the_grid():
     assert_array_equal(model.predict_cdf(X, 37.5), at[:, 2])
 
 
+@pytest.mark.parametrize("n_low", range(2, 8))
+def test_a_quantile_between_heaps_is_the_top_of_the_lower_one(n_low):
+    """Where just so many people are below, whatever their shares add up to."""
+    y = np.r_[np.linspace(10, 40, n_low), np.linspace(80, 95, n_low)]
+    model = ContinuousRatingsRegressor(DummyDistribution())
+    model.fit(np.zeros((len(y), 1)), y)
+    assert_allclose(model.predict_cdf([[0]], 60.0), 0.5)
+    assert model.predict_quantile([[0]], 0.5)[0] < 50
+    assert model.predict_quantile([[0]], 0.51)[0] > 70
+
+
 def test_quantiles_invert_the_cdf():
     X, y = crowd()
     model = ContinuousRatingsRegressor().fit(X, y)

@@ -411,6 +411,16 @@ def test_agreement_is_the_correlation_with_the_mean_of_all_others():
     pd.testing.assert_frame_equal(turned, result)
 
 
+def test_objects_that_one_person_alone_rated_change_no_agreement():
+    answers, objects, raters = many_answers()
+    expected = outlying_raters(answers, objects, raters)
+    alone = np.full((5, answers.shape[1]), [[1], [5], [5], [5], [5]])
+    answers = np.vstack((answers, alone))
+    objects = np.append(objects, 100 + np.arange(5))
+    raters = np.append(raters, np.repeat(raters[:1], 5))
+    pd.testing.assert_frame_equal(outlying_raters(answers, objects, raters), expected)
+
+
 @pytest.mark.parametrize("careless", ["random", "reversed"])
 def test_careless_raters_are_found(careless):
     answers, objects, raters = many_answers(30, 20, seed=1)

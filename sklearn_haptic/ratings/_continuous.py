@@ -178,9 +178,10 @@ def quantile_at(p, cdf, grid):
     The positions, of shape (n_p,) or (n_trials, n_p), may be shared by all trials.
     """
     values = np.empty((len(cdf), p.shape[-1]))
+    tolerance = 4 * cdf.shape[1] * np.finfo(np.float64).eps  # of a CDF's sums
     for column, position in zip(values.T, np.broadcast_to(p, values.shape).T):
         # At 0 the lowest value that anybody may give, else the first that reaches p.
-        inner, at = cdf[:, 1:-1], position[:, None]
+        inner, at = cdf[:, 1:-1], position[:, None] * (1 - tolerance)
         cell = np.where(at > 0, inner < at, inner <= 0).sum(axis=1)[:, None]
         u, v = (np.take_along_axis(cdf, cell + i, axis=1)[:, 0] for i in (0, 1))
         share = np.divide(position - u, v - u, out=np.zeros(len(cdf)), where=v > u)
