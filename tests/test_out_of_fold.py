@@ -115,6 +115,18 @@ def test_equals_a_loop(target, method):
     np.testing.assert_array_equal(predicted, expected)
 
 
+@pytest.mark.parametrize("of", ["counts", "labels"])
+def test_levels_that_fall_are_told_of(of):
+    """As grades from 6, the worst, to 1: scores read labels and columns as rising."""
+    grades = pd.Series(np.r_[1:7, 1:7, 1:7])
+    y = pd.get_dummies(grades, dtype=int) if of == "counts" else grades
+    X, objects = grades.to_numpy()[:, None], np.repeat([0, 1, 2], 6)
+    model = DistributionalOrdinalRegressor(levels=[6, 5, 4, 3, 2, 1])
+    with pytest.warns(UserWarning, match=r"\[6, 5, 4, 3, 2, 1\], which y does not"):
+        proba = cross_val_predict_proba(model, X, y, groups=objects, cv=3)
+    assert (proba.argmax(axis=1) == 6 - grades).all()
+
+
 CONTAINERS = {
     "list": lambda a: a.tolist(),
     "DataFrame": lambda a: pd.DataFrame(a, columns=list("abc"), index=OBJECTS),

@@ -35,6 +35,7 @@ from sklearn_haptic.plotting import (
     InterraterAgreementDisplay,
     PITHistogramDisplay,
     RatingsDisplay,
+    ReliabilityDisplay,
     TouchTimeDisplay,
 )
 from sklearn_haptic.ratings import outlying_raters, rating_counts
@@ -276,6 +277,13 @@ def test_ratings_of_named_touches_in_another_order(use):
         use(X, y)
 
 
+def test_validation_trials_of_named_touches_in_another_order():
+    X, y = counts_by_name()
+    model = DistributionalOrdinalRegressor(NNPOM(2, early_stopping=True))
+    with pytest.raises(ValueError, match="^y_val " + REORDERED.format("X_val")):
+        model.fit(X, y.to_numpy(), X_val=X, y_val=y)
+
+
 def test_ratings_of_several_touches_of_each_name_in_another_order():
     X, y = counts_by_name()
     X, y = pd.concat([X, X]), y.loc[[*X.index, *X.index]]
@@ -360,8 +368,27 @@ def test_what_is_given_of_named_touches_in_another_order(model, name):
         lambda X, y, given: cross_val_predict_proba(
             DummyDistribution(), X, y, cv=2, params={"sample_weight": given}
         ),
+        lambda X, y, given: model_report(
+            ContinuousRatingsRegressor(),
+            X,
+            y.to_numpy(),
+            groups=range(12),
+            params={"sample_weight": given},
+        ),
+        lambda X, y, given: ReliabilityDisplay.from_estimator(
+            DummyDistribution().fit(X, y), X, y.to_numpy(), groups=given
+        ),
     ],
-    ids=["pipeline", "its score", "score", "score of sliders", "scorer", "params"],
+    ids=[
+        "pipeline",
+        "its score",
+        "score",
+        "score of sliders",
+        "scorer",
+        "params",
+        "report of sliders",
+        "display",
+    ],
 )
 def test_what_is_handed_on_of_named_touches_in_another_order(use):
     X, y = counts_by_name()

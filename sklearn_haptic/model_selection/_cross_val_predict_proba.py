@@ -23,7 +23,7 @@ from ..ensembles._out_of_fold import (
 )
 from ..ratings._checks import check_rated, check_ratings
 from ..ratings._distributions import cdf
-from ..ratings._levels import in_named_order, levels_of_columns
+from ..ratings._levels import in_named_order, levels_of_columns, names_levels
 from ..utils._folds import groups_for, make_splitter
 from ..utils._sklearn import (
     CrossValidator,
@@ -34,7 +34,7 @@ from ..utils._sklearn import (
     _safe_indexing,
     validate_params,
 )
-from ..utils._validation import check_groups
+from ..utils._validation import check_groups, is_text
 
 _Method: TypeAlias = Literal[
     "predict_proba", "predict_cdf", "predict_quantile", "predict"
@@ -172,14 +172,16 @@ def cross_val_predict_proba(
 
 
 def _warn_of_other_order(y, levels):
-    """Warn if scores would read predictions in another order, that of counts' names."""
+    """Warn if scores would read predictions in another order, as `y` has it."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         named, _ = levels_of_columns(y, None, "y")
+    if np.ndim(y) == 1 and not names_levels(y) and not is_text(levels):
+        named = np.sort(levels)
     if named is not None and named.tolist() != levels.tolist():
         warnings.warn(
             f"Predictions are in the order of the estimator's {levels.tolist()}, which "
-            "the columns of y do not have; give scores the same levels=.",
+            "y does not have; give scores the same levels=.",
             UserWarning,
             stacklevel=4,
         )

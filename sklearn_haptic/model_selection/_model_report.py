@@ -36,7 +36,7 @@ from ..ratings._levels import levels_set_in, names_levels
 from ..utils._folds import groups_for, make_splitter
 from ..utils._pipeline_steps import is_frozen, last_step
 from ..utils._report import Report
-from ..utils._row_order import check_order
+from ..utils._row_order import check_orders
 from ..utils._sklearn import (
     CrossValidator,
     HasMethods,
@@ -158,9 +158,9 @@ def model_report(
             :func:`~sklearn_haptic.metrics.noise_ceiling`, NaN where a trial has fewer
             than two ratings; the ``rps`` of the model; ``rps_guess``, the lower one of
             the two baselines; their difference ``gain``, positive if the model is
-            better, with its ``standard_error``, paired over objects, and the ends
-            ``lower`` and ``upper`` of its 95% interval by Student's t; ``verdict``,
-            "better" or "worse" if the interval has only positive or only negative
+            better, with its ``standard_error``, paired over objects, too small where
+            one object has most trials, and the ends ``lower`` and ``upper`` of its 95%
+            interval by Student's t, which allow for that; ``verdict``, "better" or "worse" if the interval has only positive or only negative
             values, else "not shown". Of classes the gain is that of ``accuracy`` over
             ``accuracy_guess``, and of sliders that of ``crps``.
         confusions : dict of str to DataFrame, or None
@@ -230,11 +230,11 @@ def model_report(
         raise ValueError("y has no adjectives; give the ratings of one or more.")
     params = {} if params is None else params
     groups = params.get("groups") if groups is None else groups
-    first, *others = targets
-    for name in others:
-        check_order(targets[first], targets[name], f"y[{name!r}]", f"y[{first!r}]")
+    several = isinstance(y, Mapping)
+    named = {f"y[{name!r}]" if several else "y": each for name, each in targets.items()}
+    check_orders(X=X, **named, **params | {"groups": groups})
     X, *ratings = check_rated(X, *targets.values())
-    groups = check_groups(groups, X, targets[first])
+    groups = check_groups(groups, X)
     targets, kind = _checked(model, dict(zip(targets, ratings)))
     ratings = [*targets.values()]
     splitter = make_splitter(model, ratings[0], groups, cv)

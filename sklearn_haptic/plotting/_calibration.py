@@ -17,7 +17,7 @@ from ..metrics import pit_histogram
 from ..ratings._checks import check_distributions
 from ..ratings._distributions import cdf, shares
 from ..ratings._levels import predict_in_named_order
-from ..utils._row_order import check_order
+from ..utils._row_order import check_orders
 from ..utils._sklearn import Trials
 from ..utils._validation import check_groups
 from ._display import Axes, Display
@@ -73,6 +73,7 @@ class _CalibrationDisplay(Display):
         ValueError
             If ``y`` does not fit the estimator's levels, or ``groups`` the trials.
         """
+        check_orders(X=X, y=y, groups=groups)
         proba, levels = predict_in_named_order(estimator, X, y)
         return cls.from_predictions(
             y, proba, n_bins=n_bins, groups=groups, levels=levels, ax=ax
@@ -125,7 +126,7 @@ class _CalibrationDisplay(Display):
         n_bins = cls._n_bins if n_bins is None else n_bins
         check_scalar(n_bins, "n_bins", Integral, min_val=1)
         counts, proba, levels = check_distributions(y_true, y_proba, levels)
-        check_order(y_true, groups, "groups", "y_true")
+        check_orders(y_true=y_true, y_proba=y_proba, groups=groups)
         objects = None if groups is None else _check_groups(groups, counts)
         return cls._of(counts, proba, levels, n_bins, objects).plot(ax)
 

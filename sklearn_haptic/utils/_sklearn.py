@@ -78,7 +78,7 @@ class Memory(Protocol):
         """Return a function that remembers its results."""
 
 
-_OF_TRIALS = "X", "y", "sample_weight", "groups"
+_OF_TRIALS = ("X", "y", "sample_weight", "groups"), ("X_val", "y_val")
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -99,7 +99,8 @@ def all_or_nothing(fit: _Function) -> _Function:
     @wraps(fit)
     def call(estimator: Any, *args: Any, **kwargs: Any) -> Any:
         given = dict(zip(names, args)) | kwargs
-        check_orders(**{name: given[name] for name in _OF_TRIALS if name in given})
+        for trials in _OF_TRIALS:
+            check_orders(**{name: given[name] for name in trials if name in given})
         before = vars(estimator).copy()
         try:
             return fit(estimator, *args, **kwargs)
