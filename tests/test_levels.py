@@ -481,7 +481,7 @@ def test_predictions_in_another_order_than_the_columns_of_counts_are_warned_of()
     counts = pd.DataFrame(np.eye(4, dtype=int)[ranks(0, 4)], columns=words)
     model, other = DistributionalOrdinalRegressor(levels=words), words[1:] + words[:1]
     expected = cross_val_predict_proba(model, X, counts, cv=3)
-    with pytest.warns(UserWarning, match="which the columns of y do not have"):
+    with pytest.warns(UserWarning, match="which y does not have"):
         proba = cross_val_predict_proba(model, X, counts[other], cv=3)
     np.testing.assert_allclose(proba, expected)
     score = ranked_probability_score(counts[other], proba, levels=words)

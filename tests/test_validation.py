@@ -9,6 +9,7 @@ import pandas as pd
 import polars as pl
 import pytest
 from scipy import sparse
+from sklearn.model_selection import cross_val_score
 
 from sklearn_haptic import (
     NNPOM,
@@ -291,6 +292,23 @@ def test_ratings_of_several_touches_of_each_name_in_another_order():
     assert len(model.fit(X, y).predict_proba(X)) == 24
     with pytest.raises(ValueError, match="^y " + REORDERED.format("X")):
         model.fit(X, y.sort_index())
+
+
+def test_folds_of_named_touches_in_another_order():
+    """scikit-learn hands on a part of each, with labels that the other may lack."""
+    X, y = counts_by_name()
+    model, scoring = DistributionalOrdinalRegressor(), neg_macro_mae_scorer
+    scores = cross_val_score(model, X, y.loc[X.index], scoring=scoring, cv=3)
+    assert np.isfinite(scores).all()
+    with pytest.raises(ValueError, match=REORDERED.format("X")):
+        cross_val_score(model, X, y, scoring=scoring, cv=3, error_score="raise")
+
+
+def test_rows_whose_labels_are_of_different_objects():
+    """Those at the same place may be the same."""
+    X, y = counts_by_name()
+    y = y.loc[X.index].rename({"cup_3": "pot", "cup_7": "lid"})
+    assert DummyDistribution().fit(X, y).score(X, y) < 0
 
 
 def test_rows_in_the_order_of_touches_or_without_names():

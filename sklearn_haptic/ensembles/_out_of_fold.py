@@ -13,7 +13,6 @@ from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import comb
 from sklearn.base import clone
@@ -49,20 +48,19 @@ def infer_objects(y, weight=None):
     """Return the number of each trial's object, as far as counts tell; None if not.
 
     Trials of one object have the same counts of its ratings, so trials of equal counts
-    are taken to be of one object. Counts of more than a fifth of the trials are taken
-    to be shared by several objects of median size, whose trials stand together: else
-    most objects would be held out at once where people agree about most. Labels and
-    counts of a single rating each tell nothing, nor do counts of which more than a
-    tenth are of one trial alone, or counts of so few people that more than a third of
-    all that there can be occur. Trials of weight 0 are objects of their own.
+    are taken to be of one object. Labels and counts of a single rating each tell
+    nothing. Nor do counts of which more than a tenth are of one trial alone; counts of
+    so few people that more than a third of all that there can be occur; or counts that
+    more than a fifth of the trials, and twice as many as usual, have in common, because
+    several objects may share them. Trials of weight 0 are objects of their own.
 
     Examples
     --------
     >>> from sklearn_haptic.ensembles._out_of_fold import infer_objects
     >>> infer_objects([[4, 1], [2, 3], [4, 1], [2, 3]])
     array([0, 1, 0, 1])
-    >>> infer_objects([[9, 0]] * 4 + [[8, 1]] * 2 + [[2, 7]] * 2)
-    array([0, 0, 1, 1, 2, 2, 3, 3])
+    >>> infer_objects([[9, 0]] * 4 + [[8, 1]] * 2 + [[2, 7]] * 2) is None
+    True
     >>> infer_objects([[2, 0]] * 4 + [[1, 1]] * 2 + [[0, 2]] * 2) is None
     True
     >>> infer_objects([[1, 0], [1, 0], [0, 1]]) is None
@@ -78,14 +76,15 @@ def infer_objects(y, weight=None):
         return None
     same = number_objects([row.tobytes() for row in counts], len(counts))
     size = np.bincount(same)
-    if np.sum(size == 1) > len(counts) / 10 or len(size) > _n_possible(counts) / 3:
+    alone, most = np.sum(size == 1), size.max()
+    if (
+        alone > len(counts) / 10
+        or len(size) > _n_possible(counts) / 3
+        or most > max(len(counts) / 5, 2 * np.median(size) - 1)
+    ):
         return None
-    sharing = np.maximum(size // np.median(size), 1).astype(np.intp)
-    sharing[size <= len(counts) / 5] = 1
-    place = pd.Series(same).groupby(same).cumcount().to_numpy()
-    part = place * sharing[same] // size[same]
     objects = -1 - np.arange(len(y))
-    objects[used] = same + len(size) * part
+    objects[used] = same
     return number_objects(objects, len(y))
 
 

@@ -114,7 +114,7 @@ def contribution_summary(
     if "threshold" in by:
         scores, metric = _melt_thresholds(scores, by), "rps"
     paired = _pair_models(scores, metric, by)
-    cells = paired.groupby(by, sort=False) if by else [((), paired)]
+    cells = paired.groupby(by, sort=False, observed=True) if by else [((), paired)]
     summary = pd.DataFrame(
         [
             {**dict(zip(by, key)), "held_out": sensor, **row}
@@ -181,8 +181,8 @@ def _pair_models(scores, metric, by):
 
 def _compare_models(paired):
     """Return the row of the summary of each sensor left out."""
-    starts = paired.groupby("start").mean()
-    objects = paired.groupby("object").mean()
+    starts = paired.groupby("start", observed=True).mean()
+    objects = paired.groupby("object", observed=True).mean()
     if len(starts) == 1:
         raise ValueError(
             "scores has one start, but standard deviations require at least "

@@ -37,8 +37,8 @@ def make_grid(answers, weight, n_cells):
     those nearest to quantiles hold an edge. It divides the gap inversely to the weights
     of the two answers: a heap of equal answers has a narrow cell, and where each answer
     has a cell, the mean of the cells' middles is that of the answers. Gaps wider than
-    one of `n_cells` equal cells then hold two edges, so far apart that only this much
-    is divided. If not, cells are divided that are wider than two equal ones.
+    one of `n_cells` equal cells hold two edges, so far apart that only this much is
+    divided. Cells with answers that are wider than two equal ones are divided.
 
     Examples
     --------
@@ -58,13 +58,13 @@ def make_grid(answers, weight, n_cells):
     part = share[gap + 1] / (share[gap] + share[gap + 1])
     below_upper, equal = np.nextafter(upper, lower), np.ptp(values) / n_cells
     inner = np.clip((1 - part) * lower + part * upper, lower, below_upper)
-    if len(inner) == len(values) - 1:
-        wide = upper - lower > equal
-        inner[wide] = (lower + part * equal)[wide]
-        second = np.minimum(upper - (1 - part) * equal, below_upper)[wide]
-        return np.unique(np.concatenate((values[:1], inner, second, values[-1:])))
-    edges = np.concatenate((values[:1], inner, values[-1:]))
-    n_parts = np.ceil(np.diff(edges) / (2 * equal)).astype(int)
+    wide = upper - lower > equal
+    inner[wide] = (lower + part * equal)[wide]
+    second = np.minimum(upper - (1 - part) * equal, below_upper)[wide]
+    edges = np.unique(np.concatenate((values[:1], inner, second, values[-1:])))
+    holds = np.bincount(np.searchsorted(edges[1:-1], values), minlength=len(edges) - 1)
+    n_parts = np.ceil(np.diff(edges) / (2 * equal) - 1e-9).astype(int)
+    n_parts[holds == 0] = 1
     parts = [
         np.linspace(*cell, n, endpoint=False)
         for *cell, n in zip(edges, edges[1:], n_parts)
