@@ -855,7 +855,7 @@ ask(direct(ratings.outlying_raters),
     check("a table without raters", TABLE_OF_RATINGS, says="^table does not know its"),
     check("a table with objects", TABLE_OF_RATINGS, [3, 5],
         says="^ratings is a RatingTable, which has objects and raters; leave both out"),
-    check("one person per object", X[:2], [1, 2], [1, 2], "^ratings has no object"))
+    check("one person per object", X[:2], [1, 2], [1, 2], "^ratings has nobody who"))
 ask(direct(ratings.outlying_raters, ratings=X, objects=np.arange(N) // 2,
         raters=np.arange(N)),
     *settings("significance", 0, "5%"))

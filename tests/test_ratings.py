@@ -421,6 +421,22 @@ def test_objects_that_one_person_alone_rated_change_no_agreement():
     pd.testing.assert_frame_equal(outlying_raters(answers, objects, raters), expected)
 
 
+def test_people_of_one_answer_agree_with_nobody_and_hide_nobody():
+    answers, objects, raters = many_answers(12, 20, seed=1)
+    careless = raters == "person 03"
+    answers[careless] = 6 - answers[careless]
+    expected = outlying_raters(answers, objects, raters)
+    assert expected.index[expected["outlying"]].tolist() == ["person 03"]
+    passers_by = [f"passer-by {i:02d}" for i in range(12)]
+    result = outlying_raters(
+        np.vstack((answers, np.full((12, 3), 2.0))),
+        np.append(objects, np.arange(12)),
+        np.append(raters, passers_by),
+    )
+    assert result.loc[passers_by].drop(columns="outlying").isna().all(axis=None)
+    assert result.index[result["outlying"]].tolist() == ["person 03"]
+
+
 @pytest.mark.parametrize("careless", ["random", "reversed"])
 def test_careless_raters_are_found(careless):
     answers, objects, raters = many_answers(30, 20, seed=1)

@@ -10,6 +10,8 @@ import polars as pl
 import pytest
 from scipy import sparse
 from sklearn.model_selection import cross_val_score
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
 from sklearn_haptic import (
     NNPOM,
@@ -230,6 +232,7 @@ def test_row_index():
     assert row_index(np.eye(2)) is None
 
 
+SLIDERS = ContinuousRatingsRegressor(DummyDistribution())
 REORDERED = (
     "has the row labels of {} in another order, but rows are matched by position"
 )
@@ -386,8 +389,13 @@ def test_what_is_given_of_named_touches_in_another_order(model, name):
         lambda X, y, given: cross_val_predict_proba(
             DummyDistribution(), X, y, cv=2, params={"sample_weight": given}
         ),
+        lambda X, y, given: (
+            ConformalRatings(make_pipeline(StandardScaler(), SLIDERS))
+            .fit(X, y, groups=range(12))
+            .score(X, y, given)
+        ),
         lambda X, y, given: model_report(
-            ContinuousRatingsRegressor(),
+            SLIDERS,
             X,
             y.to_numpy(),
             groups=range(12),
@@ -404,6 +412,7 @@ def test_what_is_given_of_named_touches_in_another_order(model, name):
         "score of sliders",
         "scorer",
         "params",
+        "score of a pipeline of sliders",
         "report of sliders",
         "display",
     ],

@@ -30,6 +30,7 @@ from ..utils._folds import (
     warn_of_no_groups,
 )
 from ..utils._pipeline_steps import last_step
+from ..utils._row_order import check_orders
 from ..utils._sklearn import (
     CrossValidator,
     HasMethods,
@@ -554,6 +555,7 @@ class ConformalRatings(
             higher is better.
         """
         check_is_fitted(self)
+        check_orders(X=X, y=y, sample_weight=sample_weight)
         if self._sliders:
             last, X = last_step(self.estimator_, X)
             return last.score(X, y, sample_weight)

@@ -13,6 +13,7 @@ from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import comb
 from sklearn.base import clone
@@ -48,18 +49,23 @@ def infer_objects(y, weight=None):
     """Return the number of each trial's object, as far as counts tell; None if not.
 
     Trials of one object have the same counts of its ratings, so trials of equal counts
-    are taken to be of one object. Labels and counts of a single rating each tell
-    nothing. Nor do counts of which more than a tenth are of one trial alone; counts of
-    so few people that more than a third of all that there can be occur; or counts that
-    more than a fifth of the trials, and twice as many as usual, have in common, because
-    several objects may share them. Trials of weight 0 are objects of their own.
+    are taken to be of one object. Counts of more than a fifth of the trials, and of a
+    multiple of the median number of trials, are taken to be shared by several objects
+    of this size, whose trials stand together: else most objects would be held out at
+    once where people agree about most. Labels and counts of a single rating each tell
+    nothing. Nor do counts of which more than a tenth are of one trial alone, or more
+    than a fifth of them the same but no such multiple, or counts of so few people that
+    more than a third of all that there can be occur. Trials of weight 0 are objects of
+    their own.
 
     Examples
     --------
     >>> from sklearn_haptic.ensembles._out_of_fold import infer_objects
     >>> infer_objects([[4, 1], [2, 3], [4, 1], [2, 3]])
     array([0, 1, 0, 1])
-    >>> infer_objects([[9, 0]] * 4 + [[8, 1]] * 2 + [[2, 7]] * 2) is None
+    >>> infer_objects([[9, 0]] * 4 + [[8, 1]] * 2 + [[2, 7]] * 2)
+    array([0, 0, 1, 1, 2, 2, 3, 3])
+    >>> infer_objects([[9, 0]] * 5 + [[8, 1]] * 2 + [[2, 7]] * 2) is None
     True
     >>> infer_objects([[2, 0]] * 4 + [[1, 1]] * 2 + [[0, 2]] * 2) is None
     True
@@ -76,15 +82,19 @@ def infer_objects(y, weight=None):
         return None
     same = number_objects([row.tobytes() for row in counts], len(counts))
     size = np.bincount(same)
-    alone, most = np.sum(size == 1), size.max()
+    usual = np.median(size)
+    large = (size > len(counts) / 5) & (size >= 2 * usual)
     if (
-        alone > len(counts) / 10
+        np.sum(size == 1) > len(counts) / 10
         or len(size) > _n_possible(counts) / 3
-        or most > max(len(counts) / 5, 2 * np.median(size) - 1)
+        or (size[large] % usual).any()
     ):
         return None
+    sharing = np.where(large, size // usual, 1).astype(np.intp)
+    place = pd.Series(same).groupby(same).cumcount().to_numpy()
+    part = place * sharing[same] // size[same]
     objects = -1 - np.arange(len(y))
-    objects[used] = same
+    objects[used] = same + len(size) * part
     return number_objects(objects, len(y))
 
 

@@ -62,7 +62,8 @@ def outlying_raters(
         One row per person, sorted, with the columns
 
         - ``agreement``, the correlation, over all objects and adjectives; NaN for
-          people whose objects nobody else rated, 0 for those who always answer alike;
+          people who share fewer than two objects with others, 0 for those who always
+          answer alike;
         - ``score``, how far Fisher's transform of 0.9 times the agreement lies below
           the median of all people, in median absolute deviations, or half standard
           errors if these are larger; people who rated fewer objects may lie further
@@ -76,7 +77,7 @@ def outlying_raters(
     ValueError
         If the arguments differ in length, an object or a rater is missing or, in a
         table, not known, a rating is not a number, somebody rated an object twice, or
-        no object has ratings of two people.
+        nobody rated two objects that others rated too.
 
     Notes
     -----
@@ -133,15 +134,15 @@ def outlying_raters(
         refuse_second_ratings(of_object[given], of_rater[given], objects, people)
     together = [_products(column, of_object, of_rater) for column in answers.T]
     covariance, own, others, number, freedom = np.sum(together, axis=0)
-    if not number.any():
+    known = freedom > 0
+    if not known.any():
         raise ValueError(
-            "ratings has no object that two people rated on the same adjective, so "
-            "nobody can be compared; give the ratings of all people."
+            "ratings has nobody who rated two objects that others rated too on the "
+            "same adjective, so nobody can be compared; give the ratings of all people."
         )
     norm = np.sqrt(own * others)
     agreement = np.divide(covariance, norm, out=np.zeros(len(people)), where=norm > 0)
-    agreement[number == 0] = np.nan
-    known = number > 0
+    agreement[~known] = np.nan
     score, pvalue = np.full((2, len(people)), np.nan)
     score[known] = _scores(agreement[known], number[known])
     usual = np.median(agreement[known])
