@@ -48,7 +48,8 @@ def cdf_of_many_rows(estimator, x, n_levels, decode, n_rows=20_000):
     p = (np.arange(n_rows) + 0.5) / n_rows
     rows = np.column_stack((np.tile(x, (n_rows, 1)), np.log(p / (1 - p))))
     if is_regressor(estimator):
-        level = np.clip(np.rint(estimator.predict(rows)), 0, n_levels - 1)
+        place = np.clip(estimator.predict(rows), 0, n_levels - 1)
+        level = np.concatenate((np.ceil(place - 0.5), np.floor(place + 0.5)))
     elif hasattr(estimator, "predict_proba"):
         cdf = np.cumsum(estimator.predict_proba(rows), axis=1)
         if decode == "mixture":

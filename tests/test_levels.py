@@ -476,6 +476,17 @@ def test_counts_name_the_order_of_a_classifier_that_knows_none():
         neg_rps_scorer(classifier, X, counts)
 
 
+def test_the_places_of_columns_are_no_levels_of_predictions():
+    """As pandas labels those of an array: levels 1 to 4 would be four of 0 to 4."""
+    y, proba = np.array([1, 2, 3, 4]), np.eye(5)[[0, 1, 2, 3]]
+    table = pd.DataFrame(proba, index=list("abcd"))
+    with pytest.raises(ValueError, match="has 4 trials and 4 levels; give"):
+        ranked_probability_score(y, table)
+    assert ranked_probability_score(y, table, levels=range(1, 6)) == 0
+    named = table.set_axis(range(1, 6), axis=1)
+    assert ranked_probability_score(y, named) == 0
+
+
 def test_predictions_in_another_order_than_the_columns_of_counts_are_warned_of():
     words = ["soft", "medium", "hard", "very hard"]
     counts = pd.DataFrame(np.eye(4, dtype=int)[ranks(0, 4)], columns=words)

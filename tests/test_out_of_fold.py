@@ -22,7 +22,7 @@ from sklearn.model_selection import (
     TimeSeriesSplit,
 )
 from sklearn.multiclass import OneVsRestClassifier
-from sklearn.pipeline import make_pipeline
+from sklearn.pipeline import Pipeline, make_pipeline
 
 from sklearn_haptic import (
     NNPOM,
@@ -113,6 +113,17 @@ def test_equals_a_loop(target, method):
     labels = y if np.ndim(y) == 1 else ()
     expected = by_hand(REGRESSOR, X, y, whole_objects(OBJECTS, 3, labels), method)
     np.testing.assert_array_equal(predicted, expected)
+
+
+def test_objects_among_the_arguments_of_fit_stay_whole():
+    """Whether they are the model's or those of a step."""
+    expected = cross_val_predict_proba(REGRESSOR, X, COUNTS, groups=OBJECTS, cv=3)
+    for model, name in (
+        (REGRESSOR, "groups"),
+        (Pipeline([("model", REGRESSOR)]), "model__groups"),
+    ):
+        given = cross_val_predict_proba(model, X, COUNTS, cv=3, params={name: OBJECTS})
+        np.testing.assert_array_equal(given, expected)
 
 
 @pytest.mark.parametrize("of", ["counts", "labels"])

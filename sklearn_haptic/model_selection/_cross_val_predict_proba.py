@@ -24,7 +24,7 @@ from ..ensembles._out_of_fold import (
 from ..ratings._checks import check_rated, check_ratings
 from ..ratings._distributions import cdf
 from ..ratings._levels import in_named_order, levels_of_columns, names_levels
-from ..utils._folds import groups_for, make_splitter
+from ..utils._folds import groups_among, groups_for, make_splitter
 from ..utils._sklearn import (
     CrossValidator,
     HasMethods,
@@ -153,7 +153,7 @@ def cross_val_predict_proba(
            [0.5 , 0.5 , 0.  ]])
     """
     params = {} if params is None else params
-    groups = params.get("groups") if groups is None else groups
+    groups = groups_among(params) if groups is None else groups
     X, y = check_rated(X, y)
     groups = check_groups(groups, X, y)
     splitter = make_splitter(estimator, y, groups, cv)

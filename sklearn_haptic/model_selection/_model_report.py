@@ -33,7 +33,7 @@ from ..models._ordinal import DistributionMixin
 from ..ratings._checks import check_adjectives, check_rated
 from ..ratings._continuous import check_answers
 from ..ratings._levels import levels_set_in, names_levels
-from ..utils._folds import groups_for, make_splitter
+from ..utils._folds import groups_among, groups_for, make_splitter
 from ..utils._pipeline_steps import is_frozen, last_step
 from ..utils._report import Report
 from ..utils._row_order import check_orders
@@ -230,7 +230,7 @@ def model_report(
     if not targets:
         raise ValueError("y has no adjectives; give the ratings of one or more.")
     params = {} if params is None else params
-    groups = params.get("groups") if groups is None else groups
+    groups = groups_among(params) if groups is None else groups
     several = isinstance(y, Mapping)
     named = {f"y[{name!r}]" if several else "y": each for name, each in targets.items()}
     check_orders(X=X, **named, **params | {"groups": groups})

@@ -104,7 +104,7 @@ def levels_of_columns(table, levels, name):
     """
     labels = _column_labels(table)
     others = levels is not None and {*levels.tolist()} != {*labels}
-    if not labels or (others and _are_positions(table.columns)):
+    if not labels or (others and are_positions(table.columns)):
         return levels, None
     read = _read_numbers(labels)
     if len({*read}) < len(read):
@@ -260,8 +260,8 @@ def _column_labels(table):
     return [] if default or len(labels) == 1 else labels
 
 
-def _are_positions(columns):
-    """Whether labels are the default ones of pandas, from 0."""
+def are_positions(columns):
+    """Whether the columns of a table have the default labels of pandas, from 0."""
     return (
         getattr(columns, "name", "") is None
         and getattr(columns, "start", None) == 0

@@ -108,6 +108,14 @@ def make_splitter(estimator, y, groups=None, cv=None):
     return check_cv(cv, y, classifier=is_classifier(estimator))
 
 
+def groups_among(params):
+    """Return the groups among the arguments of a ``fit``, or of a step's; or None."""
+    for name, value in params.items():
+        if name.split("__")[-1] == "groups":
+            return value
+    return None
+
+
 def groups_for(estimator, groups):
     """Return the arguments that tell an estimator's ``fit`` the groups that it takes.
 
