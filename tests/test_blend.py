@@ -23,6 +23,7 @@ from sklearn_haptic import (
     RegressedDistribution,
 )
 from sklearn_haptic.ensembles._blend_weights import blend_exponent, blend_weights
+from sklearn_haptic.ensembles._out_of_fold import infer_objects
 from sklearn_haptic.metrics import neg_rps_scorer, ranked_probability_score
 from sklearn_haptic.model_selection import cross_val_predict_proba
 
@@ -273,6 +274,17 @@ def test_frequent_counts_keep_their_share_where_the_objects_are_not_told():
     blend = DistributionBlend(members()).fit(X, counts)
     mean = counts.mean(axis=0) / 12
     assert_allclose(blend.predict_proba(X).mean(axis=0), mean, atol=0.05)
+
+
+def test_an_object_that_was_touched_most_often_stays_whole():
+    """Unless so many people agree that other objects may have its counts."""
+    some = [[a, b, 12 - a - b, 0] for a in range(1, 5) for b in range(1, 6)]
+    others = np.repeat(some, 2, axis=0)
+    for n in (20, 21):
+        counts = np.vstack((others, np.tile([2, 5, 4, 1], (n, 1))))
+        expected = np.append(np.arange(20).repeat(2), np.full(n, 20))
+        assert_array_equal(infer_objects(counts), expected)
+    assert infer_objects(np.vstack((others, np.tile([12, 0, 0, 0], (21, 1))))) is None
 
 
 def test_ratings_of_each_touch_are_observations_of_their_own():

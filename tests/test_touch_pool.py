@@ -386,6 +386,20 @@ def test_a_row_without_anything_gets_the_mean_distribution():
     assert pool.weights([[]]) == {"a": 0, "b": 0, "marginal": 1}
 
 
+def test_a_touch_without_anything_changes_nothing():
+    X, counts, objects = made()
+    rng = np.random.default_rng(0)
+    some = rng.random(len(X)) < 0.6  # unequal numbers of touches
+    X, counts, objects = X[some], counts[some], objects[some]
+    X = X.mask(rng.random(X.shape) < 0.2)
+    pool = TouchPool(MEMBERS).fit(X, counts, groups=objects)
+    touch = X.dropna().iloc[:1]
+    nothing = touch.mask(np.ones(touch.shape, bool))
+    alone = pool.predict_proba(touch)[0]
+    with_empty = pool.predict_proba(pd.concat([nothing, touch, nothing]), groups="aaa")
+    assert_allclose(with_empty, [alone] * 3, atol=1e-12)
+
+
 def test_more_is_never_expected_to_be_worse():
     X, counts, objects = made()
     pool = TouchPool(MEMBERS).fit(X, counts, groups=objects)

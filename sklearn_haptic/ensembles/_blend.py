@@ -187,9 +187,9 @@ class DistributionBlend(
             the same. Members get it if their ``fit`` takes `sample_weight`.
         groups : array-like of shape (n_trials,), default=None
             The object of each trial; objects weigh the same. Without them, trials of
-            equal counts are taken to be of one object, or of several if they are many,
-            and trials weigh the same. If counts cannot tell objects, `fit` warns, and
-            takes each trial for an object.
+            equal counts are taken to be of one object, or of several if they are many
+            and most people agree, and trials weigh the same. If counts cannot tell
+            objects, `fit` warns, and takes each trial for an object.
 
         Returns
         -------

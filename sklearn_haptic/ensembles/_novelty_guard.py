@@ -358,9 +358,10 @@ class NoveltyGuard(
             Counts of ratings or labels, whatever the estimator takes.
         groups : array-like of shape (n_trials,), default=None
             The object, or the family of objects, of each touch. Without them,
-            touches of equal counts are of one object. If counts cannot tell objects,
-            `fit` warns, and takes each touch for another one. If `y` names the objects
-            themselves, give what divides their touches, such as runs.
+            touches of equal counts are of one object, or of several if they are
+            many and most people agree. If counts cannot tell objects, `fit` warns, and
+            takes each touch for another one. If `y` names the objects themselves, give
+            what divides their touches, such as runs.
 
         Returns
         -------

@@ -49,14 +49,15 @@ def infer_objects(y, weight=None):
     """Return the number of each trial's object, as far as counts tell; None if not.
 
     Trials of one object have the same counts of its ratings, so trials of equal counts
-    are taken to be of one object. Counts of more than a fifth of the trials, and of a
-    multiple of the median number of trials, are taken to be shared by several objects
-    of this size, whose trials stand together: else most objects would be held out at
-    once where people agree about most. Labels and counts of a single rating each tell
-    nothing. Nor do counts of which more than a tenth are of one trial alone, or more
-    than a fifth of them the same but no such multiple, or counts of so few people that
-    more than a third of all that there can be occur. Trials of weight 0 are objects of
-    their own.
+    are taken to be of one object. Only where most people agree may several objects
+    share their counts: else most objects would be held out at once where people agree
+    about most. So if more than a fifth of the trials, and twice the median number or
+    more, have one level chosen by three quarters of the people, they are taken to be of
+    several objects of the median number of trials, which stand together. Labels and
+    counts of a single rating each tell nothing. Nor do counts of which more than a
+    tenth are of one trial alone, shared counts of no multiple of the median number, or
+    counts of so few people that more than a third of all that there can be occur.
+    Trials of weight 0 are objects of their own.
 
     Examples
     --------
@@ -83,14 +84,15 @@ def infer_objects(y, weight=None):
     same = number_objects([row.tobytes() for row in counts], len(counts))
     size = np.bincount(same)
     usual = np.median(size)
-    large = (size > len(counts) / 5) & (size >= 2 * usual)
+    agreed = shares(counts).max(axis=1)[np.unique(same, return_index=True)[1]] >= 0.75
+    shared = agreed & (size > len(counts) / 5) & (size >= 2 * usual)
     if (
         np.sum(size == 1) > len(counts) / 10
         or len(size) > _n_possible(counts) / 3
-        or (size[large] % usual).any()
+        or (size[shared] % usual).any()
     ):
         return None
-    sharing = np.where(large, size // usual, 1).astype(np.intp)
+    sharing = np.where(shared, size // usual, 1).astype(np.intp)
     place = pd.Series(same).groupby(same).cumcount().to_numpy()
     part = place * sharing[same] // size[same]
     objects = -1 - np.arange(len(y))

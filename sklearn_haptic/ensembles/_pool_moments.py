@@ -92,9 +92,11 @@ def pairs_of(there):
     Returns
     -------
     pairs : ndarray of shape (n_members + 1, n_members + 1)
-        The numbers of touches of the members are on the diagonal.
+        The numbers of touches of the members are on the diagonal. Touches without any
+        member do not count, unless there are no others.
     """
-    there = np.column_stack((there, np.ones(len(there))))
+    felt = np.any(there, axis=1)
+    there = np.column_stack((there, felt | ~felt.any())).astype(np.float64)
     return there.T @ there
 
 

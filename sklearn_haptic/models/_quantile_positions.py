@@ -212,13 +212,14 @@ def decide(proba, rule):
 def is_smooth(predict, X, among=None):
     """Whether few nodes give about the same mixture of trials as many cells do.
 
-    It asks halfway between evenly spaced trials, or those `among` them, because trees
-    may know the trials by heart, and where few cells differ most from the nodes.
+    It asks about evenly spaced trials, or those `among` them, and halfway between them,
+    because trees may know the trials by heart; in full, where few cells differ most
+    from the nodes.
     """
     among = np.arange(len(X)) if among is None else among
     spaced = np.unique(np.linspace(0, len(among) - 1, _SMOOTH_AMONG).astype(np.intp))
-    some = X[among[spaced]] / 2
-    some += np.roll(some, 1, axis=0)
+    some = X[among[spaced]]
+    some = np.concatenate((some, some / 2 + np.roll(some, 1, axis=0) / 2))
     few, _ = _average(predict, some, *population_quadrature(_MIXTURE_NODES))
     cells, _ = _average(predict, some, *population_cells(_SMOOTH_CELLS))
     unlike = np.abs(np.cumsum(few - cells, axis=-1)).reshape(len(few), -1).max(axis=1)

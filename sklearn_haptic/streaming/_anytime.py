@@ -207,9 +207,10 @@ class AnytimeRegressor(
         groups : array-like of shape (n_trials,), default=None
             The object of each touch, so that predictions out of fold are for objects
             never touched, and for a last step that requests groups. Without them,
-            touches of equal counts are of one object. If counts cannot tell objects,
-            `fit` warns, and takes each touch for another one. If `y` names the objects
-            themselves, give what divides their touches, such as runs.
+            touches of equal counts are of one object, or of several if they are
+            many and most people agree. If counts cannot tell objects, `fit` warns, and
+            takes each touch for another one. If `y` names the objects themselves, give
+            what divides their touches, such as runs.
 
         Returns
         -------
