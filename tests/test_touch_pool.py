@@ -396,7 +396,9 @@ def test_a_touch_without_anything_changes_nothing():
     touch = X.dropna().iloc[:1]
     nothing = touch.mask(np.ones(touch.shape, bool))
     alone = pool.predict_proba(touch)[0]
-    with_empty = pool.predict_proba(pd.concat([nothing, touch, nothing]), groups="aaa")
+    with_empty = pool.predict_proba(
+        pd.concat([nothing, touch, nothing]), groups=[*"aaa"]
+    )
     assert_allclose(with_empty, [alone] * 3, atol=1e-12)
 
 
