@@ -233,7 +233,7 @@ def model_report(
     groups = groups_among(params) if groups is None else groups
     several = isinstance(y, Mapping)
     named = {f"y[{name!r}]" if several else "y": each for name, each in targets.items()}
-    check_orders(X=X, **named, **params | {"groups": groups})
+    check_orders(X=X, **named, **{**params, "groups": groups})
     X, *ratings = check_rated(X, *targets.values())
     groups = check_groups(groups, X)
     targets, kind = _checked(model, dict(zip(targets, ratings)))
