@@ -414,7 +414,9 @@ CROSS_VALIDATION = direct(model_selection.cross_val_predict_proba,
     estimator=DummyDistribution(), X=X, y=COUNTS)
 ask(CROSS_VALIDATION,
     check("a model of sliders", estimator=ContinuousRatingsRegressor(), y=X[:, 0],
-        says="^ContinuousRatingsRegressor has no predict_proba, from which"))
+        says="^ContinuousRatingsRegressor has no predict_proba, from which"),
+    check("a method of another model", estimator=Ridge(), method="predict_quantile",
+        says="^Ridge has no predict_quantile; set another method, or give a model of"))
 MODEL_REPORT = direct(model_selection.model_report,
     model=DummyDistribution(), X=X, y=COUNTS)
 ask(MODEL_REPORT,
@@ -816,6 +818,9 @@ ask(direct(metrics.neg_rps_scorer, metrics.neg_macro_mae_scorer, X=X, y=COUNTS),
         says=r"^y_true has the rating 9 in trial 0, .* levels=\[1, 2, 3\]; add it"),
     check("features of another number", estimator=fitted("NNPOM"), X=X[:, :3],
         says="3 features, but NNPOM is expecting 4"),
+    check("a model of sliders",
+        estimator=ContinuousRatingsRegressor(DummyDistribution()).fit(X, X[:, 0]),
+        says="^ContinuousRatingsRegressor predicts no levels .* or score sliders by c"),
     check("counts of other adjectives", estimator=NNPOM(1, 10).fit(X, TWO),
         says=r"^y has shape \(12, 3\), but \(12, 2, 3\) is predicted; give counts"))
 ask(direct(ratings.rating_counts),

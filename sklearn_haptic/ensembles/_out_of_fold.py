@@ -423,6 +423,11 @@ def predict_fold(model, X_test, method=None, name=None):
         return model.predict(X_test), None
     if method == "predict_quantile":
         last, X_test = last_step(model, X_test)
+        if not hasattr(last, "predict_quantile"):
+            raise ValueError(
+                f"{_who(model, name)} has no predict_quantile; set another method, or "
+                "give a model of this package."
+            )
         return last.predict_quantile(X_test, POSITIONS), None
     who, n_trials = _who(model, name), _num_samples(X_test)
     if not hasattr(model, "predict_proba"):
@@ -437,7 +442,8 @@ def predict_fold(model, X_test, method=None, name=None):
     if not hasattr(model, "classes_"):
         raise ValueError(
             f"{who} has no classes_, which say what the columns of its predictions "
-            "are; set them in fit, lowest level first."
+            "are; set them in fit, lowest level first, or for sliders "
+            "method='predict_quantile'."
         )
     shape = np.shape(proba)
     if shape[:1] + shape[-1:] != (n_trials, len(model.classes_)):

@@ -165,9 +165,14 @@ def predict_in_named_order(estimator, X, ratings):
     Ratings are those of `in_named_order`, or counts, whose columns name the order if
     the model knows none. A UserWarning says that nothing tells the order of words,
     neither the ratings nor a model of levels. Ratings with the row labels of `X` in
-    another order are refused.
+    another order are refused, and so are models without levels.
     """
     check_order(X, ratings)
+    if not (hasattr(estimator, "predict_proba") and hasattr(estimator, "classes_")):
+        raise ValueError(
+            f"{type(estimator).__name__} predicts no levels (predict_proba, classes_); "
+            "give a classifier, or score sliders by crps."
+        )
     proba, levels = estimator.predict_proba(X), estimator.classes_
     as_distributions(proba, type(estimator).__name__)
     named = None
