@@ -168,13 +168,15 @@ def predict_in_named_order(estimator, X, ratings):
     another order are refused, and so are models without levels.
     """
     check_order(X, ratings)
-    if not (hasattr(estimator, "predict_proba") and hasattr(estimator, "classes_")):
+    name, predict = type(estimator).__name__, getattr(estimator, "predict_proba", None)
+    proba = predict and predict(X)
+    if proba is None or not hasattr(estimator, "classes_"):
         raise ValueError(
-            f"{type(estimator).__name__} predicts no levels (predict_proba, classes_); "
-            "give a classifier, or score sliders by crps."
+            f"{name} predicts no levels (predict_proba, classes_); give a classifier, "
+            "or score sliders by crps."
         )
-    proba, levels = estimator.predict_proba(X), estimator.classes_
-    as_distributions(proba, type(estimator).__name__)
+    levels = estimator.classes_
+    as_distributions(proba, name)
     named = None
     if not knows_order(estimator):
         if np.ndim(ratings) == 2:
