@@ -330,6 +330,20 @@ def test_the_test_is_scipys_on_objects(scores):
             assert summary.loc[sensor, "p_objects"] == pytest.approx(p)
 
 
+@pytest.mark.parametrize("better", [4, 5, 6])
+def test_objects_that_do_not_differ_are_not_counted(better):
+    """Of all signs of the others, one has as high a sum of ranks: p is exact."""
+    frame = pd.DataFrame({"object": np.arange(16), "trial": np.arange(16), "fold": 0})
+    gain = np.r_[np.arange(better) + 1.0, np.zeros(16 - better)]
+    table = pd.concat(
+        frame.assign(held_out=model, start=start, emd=1 + gain * (model == "pac"))
+        for model in ("none", "pac")
+        for start in range(2)
+    )
+    summary = contribution_summary(table, metric="emd")
+    np.testing.assert_allclose(summary["p_objects"], 2.0**-better)
+
+
 def test_equal_models_are_no_evidence():
     table = hand_made_table().assign(emd=0.3)
     summary = contribution_summary(table, metric="emd")
