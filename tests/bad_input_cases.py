@@ -790,7 +790,7 @@ ask({"resample_trials": lambda **bad: call(resample_trials,
         says=r"^times\[0\] has shape .*, but trial 0 has 2 time samples; give one"),
     check("masked stamps", times=[np.ma.masked_array([0.0, 0.1], [0, 1])],
         says=r"^times\[0\] has masked values, which are no data; fill or remove"),
-    check("periods", times=[pd.period_range("2026", periods=2)],
+    check("periods", times=[pd.period_range("2026", periods=2).to_series()],
         says=r"^times\[0\] is not an array of numbers \(it holds text or dates\)"),
     check("no index of time", times=None, says="^Trial 0 has no index of time"),
     check("no such column", times="when", says="^Trial 0 has no column 'when' of"))

@@ -382,7 +382,7 @@ def test_by_threshold_of_adjectives_of_different_levels(scores):
     few = scores.assign(adjective="dry", rps_3=np.nan, rps_4=np.nan)
     both = pd.concat([scores.assign(adjective="hard"), few])
     by = ["adjective", "threshold"]
-    summary = contribution_summary(both, by=by).set_index(by)
+    summary = contribution_summary(both, by=by).set_index(by).sort_index()
     assert {*summary.index} == {
         *(("hard", k) for k in (1, 2, 3, 4)),
         *(("dry", k) for k in (1, 2)),
