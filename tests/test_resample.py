@@ -368,7 +368,7 @@ def test_stamps_that_contradict_the_rate_of_a_stream_are_refused():
         right = frames[0].set_axis(np.arange(200) / 100)
         touch.reset()
         for i in range(0, 60, n):
-            touch.update({"q": right[:60].iloc[i : i + n]})
+            touch.update({"q": right.iloc[:60].iloc[i : i + n]})
         assert_array_equal(
             touch.predict_proba(),
             model.predict_proba(pd.DataFrame({"q": [trials[0][:60]]}))[0],

@@ -246,6 +246,7 @@ def test_sensors_compared_by_hand(kfold):
     for (adjective, sensor), row in comparison.iterrows():
         single, combined = (
             kfold.networks.set_index(["adjective", "network"])
+            .sort_index()
             .loc[(adjective, name)]
             .groupby("object")["macro_mae"]
             .mean()

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
+from scipy.sparse import issparse
 from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
@@ -264,7 +265,9 @@ def as_given(trial, cell, shape, names):
 
 def _all_missing(X):
     """Whether every entry of a collection is None, NaN or NA; a table has rows."""
-    return hasattr(X, "__len__") and len(X) > 0 and all(map(is_missing, X))
+    if issparse(X) or not hasattr(X, "__len__"):
+        return False
+    return len(X) > 0 and all(map(is_missing, X))
 
 
 def lengths_of(cells):
