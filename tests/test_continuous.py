@@ -179,6 +179,18 @@ def test_predictions_are_those_of_the_levels_of_the_grid():
     assert_array_equal(model.predict_cdf(X, 37.5), at[:, 2])
 
 
+@pytest.mark.parametrize("rare", [[100], [90, 100], [10, 60, 90, 100]])
+def test_rare_answers_widen_no_cell_of_frequent_ones(rare):
+    """On a slider that snaps to tens: the mean, and the CDF halfway, are kept."""
+    y = np.r_[np.repeat([0.0, 20, 40, 80], [10, 30, 70, 140]), rare]
+    model = ContinuousRatingsRegressor(DummyDistribution())
+    model.fit(np.zeros((len(y), 1)), y)
+    assert model.predict([[0]])[0] == pytest.approx(y.mean(), abs=0.3)
+    halfway = np.arange(5, 80, 10.0)
+    expected = (y[:, np.newaxis] <= halfway).mean(axis=0)
+    assert_allclose(model.predict_cdf([[0]], halfway)[0], expected, atol=0.005)
+
+
 @pytest.mark.parametrize("n_low", range(2, 8))
 def test_a_quantile_between_heaps_is_the_top_of_the_lower_one(n_low):
     """Where just so many people are below, whatever their shares add up to."""

@@ -345,6 +345,21 @@ def test_objects_that_do_not_differ_are_not_counted(better):
     np.testing.assert_allclose(summary["p_objects"], 2.0**-better)
 
 
+def test_categories_without_rows_are_no_objects():
+    """As filtering leaves them."""
+    one = hand_made_table()
+    table = pd.concat(
+        one.assign(procedure=name, object=one["object"] + name)
+        for name in ("hold", "squeeze")
+    )
+    held = table["procedure"] == "hold"
+    categories = table.astype({"object": "category", "procedure": "category"})
+    for by in (None, "procedure"):
+        expected = contribution_summary(table[held], metric="emd", by=by)
+        summary = contribution_summary(categories[held], metric="emd", by=by)
+        pd.testing.assert_frame_equal(summary, expected, check_dtype=False)
+
+
 def test_equal_models_are_no_evidence():
     table = hand_made_table().assign(emd=0.3)
     summary = contribution_summary(table, metric="emd")

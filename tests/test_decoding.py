@@ -75,6 +75,26 @@ def test_crossings_of_a_network_where_people_are_of_two_minds():
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
+@pytest.mark.parametrize("seed", range(5))
+def test_a_network_where_people_are_of_two_minds_is_decoded_at_new_trials(seed):
+    """It may jump at the trials, and be smooth halfway between two of them."""
+    rng = np.random.default_rng(seed)
+    X, new = rng.normal(size=(40, 3)), rng.normal(size=(30, 3))
+    cuts = np.linspace(-2.5, 2.5, 10)[1:-1]
+    below = 1 / (1 + np.exp(-3 * (cuts - (X @ [1, -0.7, 0.4])[:, np.newaxis])))
+    shares = np.diff(below, prepend=0, append=1)
+    shares = (shares + shares[:, ::-1]) / 2  # half of the people turn the scale round
+    counts = np.array([rng.multinomial(12, each) for each in shares])
+    network = NNPOM(5, alpha=0.01, random_state=seed)
+    model = DistributionalOrdinalRegressor(network, levels=range(9)).fit(X, counts)
+    found = model.predict_cdf(new)[:, :-1]
+    for x, cdf in zip(new, found):
+        exact = cdf_of_many_rows(model.estimator_, x, 9, "mixture")
+        np.testing.assert_allclose(cdf, exact, atol=0.005)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda e: type(e).__name__)
 def test_any_estimator_is_decoded_within_half_a_percent(estimator):
     X, counts = touches()

@@ -311,7 +311,9 @@ def test_rows_whose_labels_are_of_different_objects():
     """Those at the same place may be the same."""
     X, y = counts_by_name()
     y = y.loc[X.index].rename({"cup_3": "pot", "cup_7": "lid"})
-    assert DummyDistribution().fit(X, y).score(X, y) < 0
+    proba = DistributionalOrdinalRegressor().fit(X, y).predict_proba(X)
+    same = DistributionalOrdinalRegressor().fit(X, y.to_numpy()).predict_proba(X)
+    np.testing.assert_array_equal(proba, same)
 
 
 def test_rows_in_the_order_of_touches_or_without_names():
@@ -355,6 +357,16 @@ def test_groups_in_another_order_than_ratings_where_features_have_no_labels(use)
         use(DistributionalOrdinalRegressor(), X.to_numpy(), y, groups=groups)
 
 
+def test_reports_compare_all_that_they_are_given_where_features_have_no_labels():
+    X, y = counts_by_name()
+    X, given = X.to_numpy(), pd.Series(range(1, 13), y.index[::-1])
+    weights, adjectives = {"sample_weight": given}, {"a": y.to_numpy(), "b": y}
+    with pytest.raises(ValueError, match="^sample_weight " + REORDERED.format("y")):
+        model_report(SLIDERS, X, y, groups=range(12), params=weights)
+    with pytest.raises(ValueError, match="^groups " + REORDERED.format(r"y\['b'\]")):
+        model_report(DummyDistribution(), X, adjectives, groups=given)
+
+
 @pytest.mark.parametrize("name", ["groups", "sample_weight"])
 @pytest.mark.parametrize(
     "model",
@@ -394,13 +406,6 @@ def test_what_is_given_of_named_touches_in_another_order(model, name):
             .fit(X, y, groups=range(12))
             .score(X, y, given)
         ),
-        lambda X, y, given: model_report(
-            SLIDERS,
-            X,
-            y.to_numpy(),
-            groups=range(12),
-            params={"sample_weight": given},
-        ),
         lambda X, y, given: ReliabilityDisplay.from_estimator(
             DummyDistribution().fit(X, y), X, y.to_numpy(), groups=given
         ),
@@ -413,7 +418,6 @@ def test_what_is_given_of_named_touches_in_another_order(model, name):
         "scorer",
         "params",
         "score of a pipeline of sliders",
-        "report of sliders",
         "display",
     ],
 )

@@ -555,8 +555,8 @@ class ConformalRatings(
             higher is better.
         """
         check_is_fitted(self)
-        check_orders(X=X, y=y, sample_weight=sample_weight)
         if self._sliders:
+            check_orders(X=X, y=y, sample_weight=sample_weight)
             last, X = last_step(self.estimator_, X)
             return last.score(X, y, sample_weight)
         return super().score(X, y, sample_weight)

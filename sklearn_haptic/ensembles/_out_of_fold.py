@@ -49,15 +49,15 @@ def infer_objects(y, weight=None):
     """Return the number of each trial's object, as far as counts tell; None if not.
 
     Trials of one object have the same counts of its ratings, so trials of equal counts
-    are taken to be of one object. Only where most people agree may several objects
-    share their counts: else most objects would be held out at once where people agree
-    about most. So if more than a fifth of the trials, and twice the median number or
-    more, have one level chosen by three quarters of the people, they are taken to be of
-    several objects of the median number of trials, which stand together. Labels and
-    counts of a single rating each tell nothing. Nor do counts of which more than a
-    tenth are of one trial alone, shared counts of no multiple of the median number, or
-    counts of so few people that more than a third of all that there can be occur.
-    Trials of weight 0 are objects of their own.
+    are taken to be of one object. Several objects may share their counts where people
+    agree: if three quarters chose one level, and more than a fifth of the trials and
+    twice the median number have these counts, they are divided, in their order, into
+    objects of the median number of trials. Else most objects would be held out at once
+    where people agree about most. Trials of weight 0 are objects of their own.
+
+    These tell no objects: labels; counts of a single rating each; counts of which more
+    than a tenth are of one trial alone; counts of so few people that more than a third
+    of all possible ones occur; and counts shared by no multiple of the median number.
 
     Examples
     --------

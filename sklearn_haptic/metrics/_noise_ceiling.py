@@ -87,14 +87,13 @@ def noise_ceiling(
     F_{N,k})` estimates the first without bias, as half the mean absolute difference
     of two people's ratings does for the CRPS. The log score of the population is its
     entropy. The estimate, by coverage [1]_, is rough where people are few: for objects
-    on which people differ it was within 16% from three people on and within 7% from
-    eight on, but up to 40% too low with two people, and with up to eight where nearly
-    all of the population choose one level; of 15 levels 46% with two people and 19%
-    with three. The mean of N ratings scatters about that of
-    the population with 1/N of the variance, and that of others about it with twice as
-    much.
-    The absolute error is that of a normal distribution, within 10% for bell-shaped
-    ratings of six people or more, and up to half too low where nearly all agree.
+    on which people differ it was within 19% from three people on and within 7% from
+    eight on, but up to 46% too low with two people, and up to 40% with up to eight
+    where nearly all of the population choose one level. The mean of N ratings scatters
+    about that of the population with 1/N of the variance, and that of others about it
+    with twice as much. The absolute error is that of a normal distribution, within 10%
+    for bell-shaped ratings of six people or more, and up to half too low where nearly
+    all agree.
 
     References
     ----------

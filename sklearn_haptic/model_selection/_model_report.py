@@ -158,12 +158,13 @@ def model_report(
             :func:`~sklearn_haptic.metrics.noise_ceiling`, NaN where a trial has fewer
             than two ratings; the ``rps`` of the model; ``rps_guess``, the lower one of
             the two baselines; their difference ``gain``, positive if the model is
-            better, with its ``standard_error``, paired over objects, too small where
-            one object has most trials, and the ends ``lower`` and ``upper`` of its 95%
-            interval by Student's t, which allow for that; ``verdict``, "better" or
-            "worse" if the interval has only positive or only negative values, else "not
-            shown". Of classes the gain is that of ``accuracy`` over
-            ``accuracy_guess``, and of sliders that of ``crps``.
+            better, with its ``standard_error``, paired over objects, and the ends
+            ``lower`` and ``upper`` of its 95% interval by Student's t; ``verdict``,
+            "better" or "worse" if the interval has only positive or only negative
+            values, else "not shown". Where one object has most trials, the standard
+            error is too small, but the interval allows for it. Of classes the gain is
+            that of ``accuracy`` over ``accuracy_guess``, and of sliders that of
+            ``crps``.
         confusions : dict of str to DataFrame, or None
             How many trials of each class (row) were taken for each (column).
         seconds_to_learn : float

@@ -71,10 +71,10 @@ def training_observations(counts, n_duplicates, sampling, random_state):
 def _level_nodes(counts, n_duplicates):
     """Return Gauss–Legendre nodes in the interval of positions of each level.
 
-    A trial has about `n_duplicates` nodes if all its levels are chosen, or each person
-    chooses another one. The levels of few people begin and end at the same positions on
-    all objects, and hidden units learn at will what lies between the nodes there: with
-    three nodes for each level, RPS was up to 4% worse for two or three people. Rows are
+    Each level that somebody chose has as many: `n_duplicates` divided by the number of
+    levels, or of people if these are fewer. With few people, levels begin at the same
+    positions on all objects, and hidden units learn at will what lies between the nodes
+    there: of two or three people, RPS was up to 4% worse with three nodes. Rows are
     filled up with observations of no weight.
     """
     n_trials, n_levels = counts.shape

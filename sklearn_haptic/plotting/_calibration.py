@@ -73,7 +73,7 @@ class _CalibrationDisplay(Display):
         ValueError
             If ``y`` does not fit the estimator's levels, or ``groups`` the trials.
         """
-        check_orders(X=X, y=y, groups=groups)
+        check_orders(X=X, groups=groups)
         proba, levels = predict_in_named_order(estimator, X, y)
         return cls.from_predictions(
             y, proba, n_bins=n_bins, groups=groups, levels=levels, ax=ax

@@ -22,7 +22,7 @@ from ..utils._validation import (
 )
 from ._distributions import shares
 from ._levels import (
-    are_positions,
+    has_default_columns,
     in_order_of_levels,
     levels_of_columns,
     levels_of_ratings,
@@ -163,8 +163,8 @@ def check_distributions(y_true, y_proba, levels):
     ``y_proba`` is no distribution or the shapes differ.
     """
     check_order(y_true, y_proba, "y_proba", "y_true")
-    named = names_levels(y_true) or are_positions(getattr(y_proba, "columns", None))
-    if levels is None and not named:  # the predictions may name them
+    if levels is None and not (names_levels(y_true) or has_default_columns(y_proba)):
+        # The predictions may name them.
         levels, _ = levels_of_columns(y_proba, None, "y_proba")
     counts, levels = check_ratings(y_true, levels, name="y_true")
     _, columns = levels_of_columns(y_proba, levels, "y_proba")

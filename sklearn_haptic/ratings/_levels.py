@@ -104,7 +104,7 @@ def levels_of_columns(table, levels, name):
     """
     labels = _column_labels(table)
     others = levels is not None and {*levels.tolist()} != {*labels}
-    if not labels or (others and are_positions(table.columns)):
+    if not labels or (others and has_default_columns(table)):
         return levels, None
     read = _read_numbers(labels)
     if len({*read}) < len(read):
@@ -168,15 +168,16 @@ def predict_in_named_order(estimator, X, ratings):
     another order are refused, and so are models without levels.
     """
     check_order(X, ratings)
-    name, predict = type(estimator).__name__, getattr(estimator, "predict_proba", None)
-    proba = predict and predict(X)
+    name, proba = type(estimator).__name__, None
+    if hasattr(estimator, "predict_proba"):
+        proba = estimator.predict_proba(X)
     if proba is None or not hasattr(estimator, "classes_"):
         raise ValueError(
             f"{name} predicts no levels (predict_proba, classes_); give a classifier, "
             "or score sliders by crps."
         )
-    levels = estimator.classes_
     as_distributions(proba, name)
+    levels = estimator.classes_
     named = None
     if not knows_order(estimator):
         if np.ndim(ratings) == 2:
@@ -267,8 +268,9 @@ def _column_labels(table):
     return [] if default or len(labels) == 1 else labels
 
 
-def are_positions(columns):
-    """Whether the columns of a table have the default labels of pandas, from 0."""
+def has_default_columns(table):
+    """Whether columns have the default labels of pandas, their places from 0."""
+    columns = getattr(table, "columns", None)
     return (
         getattr(columns, "name", "") is None
         and getattr(columns, "start", None) == 0

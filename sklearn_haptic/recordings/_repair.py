@@ -265,9 +265,8 @@ def as_given(trial, cell, shape, names):
 
 def _all_missing(X):
     """Whether every entry of a collection is None, NaN or NA; a table has rows."""
-    if issparse(X) or not hasattr(X, "__len__"):
-        return False
-    return len(X) > 0 and all(map(is_missing, X))
+    sized = hasattr(X, "__len__") and not issparse(X)
+    return sized and len(X) > 0 and all(map(is_missing, X))
 
 
 def lengths_of(cells):
