@@ -174,10 +174,11 @@ def cdf_at(estimator, x, positions, n_levels):
     rows = at_positions(x[None], positions)
     if hasattr(estimator, "predict_proba"):
         return np.cumsum(estimator.predict_proba(rows), axis=1)
-    level = estimator.predict(rows)
-    if is_regressor(estimator):
-        level = np.clip(np.rint(level), 0, n_levels - 1)
-    return (level[:, None] <= np.arange(n_levels)).astype(float)
+    level = estimator.predict(rows)[:, None]
+    if is_regressor(estimator):  # halfway between two levels, half of each
+        level = np.clip(level, 0, n_levels - 1)
+        level = np.hstack((np.ceil(level - 0.5), np.floor(level + 0.5)))
+    return (level[:, :, None] <= np.arange(n_levels)).mean(axis=1)
 
 
 def decoding(quick):
