@@ -160,10 +160,10 @@ class DistributionalOrdinalRegressor(
     The population is swept on 20 quadrature nodes where these suffice, as they do for
     an `NNPOM` or a logistic regression; `fit` tests this on some of its trials. The
     predictions of trees, and of any regressor, whose ratings are rounded (halfway ones
-    to both levels alike), jump as p grows. They are averaged over 384 positions, and over 1024 or more for trials whose
-    jumps need them, so that the CDF is off by less than 0.005
-    (`benchmarks/networks.py`); of single small trees, it was off by up to 0.014 for a
-    few trials.
+    to both levels alike), jump as p grows. They are averaged over 384 positions, and
+    over 1024 or more for trials whose jumps need them, so that the CDF is off by less
+    than 0.005 (`benchmarks/networks.py`); of single small trees, it was off by up to
+    0.014 for a few trials.
 
     References
     ----------
