@@ -34,6 +34,7 @@ from sklearn.feature_selection import (
 )
 from sklearn.frozen import FrozenEstimator
 from sklearn.inspection import permutation_importance
+from sklearn.metrics import get_scorer
 from sklearn.model_selection import (
     GridSearchCV,
     GroupKFold,
@@ -444,3 +445,15 @@ def test_single_answers_in_words_out_of_fold():
     right = cross_val_predict_proba(model, X, answers, cv=cv)
     expected = cross_val_predict_proba(model, X, level, cv=cv)
     np.testing.assert_array_equal(right, expected)
+
+
+@pytest.mark.parametrize("name", ["neg_log_loss", "roc_auc_ovr", "top_k_accuracy"])
+def test_scorers_by_name_take_words_by_the_alphabet(name):
+    words, X, level, answers = words_and_levels()
+    model = DistributionalOrdinalRegressor(levels=words).fit(X, answers)
+    numbered = DistributionalOrdinalRegressor().fit(X, level)
+    score = get_scorer(name)
+    assert score(model, X, np.asarray(answers)) < score(numbered, X, level) - 0.1
+    np.testing.assert_allclose(
+        neg_rps_scorer(model, X, answers), neg_rps_scorer(numbered, X, level)
+    )
