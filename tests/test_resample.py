@@ -257,6 +257,15 @@ def test_nanoseconds_since_1970_are_not_rounded(kind):
     assert_allclose(found[:, 0], trial, atol=1e-9)
 
 
+@pytest.mark.parametrize("kind", ["int16", "int32", "Int16"])
+def test_differences_of_short_integers_do_not_overflow(kind):
+    """From -30 to 30 seconds: their difference is more than an int16 can hold."""
+    stamps = pd.Series(np.arange(-30_000, 30_001, 1000), dtype=kind)
+    trial = np.arange(61.0)
+    found = resample_trials([trial], [stamps], 1, unit="ms")[0]
+    assert_allclose(found[:, 0], trial, atol=1e-9)
+
+
 @pytest.mark.parametrize("wrong", [1e12, 1e300])
 def test_one_wrong_stamp_is_refused(wrong):
     times = np.arange(50) / 100

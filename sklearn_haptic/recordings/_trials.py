@@ -271,6 +271,8 @@ def seconds_of(stamps, name, unit="s"):
         index = pd.Index(index).infer_objects()
     if isinstance(index, pd.DatetimeIndex) or index.dtype.kind == "M":
         index = pd.DatetimeIndex(index)
+    if index.dtype.kind in "iu":
+        index = index.astype(f"{index.dtype.kind}8")  # differences of int16 overflow
     if index.dtype.kind in "Miu" and index.size:
         index = index - index.min()
     if index.dtype.kind == "m":
