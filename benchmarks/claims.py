@@ -25,11 +25,17 @@ from sklearn.neighbors import KNeighborsClassifier
 
 from sklearn_haptic import (
     DistributionalOrdinalRegressor,
+    DummyDistribution,
     SensorFusionNNPOM,
     make_haptic_pipeline,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.metrics import log_score, noise_ceiling, ranked_probability_score
+from sklearn_haptic.metrics import (
+    log_score,
+    neg_rps_scorer,
+    noise_ceiling,
+    ranked_probability_score,
+)
 from sklearn_haptic.model_selection import (
     contribution_summary,
     model_report,
@@ -37,6 +43,8 @@ from sklearn_haptic.model_selection import (
 )
 from sklearn_haptic.model_selection._model_report import gain_over_objects
 from sklearn_haptic.ratings import outlying_raters
+
+CUTS = -1.2, -0.4, 0.4, 1.2  # between five levels of what is felt
 
 
 def interval(n_repeats):
@@ -58,6 +66,35 @@ def interval(n_repeats):
                 held[unequal, each] = found["lower"] < truth < found["upper"]
             shown = [plus_minus(each, 3, sign="") for each in held]
             row(n_objects, name, *shown)
+
+    title = "Coverage where folds share training objects, and what is above and below"
+    head("objects", "touches", "held", "above", "below", title=title)
+    model = DistributionalOrdinalRegressor()
+    X_new, y_new, _ = felt_objects(rng, 3000, 3, 4)
+    for n_objects, (low, high) in product((12, 20, 40), ((3, 4), (1, 9))):
+        sides = []
+        for _ in range(n_repeats):
+            X, y, objects = felt_objects(rng, n_objects, low, high)
+            found = model_report(model, X, y, groups=objects).gains.iloc[0]
+            models = model, DummyDistribution()
+            gain = np.subtract(
+                *(neg_rps_scorer(m.fit(X, y), X_new, y_new) for m in models)
+            )
+            sides.append((gain > found["upper"], gain < found["lower"]))
+        above, below = np.transpose(sides)
+        shown = [plus_minus(a, 3, sign="") for a in (~(above | below), above, below)]
+        row(n_objects, f"{low} to {high - 1}", *shown)
+
+
+def felt_objects(rng, n_objects, low, high):
+    """Noisy touches, counts of what fifteen people felt, and the objects."""
+    felt = rng.normal(size=n_objects)
+    objects = np.repeat(np.arange(n_objects), rng.integers(low, high, n_objects))
+    X = rng.normal(size=(len(objects), 4))
+    X[:, 0] = felt[objects] + 0.6 * X[:, 0]
+    levels = np.digitize(felt[:, None] + 0.6 * rng.normal(size=(n_objects, 15)), CUTS)
+    counts = np.stack([(levels == k).sum(axis=1) for k in range(5)], axis=1)
+    return X, counts[objects], objects
 
 
 def ceiling(n_repeats):

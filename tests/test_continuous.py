@@ -25,6 +25,7 @@ from sklearn_haptic.metrics import (
     noise_ceiling,
     ranked_probability_score,
 )
+from sklearn_haptic.models._continuous import make_grid
 from sklearn_haptic.ratings._continuous import check_answers
 
 
@@ -191,6 +192,28 @@ def test_rare_answers_widen_no_cell_of_frequent_ones(rare):
     assert_allclose(model.predict_cdf([[0]], halfway)[0], expected, atol=0.005)
 
 
+@pytest.mark.parametrize("at_end", [3, 4, 5, 20])
+def test_the_share_of_people_at_an_end_is_kept(at_end):
+    """However few of all they are, on the scale as it is and turned round."""
+    rng = np.random.default_rng(0)
+    y = np.append(np.zeros(at_end), rng.integers(1, 100, 180 - at_end))
+    for answers, halfway in (y, 0.5), (100 - y, 99.5):
+        model = ContinuousRatingsRegressor(DummyDistribution())
+        model.fit(np.zeros((len(y), 1)), answers)
+        found = model.predict_cdf([[0]], halfway)[0]
+        at_lowest = found if halfway < 50 else 1 - found
+        assert at_lowest == pytest.approx(at_end / 180, rel=0.07)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_grid_of_a_scale_turned_round_is_turned_round(seed):
+    """Also where two gaps are equally near to a quantile."""
+    y = np.random.default_rng(seed).binomial(100, 0.5, size=(60, 3)).astype(float)
+    grid = make_grid(y, np.ones(60), 30)
+    turned = make_grid(100 - y, np.ones(60), 30)
+    assert_allclose(100 - turned[::-1], grid, atol=1e-12)
+
+
 @pytest.mark.parametrize("n_low", range(2, 8))
 def test_a_quantile_between_heaps_is_the_top_of_the_lower_one(n_low):
     """Where just so many people are below, whatever their shares add up to."""
@@ -218,10 +241,11 @@ def test_grid_of_quantiles_holds_equally_many_and_gives_heaps_a_cell():
     y = np.r_[np.zeros(50), np.arange(1, 51)]
     model = ContinuousRatingsRegressor(n_cells=10).fit(np.zeros((100, 1)), y)
     halved = (1 / 51 + 10.5) / 2  # as wider than a fifth of the range
-    assert_allclose(model.grid_, [0, 1 / 51, halved, 10.5, 20.5, 30.5, 40.5, 50])
+    inner = [1 / 51, halved, 10.5, 20.5, 30.5, 40.5, 49.5]
+    assert_allclose(model.grid_, [0, *inner, 50])
     y = [[0, 10], [20, np.nan], [30, np.nan]]  # the answers of a trial share its weight
     uneven = ContinuousRatingsRegressor(n_cells=3).fit(np.eye(3), y)
-    assert_allclose(uneven.grid_, [0, 10 + 10 * 2 / 3, 25, 30])
+    assert_allclose(uneven.grid_, [0, 5, 10 + 10 * 2 / 3, 25, 30])
     two = ContinuousRatingsRegressor().fit([[0.0], [1], [2], [3]], [0, 0, 1, 1])
     assert_allclose(two.grid_, [0, 0.5 / 30, 1 - 0.5 / 30, 1])
     heaps = np.r_[[0] * 30, np.arange(20, 40), [41] * 23, 42, 99, [100] * 25]

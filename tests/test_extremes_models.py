@@ -854,3 +854,18 @@ def test_without_a_penalty_more_features_than_touches_separate_the_levels(n, d, 
     counts = np.where(X[:, :1] > 0, [0, people], [people, 0])
     proba = NNPOM(0, alpha=0).fit(X, counts).predict_proba(X)
     assert_allclose(proba, counts / people, atol=1e-3)
+
+
+@pytest.mark.parametrize("shape", [(6, 6), (6, 50), (40, 60), (60, 257), (1, 3)])
+def test_weights_without_a_penalty_lie_in_the_span_of_the_trials(shape):
+    """They are those of the least length, which a penalty of next to nothing finds."""
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=shape)
+    y = rng.multinomial(12, [0.1, 0.2, 0.4, 0.2, 0.1], size=len(X))
+    fitted = NNPOM(0, alpha=0, scale_features=False).fit(X, y)
+    weights = fitted.coefs_[0].ravel()
+    known = np.linalg.pinv(X - X.mean(axis=0)) @ (X - X.mean(axis=0))
+    assert_allclose(known @ weights, weights, atol=1e-12)
+    limit = NNPOM(0, alpha=1e-10, scale_features=False).fit(X, y)
+    new = rng.normal(size=(50, shape[1]))
+    assert_allclose(fitted.predict_proba(new), limit.predict_proba(new), atol=1e-3)

@@ -185,6 +185,7 @@ def test_groups_reach_what_asks_wherever_it_is():
     blend = DistributionBlend([("linear", search(LINEAR, {"alpha": [1.0, 9.0]}))])
     inner = search(make_pipeline(StandardScaler(), told), {"told__strategy": ["prior"]})
     assert {*groups_for(inner, OBJECTS)} == {"groups", "told__groups"}
+    assert {*groups_for(search(told, {}), OBJECTS)} == {"groups"}  # for the folds alone
     with pytest.warns(UserWarning, match="splits by trial"):
         assert groups_for(GridSearchCV(told, {}, cv=KFold(2)), OBJECTS) == {}
     for model, y in [

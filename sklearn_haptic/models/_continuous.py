@@ -34,7 +34,8 @@ def make_grid(answers, weight, n_cells):
     """Choose the edges of cells from the lowest answer to the highest, ascending.
 
     A trial's weight is shared by its answers. Of the gaps between neighbouring answers,
-    those nearest to quantiles hold an edge. It divides the gap inversely to the weights
+    the first, the last and those nearest to quantiles, both of two equally near, hold
+    an edge. It divides the gap inversely to the weights
     of the two answers: a heap of equal answers has a narrow cell, and where each answer
     has a cell, the mean of the cells' middles is that of the answers. Gaps wider than
     one of `n_cells` equal cells hold two edges, so far apart that only this much is
@@ -52,8 +53,9 @@ def make_grid(answers, weight, n_cells):
     values, which = np.unique(answers[given], return_inverse=True)
     share = np.bincount(which, each[given])
     below = np.cumsum(share)[:-1] / share.sum()
-    asked = np.arange(1, n_cells) / n_cells - 1e-12  # so that rounding decides nothing
-    gap = np.unique(np.searchsorted((below[:-1] + below[1:]) / 2, asked))
+    asked = np.arange(1, n_cells) / n_cells + np.array([[-1e-12], [1e-12]])  # rounding
+    gap = np.searchsorted((below[:-1] + below[1:]) / 2, asked)
+    gap = np.unique(np.append(gap, [0, len(below) - 1]))
     lower, upper = values[gap], values[gap + 1]
     part = share[gap + 1] / (share[gap] + share[gap + 1])
     below_upper, equal = np.nextafter(upper, lower), np.ptp(values) / n_cells
@@ -143,7 +145,8 @@ class ContinuousRatingsRegressor(
     Equal ratings are spread over their cell, which the default makes the narrower the
     more there are. People who left the slider at its lowest end are therefore in the
     CDF from the second edge on; of ratings in whole numbers, ask for the CDF halfway to
-    the next number.
+    the next number. Elsewhere than at the ends, equal ratings have a cell of their own
+    if they are more than about ``1 / n_cells`` of all.
 
     Examples
     --------

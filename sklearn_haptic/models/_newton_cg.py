@@ -440,12 +440,13 @@ class _Features:
     def _reduce(self):
         """Take few features as they are, many in coordinates of the trials' span.
 
-        What extends no further than rounding may is made 0. Trials that are weighted
+        Many are as many as the trials, which tell of nothing outside their span. What
+        extends no further than rounding may is made 0. Trials that are weighted
         unequally tell less of a coordinate than of a feature.
         """
         n_trials, varies = len(self.rows), self.rows.any(axis=0)
         least = max(self.rows.shape) * np.finfo(float).eps
-        if self.rows.shape[1] > _FEW:
+        if self.rows.shape[1] > min(_FEW, n_trials - 1):
             rows = self.rows.T
             self._axes, rows = linalg.qr(rows, mode="economic", check_finite=False)
             self.rows = np.ascontiguousarray(rows.T)

@@ -48,8 +48,8 @@ def resample_trials(
     new samples by more than a tenth, the line is sampled at a whole multiple of the
     rate and decimated by the filter of :func:`scipy.signal.resample_poly`, so that
     vibrations faster than half the new rate do not come out as slower ones. Those that
-    are faster by less than a tenth, and the first and the last samples, keep a part of
-    them. Where frames were dropped, the new samples are NaN, which
+    are faster by less than a tenth, and samples at the ends and beside gaps, keep some
+    of them. Where frames were dropped, the new samples are NaN, which
     :class:`RepairTrials` fills and reports.
 
     Parameters
