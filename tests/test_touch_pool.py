@@ -29,6 +29,7 @@ from sklearn_haptic import (
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.ensembles._pool_moments import (
     error_moments,
+    felt_touches,
     means_of_touches,
     pairs_of,
     pool_breadth,
@@ -128,7 +129,7 @@ def test_weights_minimise_the_score_of_the_pool(seed):
     departure[:, :, 2] = departure[:, :1, 2]  # the marginal
     objects = np.repeat(np.arange(200), n_touches)
     moments = error_moments(departure.reshape(-1, n_members, 2), objects)
-    share, score = pool_weights(moments, pairs_of(there))
+    share, score = pool_weights(moments, pairs_of(felt_touches(there)))
 
     def of_pool(w):
         """Expected by exchanging touches: mean over which touch is which."""
@@ -157,7 +158,10 @@ def test_touches_that_err_together_are_worth_one():
     objects = np.repeat(np.arange(20), 2)
     d[1::2] = d[::2]
     moments = error_moments(d, objects)
-    one, five = (pool_weights(moments, pairs_of(np.ones((n, 1), bool))) for n in (1, 5))
+    one, five = (
+        pool_weights(moments, pairs_of(felt_touches(np.ones((n, 1), bool))))
+        for n in (1, 5)
+    )
     assert_allclose(one[0], five[0])
     assert one[1] == pytest.approx(five[1])
 
@@ -214,7 +218,7 @@ def test_a_pool_is_as_broad_as_it_errs(touches, sure):
     before = dispersion(true, pooled)
     assert before < 0.97 if sure else before > 1.1
     shares = np.array(true) / 15
-    breadth = pool_breadth(pooled, shares, spread, share, pairs_of(there))
+    breadth = pool_breadth(pooled, shares, spread, share, pairs_of(felt_touches(there)))
     assert breadth.blur > 0 if sure else breadth.power > 1
     pooled = [broad_by_hand(each, *breadth) for each in pooled]
     assert dispersion(true, pooled) == pytest.approx(1, abs=0.02)
@@ -229,7 +233,7 @@ def test_a_pool_that_nothing_makes_as_broad_as_it_errs(useless, expected):
     proba, counts, objects = too_sure()
     proba[:] = useless
     spread = spread_moments(proba, counts / 15, objects)
-    share, pairs = np.array([0.5, 0.5, 0]), pairs_of([[True, True]])
+    share, pairs = np.array([0.5, 0.5, 0]), pairs_of(felt_touches([[True, True]]))
     breadth = pool_breadth(proba[:, 0], counts / 15, spread, share, pairs)
     assert breadth == expected
 
@@ -240,12 +244,26 @@ def test_means_of_touches_by_hand():
     second = [[0.9, 0.1], [0.7, 0.3], [0.3, 0.7], [0.1, 0.9], nan]
     proba = np.stack([first, second], axis=1)
     objects = np.array([0, 0, 0, 1, 2])
-    one, of = means_of_touches(proba, objects, np.array([1, 1]))
+    one, of = means_of_touches(proba, objects, np.array([[True, True]]))
     assert of.tolist() == [0, 1, 0]
     assert_allclose(one[:, 0, 0], [1, 0, 0.5])  # the last has no second member
     assert_allclose(one[:, 1, 0], [0.9, 0.1, 0.7])
-    two, of = means_of_touches(proba, objects, np.array([2, 1]))
+    some = [[1, 0], nan, [0.5, 0.5]], [nan, [0.9, 0.1], [0.7, 0.3]]
+    some, of = means_of_touches(
+        np.stack(some, axis=1), objects[:3], np.array([[True] * 2])
+    )
+    assert_allclose(some[:, :, 0], [[0.5, 0.7]])  # not a pool of two other touches
+    touches = np.array([[True, False], [True, True]])
+    two, of = means_of_touches(proba, objects, touches)
+    assert of.tolist() == [0, 1]
     assert_allclose(two[:, :, 0], [[0.75, 0.9], [0, 0.1]])
+    apart, of = means_of_touches(proba, objects, np.eye(2, dtype=bool))
+    assert of.tolist() == [0, 1]  # of which the second has but one row
+    assert_allclose(apart[:, :, 0], [[1, 0.7], [0, 0.1]])
+    lacking = np.where(np.arange(5)[:, None, None] % 2 == [[[0], [1]]], proba, np.nan)
+    mixed, of = means_of_touches(lacking, objects, np.array([[True, True]]))
+    assert of.tolist() == [0]  # the only one with rows of either member
+    assert_allclose(mixed[:, :, 0], [[1, 0.7]])
 
 
 @pytest.mark.parametrize("n_touches", [1, 3])

@@ -16,7 +16,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 from scipy.optimize import minimize_scalar, nnls
 
 from ..ratings._distributions import raised
@@ -82,8 +81,10 @@ def error_moments(departure, objects):
     return Moments(same, other, int(objects.max()) + 1)
 
 
-def pairs_of(there):
-    """Return how many touches have both members of each pair, the marginal the last.
+def felt_touches(there):
+    """Return which members touches have, the marginal the last, in one order.
+
+    Touches without any member do not count, unless there are no others.
 
     Parameters
     ----------
@@ -91,13 +92,28 @@ def pairs_of(there):
 
     Returns
     -------
-    pairs : ndarray of shape (n_members + 1, n_members + 1)
-        The numbers of touches of the members are on the diagonal. Touches without any
-        member do not count, unless there are no others.
+    touches : ndarray of bool of shape (n_felt, n_members + 1)
     """
-    felt = np.any(there, axis=1)
-    there = np.column_stack((there, felt | ~felt.any())).astype(np.float64)
-    return there.T @ there
+    there = np.asarray(there)
+    felt = there.any(axis=1)
+    there = there[felt] if felt.any() else there
+    return np.column_stack((there[np.lexsort(there.T)], np.ones(len(there), bool)))
+
+
+def pairs_of(touches):
+    """Return how many touches have both members of each pair.
+
+    Parameters
+    ----------
+    touches : ndarray of bool of shape (n_touches, n_members)
+
+    Returns
+    -------
+    pairs : ndarray of shape (n_members, n_members)
+        The numbers of touches of the members are on the diagonal.
+    """
+    touches = touches.astype(np.float64)
+    return touches.T @ touches
 
 
 def pool_weights(moments, pairs):
@@ -178,38 +194,55 @@ def spread_moments(proba, true, objects):
     return Spread(means, float(within.mean()))
 
 
-def means_of_touches(proba, objects, n_touches):
-    """Return means of so many touches at a time, of objects that have all members.
+def means_of_touches(proba, objects, touches):
+    """Return means of rows like some touches, of objects that have all members.
+
+    A touch is a row that has its members, which no other touch has been; what no row
+    has together is of several. Objects of fewer rows give one mean, of what they have.
 
     Parameters
     ----------
     proba : ndarray of shape (n_rows, n_members, n_levels)
         NaN where a member has nothing to predict from.
     objects : ndarray of int of shape (n_rows,)
-    n_touches : ndarray of int of shape (n_members,)
-        How many of an object's rows with a member are taken at a time, or all if there
-        are fewer.
+    touches : ndarray of bool of shape (n_touches, n_members)
+        Which members a touch has.
 
     Returns
     -------
     means : ndarray of shape (n_means, n_members, n_levels)
     objects : ndarray of int of shape (n_means,)
     """
-    n_rows = np.bincount(objects)  # of each object
-    n_objects = len(n_rows)
-    means = np.full((n_objects * n_rows.max(), *proba.shape[1:]), np.nan)
-    for i, n in enumerate(n_touches):
-        rows = np.flatnonzero(np.isfinite(proba[:, i, 0]))
-        own = pd.Series(rows).groupby(objects[rows])
-        turn = own.cumcount().to_numpy() // n
-        whole = turn < np.maximum(own.transform("size").to_numpy() // n, 1)
-        rows, turn = rows[whole], turn[whole]
-        which, place = np.unique(objects[rows] + n_objects * turn, return_inverse=True)
-        total = np.zeros((len(which), proba.shape[2]))
-        np.add.at(total, place, proba[rows, i])
-        means[which, i] = total / np.bincount(place)[:, np.newaxis]
-    there = np.flatnonzero(np.isfinite(means).all(axis=(1, 2)))
-    return means[there], there % n_objects
+    there = np.isfinite(proba[..., 0])
+    known = [there[:, touch].all(axis=1).any() for touch in touches]
+    parts = [t[None] if k else np.diag(t)[t] for t, k in zip(touches, known)]
+    touches = np.concatenate(parts)
+    touches = touches[np.argsort(-touches.sum(axis=1), kind="stable")]
+    free, means, of_means = np.ones(len(objects), dtype=bool), [], []
+    while free.any():
+        total = np.zeros((objects.max() + 1, *proba.shape[1:]))
+        number = np.zeros(total.shape[:2])
+        found = np.zeros(len(total), dtype=int)
+        for touch in touches:
+            usable = free
+            if not means:  # rather than lack a member, a row serves twice
+                usable = free | (number[objects][:, touch] == 0).any(axis=1)
+            rows = np.flatnonzero(usable & there[:, touch].all(axis=1))
+            rows = rows[np.lexsort((~free[rows], objects[rows]))]
+            which, place = np.unique(objects[rows], return_index=True)
+            rows = rows[place]
+            free[rows] = False
+            found[which] += 1
+            number[which] += touch
+            total[which] += np.where(touch[:, np.newaxis], proba[rows], 0.0)
+        whole = (found == len(touches)) if means else (number > 0).all(axis=1)
+        if not whole.any():
+            break
+        means.append(total[whole] / number[whole][..., np.newaxis])
+        of_means.append(np.flatnonzero(whole))
+    if not means:
+        return np.empty((0, *proba.shape[1:])), np.empty(0, dtype=int)
+    return np.concatenate(means), np.concatenate(of_means)
 
 
 class Breadth(NamedTuple):

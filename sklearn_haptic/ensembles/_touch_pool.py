@@ -47,6 +47,7 @@ from ._pool_moments import (
     class_power,
     error_moments,
     expected_error,
+    felt_touches,
     means_of_touches,
     pairs_of,
     pool_breadth,
@@ -338,25 +339,25 @@ class TouchPool(
         share, known = np.empty((len(total), there.shape[1] + 1)), {}
         breadth = np.empty((len(total), 2))
         for i, rows in enumerate(np.split(order, np.cumsum(np.bincount(objects))[:-1])):
-            pairs = pairs_of(there[rows])
-            key = pairs.tobytes()
+            touches = felt_touches(there[rows])
+            key = touches.tobytes()
             if key not in known:
-                known[key] = self._weights(pairs)
+                known[key] = self._weights(touches)
             share[i], breadth[i] = known[key]
         mean = total / np.maximum(n_touches, 1)[..., np.newaxis]
         marginal = np.broadcast_to(self.shares_, (len(mean), 1, len(self.shares_)))
         pooled = self._mean(np.concatenate((mean, marginal), axis=1), share)
         return with_breadth(pooled, Breadth(*np.hsplit(breadth, 2)))[objects]
 
-    def _weights(self, pairs):
+    def _weights(self, touches):
         """Return the weights of the members, the marginal the last; the breadth."""
+        pairs = pairs_of(touches)
         share, _ = pool_weights(self._moments, pairs)
         if not share[:-1].any():
             return share, Breadth()
         used = np.flatnonzero(share)
-        n_touches = pairs.diagonal()[used].astype(np.intp)
-        proba = self._proba[:, used]
-        means, objects = means_of_touches(proba, self._objects, n_touches)
+        proba, touches = self._proba[:, used], touches[:, used]
+        means, objects = means_of_touches(proba, self._objects, touches)
         if not len(means):  # members that no object has together
             return share, Breadth()
         pools = self._mean(means, np.tile(share[used], (len(means), 1)))
@@ -387,7 +388,7 @@ class TouchPool(
             The weight of each member, all its touches together, and of
             ``"marginal"``, which may be negative; they sum to 1.
         """
-        share, _ = self._weights(self._pairs(touches))
+        share, _ = self._weights(self._touches(touches))
         return dict(zip([*self.estimators_, MARGINAL], share.tolist()))
 
     def breadth(self, touches: Sequence[Sequence[str]]) -> dict[str, float]:
@@ -406,7 +407,7 @@ class TouchPool(
             from 0 to 1. At most one changes the pool. Classes are never blurred, and
             their power may be below 1.
         """
-        return self._weights(self._pairs(touches))[1]._asdict()
+        return self._weights(self._touches(touches))[1]._asdict()
 
     def expected_excess(self, touches: Sequence[Sequence[str]]) -> float:
         """Return how far a prediction from some touches is expected to be off.
@@ -425,18 +426,18 @@ class TouchPool(
             simulations of 12 to 48 objects it was within a quarter of the truth, and
             a third above it for four touches where training objects had one.
         """
-        pairs = self._pairs(touches)
-        share, _ = self._weights(pairs)
+        pairs = pairs_of(self._touches(touches))
+        share, _ = pool_weights(self._moments, pairs)
         return expected_error(self._moments, share, pairs)
 
-    def _pairs(self, touches):
+    def _touches(self, touches):
         check_is_fitted(self)
         names = list(self.estimators_)
         there = np.zeros((max(len(touches), 1), len(names)), dtype=bool)
         for row, members in zip(there, touches):
             asked = check_names(members, names, "member", "the pool") if members else []
             row[[names.index(name) for name in asked]] = True
-        return pairs_of(there)
+        return felt_touches(there)
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
