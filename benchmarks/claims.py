@@ -163,6 +163,19 @@ def raters(n_repeats):
                 lowest.append(np.mean(answers == 0))
             row(n_levels, f"{np.mean(lowest):.2f}", plus_minus(alarms, 2, sign=""))
 
+    head("slips", "noise of a slider", "false alarm", title="People who all slip alike")
+    for slips, noise in product((0.0, 0.02, 0.05), (5, 10, 15)):
+        alarms = []
+        for _ in range(n_repeats):
+            felt = 50 + 18 * rng.normal(size=(1, 16, 3))
+            answers = np.clip(felt + noise * rng.normal(size=(20, 16, 3)), 0, 100)
+            at_random = rng.uniform(0, 100, answers.shape)
+            answers = np.where(rng.random(answers.shape) < slips, at_random, answers)
+            people, objects = map(np.ravel, np.indices((20, 16)))
+            called = outlying_raters(answers.reshape(-1, 3), objects, people)
+            alarms.append(called["outlying"].any())
+        row(slips, noise, plus_minus(alarms, 2, sign=""))
+
 
 def report(n_repeats):
     """Ratings of generated objects, permuted over the objects; noise for features."""

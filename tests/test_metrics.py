@@ -502,3 +502,15 @@ def test_noise_ceiling_of_people_who_agree_is_zero():
     for score in (ranked_probability_score, log_score):
         ceiling = noise_ceiling([[0, 5, 0], [2, 0, 0]], score, average=False)
         assert ceiling.truth.tolist() == ceiling.raters.tolist() == [0, 0]
+
+
+def test_words_in_two_orders_are_refused():
+    """A pivot of polars has them as they first occur, the model from low to high."""
+    words = ["not", "quite", "extremely"]
+    counts = pd.DataFrame([[1, 3, 2], [4, 0, 1]], columns=["quite", "not", "extremely"])
+    proba = pd.DataFrame([[0.5, 0.3, 0.2], [0.2, 0.6, 0.2]], columns=words)
+    with pytest.raises(ValueError, match=r"give levels=\[...\], lowest first, because"):
+        ranked_probability_score(counts, proba)
+    expected = ranked_probability_score(counts[words], proba)
+    assert ranked_probability_score(counts, proba, levels=words) == expected
+    assert ranked_probability_score(counts[words], proba[sorted(words)]) == expected

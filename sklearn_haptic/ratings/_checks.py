@@ -28,6 +28,7 @@ from ._levels import (
     levels_of_ratings,
     names_levels,
     only_column,
+    refuse_two_orders,
 )
 
 _MISSING = ("contains NaN or None", "remove trials without a rating")
@@ -160,9 +161,12 @@ def check_distributions(y_true, y_proba, levels):
     Return the counts, the probabilities (rows sum to 1), both of shape (n_trials,
     n_levels) and float64, and the levels: by default those of ``y_true``, or else of
     ``y_proba``. Errors are those of `check_ratings`, and a ValueError if a row of
-    ``y_proba`` is no distribution or the shapes differ.
+    ``y_proba`` is no distribution, the shapes differ, or both have words as columns, in
+    different orders.
     """
     check_order(y_true, y_proba, "y_proba", "y_true")
+    if levels is None:
+        refuse_two_orders(y_true, y_proba)
     if levels is None and not (names_levels(y_true) or has_default_columns(y_proba)):
         # The predictions may name them.
         levels, _ = levels_of_columns(y_proba, None, "y_proba")

@@ -127,6 +127,23 @@ def levels_of_columns(table, levels, name):
     )
 
 
+def refuse_two_orders(y_true, y_proba):
+    """Refuse tables whose columns are the same words in different orders.
+
+    The alphabet, and categories with an order of their own, are no such order.
+    """
+    given, predicted = (_read_numbers(_column_labels(y)) for y in (y_true, y_proba))
+    words = all(isinstance(label, str) for label in given)
+    known = _ordered_categories(getattr(y_true, "columns", None)) is not None
+    if not words or known or given == predicted or {*given} != {*predicted}:
+        return
+    if sorted(given) not in (given, predicted):
+        raise ValueError(
+            f"The columns of y_true are {given}, and those of y_proba {predicted}; "
+            "give levels=[...], lowest first, because one order is wrong."
+        )
+
+
 def in_order_of_levels(values, columns):
     """Put columns in the order found by `levels_of_columns`; missing ones are 0."""
     if columns is None:
