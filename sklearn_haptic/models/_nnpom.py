@@ -111,7 +111,9 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
         and the sorted ratings that occur.
     random_state : int, RandomState instance or None, default=None
         Draws the start values of the weights and the validation trials. Without
-        hidden units nothing is random.
+        hidden units nothing is random. With a weak penalty a network has several
+        minima, and which one it reaches also depends, by rounding, on the order of the
+        trials.
 
     Attributes
     ----------
