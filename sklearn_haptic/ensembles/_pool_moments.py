@@ -197,8 +197,9 @@ def spread_moments(proba, true, objects):
 def means_of_touches(proba, objects, touches):
     """Return means of rows like some touches, of objects that have all members.
 
-    A touch is a row that has its members, which no other touch has been; what no row
-    has together is of several. Objects of fewer rows give one mean, of what they have.
+    A touch is a row that has its members and stands for no other touch; members that no
+    row has together are taken from several. Objects with too few rows give one mean, of
+    those that they have.
 
     Parameters
     ----------

@@ -35,11 +35,11 @@ def make_grid(answers, weight, n_cells):
 
     A trial's weight is shared by its answers. Of the gaps between neighbouring answers,
     the first, the last and those nearest to quantiles, both of two equally near, hold
-    an edge. It divides the gap inversely to the weights
-    of the two answers: a heap of equal answers has a narrow cell, and where each answer
-    has a cell, the mean of the cells' middles is that of the answers. Gaps wider than
-    one of `n_cells` equal cells hold two edges, so far apart that only this much is
-    divided. Cells with answers that are wider than two equal ones are divided.
+    an edge. It divides the gap inversely to the weights of the two answers: a heap of
+    equal answers has a narrow cell, and where each answer has a cell, the mean of the
+    cells' middles is that of the answers. Gaps wider than one of `n_cells` equal cells
+    hold two edges, so far apart that only this much is divided. Cells with answers that
+    are wider than two equal ones are divided.
 
     Examples
     --------
