@@ -287,6 +287,16 @@ def test_an_object_that_was_touched_most_often_stays_whole():
     assert infer_objects(np.vstack((others, np.tile([12, 0, 0, 0], (21, 1))))) is None
 
 
+def test_counts_that_objects_share_tell_none_unless_rows_are_ordered_by_object():
+    """As they are not where all objects are touched once, and then all again."""
+    some = [[a, b, 12 - a - b, 0] for a in range(1, 5) for b in range(1, 5)]
+    counts = np.vstack((some, np.tile([12, 0, 0, 0], (8, 1))))
+    by_object = np.arange(24).repeat(3)
+    assert_array_equal(infer_objects(counts[by_object]), by_object)
+    assert infer_objects(np.tile(counts, (3, 1))) is None
+    assert_array_equal(infer_objects(np.tile(counts[:16], (3, 1))), np.arange(48) % 16)
+
+
 def test_ratings_of_each_touch_are_observations_of_their_own():
     X, _, objects = made()
     of_touches = np.eye(4)[np.random.default_rng(0).integers(4, size=len(X))]

@@ -57,7 +57,8 @@ def infer_objects(y, weight=None):
 
     These tell no objects: labels; counts of a single rating each; counts of which more
     than a tenth are of one trial alone; counts of so few people that more than a third
-    of all possible ones occur; and counts shared by no multiple of the median number.
+    of all possible ones occur; and counts that are to be divided, if their trials are
+    no multiple of the median number, or those of other counts do not follow each other.
 
     Examples
     --------
@@ -67,6 +68,8 @@ def infer_objects(y, weight=None):
     >>> infer_objects([[9, 0]] * 4 + [[8, 1]] * 2 + [[2, 7]] * 2)
     array([0, 0, 1, 1, 2, 2, 3, 3])
     >>> infer_objects([[9, 0]] * 5 + [[8, 1]] * 2 + [[2, 7]] * 2) is None
+    True
+    >>> infer_objects([[9, 0], [9, 0], [8, 1], [2, 7]] * 2) is None
     True
     >>> infer_objects([[2, 0]] * 4 + [[1, 1]] * 2 + [[0, 2]] * 2) is None
     True
@@ -86,8 +89,11 @@ def infer_objects(y, weight=None):
     usual = np.median(size)
     agreed = shares(counts).max(axis=1)[np.unique(same, return_index=True)[1]] >= 0.75
     shared = agreed & (size > len(counts) / 5) & (size >= 2 * usual)
+    begins = same[np.diff(same, prepend=-1) != 0]
+    apart = shared.any() and np.sum(~shared[begins]) > np.sum(~shared)
     if (
-        np.sum(size == 1) > len(counts) / 10
+        apart
+        or np.sum(size == 1) > len(counts) / 10
         or len(size) > _n_possible(counts) / 3
         or (size[shared] % usual).any()
     ):
