@@ -238,6 +238,29 @@ def test_a_pool_that_nothing_makes_as_broad_as_it_errs(useless, expected):
     assert breadth == expected
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_useless_members_of_few_objects_do_not_outweigh_the_mean(seed):
+    """Though by chance two touches of an object may seem to err against each other."""
+    rng = np.random.default_rng(seed)
+
+    def touched(n_objects, n_touches):
+        place = 1.5 * rng.normal(size=n_objects)
+        below = expit(np.linspace(-2, 2, 4) - place[:, None])
+        proba = np.diff(below, axis=1, prepend=0, append=1)
+        objects = np.repeat(range(n_objects), n_touches)
+        X = rng.normal(size=(len(objects), 15))
+        return X, rng.multinomial(12, proba)[objects], objects
+
+    model = DistributionalOrdinalRegressor(NNPOM(0, alpha=3))
+    members = [(f"m{i}", model, [*range(5 * i, 5 * i + 5)]) for i in range(3)]
+    X, counts, objects = touched(15, 2)
+    pool = TouchPool(members).fit(X, counts, groups=objects)
+    X, counts, objects = touched(200, 3)
+    pooled = ranked_probability_score(counts, pool.predict_proba(X, groups=objects))
+    mean = ranked_probability_score(counts, np.tile(pool.shares_, (len(X), 1)))
+    assert pooled < mean + 0.05
+
+
 def test_means_of_touches_by_hand():
     nan = [np.nan, np.nan]
     first = [[1, 0], [0.5, 0.5], nan, [0, 1], [0.2, 0.8]]

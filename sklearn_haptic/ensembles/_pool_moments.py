@@ -158,6 +158,16 @@ def root_of(products):
     return (vectors * np.sqrt(np.maximum(values, 0))).T
 
 
+def possible(moments):
+    """Return moments in which what the touches of an object share has no variance < 0.
+
+    Few objects may say so by chance, and that a pool of useless members errs less and
+    less the more they weigh.
+    """
+    shared = root_of(moments.other)
+    return moments._replace(other=shared.T @ shared)
+
+
 class Spread(NamedTuple):
     """What tells how far pools err in the mean rating, in levels.
 
@@ -190,7 +200,7 @@ def spread_moments(proba, true, objects):
     mean, variance = _mean_and_variance(true)
     departure = _mean_and_variance(proba)[0] - mean[:, np.newaxis]
     within = np.bincount(objects, variance) / np.bincount(objects)
-    means = error_moments(departure[..., np.newaxis], objects)
+    means = possible(error_moments(departure[..., np.newaxis], objects))
     return Spread(means, float(within.mean()))
 
 

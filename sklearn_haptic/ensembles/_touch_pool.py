@@ -52,6 +52,7 @@ from ._pool_moments import (
     pairs_of,
     pool_breadth,
     pool_weights,
+    possible,
     spread_moments,
     with_breadth,
 )
@@ -249,7 +250,8 @@ class TouchPool(
         true = of_objects[objects]
         proba = np.concatenate((oof, marginal), axis=1)
         departure = compared(proba, ordered) - compared(true, ordered)[:, np.newaxis]
-        self._moments, self._ordered = error_moments(departure, objects), ordered
+        self._moments = possible(error_moments(departure, objects))
+        self._ordered = ordered
         self._spread = spread_moments(proba, true, objects) if ordered else None
         step = -(-len(of_objects) // _MOST_OBJECTS)
         some = objects % step == 0
