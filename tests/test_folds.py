@@ -127,6 +127,17 @@ def test_folds_that_leak_or_are_incomplete_are_refused(learner, cv, message):
         clone(model).set_params(cv=cv).fit(X, COUNTS, groups=OBJECTS)
 
 
+def test_trials_that_a_fold_repeats_count_as_often():
+    """As in a sample with replacement. Linear models are fitted together."""
+    model, first, second = DistributionalOrdinalRegressor(), range(30), range(30, 60)
+    folds = [([*first, *first[:9]], second), ([*second, *second[:15]], first)]
+    pool = TouchPool([("linear", model, [0, 1])], cv=folds)
+    found = pool.fit(X, COUNTS, groups=OBJECTS).oof_proba_[:, 0]
+    for train, test in folds:
+        expected = clone(model).fit(X[train], COUNTS[train]).predict_proba(X[test])
+        np.testing.assert_allclose(found[test], expected, atol=1e-6)
+
+
 @pytest.mark.parametrize("learner", LEARNERS)
 def test_one_object_is_too_few(learner):
     model, X = LEARNERS[learner]

@@ -369,7 +369,7 @@ def _fit_linear(tasks):
         for weight, task in zip(weights, some):
             train = task.fold[0]
             given = task.params.get("sample_weight")
-            weight[train] = check_weights(given, weight)[train]
+            np.add.at(weight, train, check_weights(given, weight)[train])  # may repeat
         estimators = [clone(task.estimator) for task in some]
         given = some[0].X, some[0].y, estimators[0].levels
         X, counts, levels = validate_rated_trials(estimators[0], *given)
