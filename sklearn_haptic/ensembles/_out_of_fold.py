@@ -58,7 +58,7 @@ def infer_objects(y, weight=None):
     These tell no objects: labels; counts of a single rating each; counts of which more
     than a tenth are of one trial alone; counts of so few people that more than a third
     of all possible ones occur; and counts that are to be divided, if their trials are
-    no multiple of the median number, or those of other counts do not follow each other.
+    no multiple of the median number, or those of other counts mostly lie apart.
 
     Examples
     --------
@@ -90,7 +90,8 @@ def infer_objects(y, weight=None):
     agreed = shares(counts).max(axis=1)[np.unique(same, return_index=True)[1]] >= 0.75
     shared = agreed & (size > len(counts) / 5) & (size >= 2 * usual)
     begins = same[np.diff(same, prepend=-1) != 0]
-    apart = shared.any() and np.sum(~shared[begins]) > np.sum(~shared)
+    # Few counts come again elsewhere by chance where rows are ordered by object.
+    apart = shared.any() and np.sum(~shared[begins]) > 1.5 * np.sum(~shared)
     if (
         apart
         or np.sum(size == 1) > len(counts) / 10
