@@ -869,3 +869,19 @@ def test_weights_without_a_penalty_lie_in_the_span_of_the_trials(shape):
     limit = NNPOM(0, alpha=1e-10, scale_features=False).fit(X, y)
     new = rng.normal(size=(50, shape[1]))
     assert_allclose(fitted.predict_proba(new), limit.predict_proba(new), atol=1e-3)
+
+
+@pytest.mark.parametrize("n_features", [50, 200, 300])
+def test_one_feature_in_a_large_unit_leaves_the_others_their_weight(n_features):
+    """Whether or not there are more features than trials; with a penalty."""
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(100, n_features))
+    felt = 2 * X[:, 1] + X[:, 2] + rng.logistic(size=(6, 100))
+    levels = np.digitize(felt, [-2, -1, 1, 2]).T
+    y = (levels[:, :, np.newaxis] == np.arange(5)).sum(axis=1)
+    model = NNPOM(0, scale_features=False)
+    proba = []
+    for unit in (1e4, 1e8):  # in both, the penalty of its weight is next to nothing
+        given = np.hstack((unit * X[:, :1], X[:, 1:]))
+        proba.append(model.fit(given, y).predict_proba(given))
+    assert_allclose(*proba, atol=1e-3)

@@ -267,14 +267,13 @@ def test_means_of_touches_by_hand():
     second = [[0.9, 0.1], [0.7, 0.3], [0.3, 0.7], [0.1, 0.9], nan]
     proba = np.stack([first, second], axis=1)
     objects = np.array([0, 0, 0, 1, 2])
-    one, of = means_of_touches(proba, objects, np.array([[True, True]]))
+    both = np.array([[True, True]])
+    one, of = means_of_touches(proba, objects, both)
     assert of.tolist() == [0, 1, 0]
     assert_allclose(one[:, 0, 0], [1, 0, 0.5])  # the last has no second member
     assert_allclose(one[:, 1, 0], [0.9, 0.1, 0.7])
     some = [[1, 0], nan, [0.5, 0.5]], [nan, [0.9, 0.1], [0.7, 0.3]]
-    some, of = means_of_touches(
-        np.stack(some, axis=1), objects[:3], np.array([[True] * 2])
-    )
+    some, of = means_of_touches(np.stack(some, axis=1), objects[:3], both)
     assert_allclose(some[:, :, 0], [[0.5, 0.7]])  # not a pool of two other touches
     touches = np.array([[True, False], [True, True]])
     two, of = means_of_touches(proba, objects, touches)
@@ -284,7 +283,7 @@ def test_means_of_touches_by_hand():
     assert of.tolist() == [0, 1]  # of which the second has but one row
     assert_allclose(apart[:, :, 0], [[1, 0.7], [0, 0.1]])
     lacking = np.where(np.arange(5)[:, None, None] % 2 == [[[0], [1]]], proba, np.nan)
-    mixed, of = means_of_touches(lacking, objects, np.array([[True, True]]))
+    mixed, of = means_of_touches(lacking, objects, both)
     assert of.tolist() == [0]  # the only one with rows of either member
     assert_allclose(mixed[:, :, 0], [[1, 0.7]])
 

@@ -159,10 +159,10 @@ def root_of(products):
 
 
 def possible(moments):
-    """Return moments in which what the touches of an object share has no variance < 0.
+    """Return moments in which no error that touches of an object share is less than 0.
 
-    Few objects may say so by chance, and that a pool of useless members errs less and
-    less the more they weigh.
+    Of few objects it may be by chance, and a pool of useless members would seem to err
+    the less, the more they weigh.
     """
     shared = root_of(moments.other)
     return moments._replace(other=shared.T @ shared)
@@ -229,14 +229,16 @@ def means_of_touches(proba, objects, touches):
     parts = [t[None] if k else np.diag(t)[t] for t, k in zip(touches, known)]
     touches = np.concatenate(parts)
     touches = touches[np.argsort(-touches.sum(axis=1), kind="stable")]
-    free, means, of_means = np.ones(len(objects), dtype=bool), [], []
+    free = np.ones(len(objects), dtype=bool)
+    means, of_means = [proba[:0]], [objects[:0]]
     while free.any():
+        first = len(means) == 1
         total = np.zeros((objects.max() + 1, *proba.shape[1:]))
         number = np.zeros(total.shape[:2])
         found = np.zeros(len(total), dtype=int)
         for touch in touches:
             usable = free
-            if not means:  # rather than lack a member, a row serves twice
+            if first:  # rather than lack a member, a row serves twice
                 usable = free | (number[objects][:, touch] == 0).any(axis=1)
             rows = np.flatnonzero(usable & there[:, touch].all(axis=1))
             rows = rows[np.lexsort((~free[rows], objects[rows]))]
@@ -246,13 +248,11 @@ def means_of_touches(proba, objects, touches):
             found[which] += 1
             number[which] += touch
             total[which] += np.where(touch[:, np.newaxis], proba[rows], 0.0)
-        whole = (found == len(touches)) if means else (number > 0).all(axis=1)
+        whole = (number > 0).all(axis=1) if first else found == len(touches)
         if not whole.any():
             break
         means.append(total[whole] / number[whole][..., np.newaxis])
         of_means.append(np.flatnonzero(whole))
-    if not means:
-        return np.empty((0, *proba.shape[1:])), np.empty(0, dtype=int)
     return np.concatenate(means), np.concatenate(of_means)
 
 

@@ -53,7 +53,7 @@ def make_grid(answers, weight, n_cells):
     values, which = np.unique(answers[given], return_inverse=True)
     share = np.bincount(which, each[given])
     below = np.cumsum(share)[:-1] / share.sum()
-    asked = np.arange(1, n_cells) / n_cells + np.array([[-1e-12], [1e-12]])  # rounding
+    asked = np.arange(1, n_cells) / n_cells + np.array([[-1e-12], [1e-12]])  # of ties
     gap = np.searchsorted((below[:-1] + below[1:]) / 2, asked)
     gap = np.unique(np.append(gap, [0, len(below) - 1]))
     lower, upper = values[gap], values[gap + 1]

@@ -123,7 +123,8 @@ def fit_linear(X, problems, on_iteration):
     -------
     fits : list of LinearFit
     """
-    features = _Features(X, np.array([each.weight.sum(axis=1) for each in problems]))
+    weights = np.array([each.weight.sum(axis=1) for each in problems])
+    features = _Features(X, weights, all(each.alpha > 0 for each in problems))
     fits = []
     for problem, spread in zip(problems, features.spread):
         size = (spread or 1.0) if problem.scale else 1.0  # of the unit alpha is for
@@ -399,7 +400,7 @@ class _Features:
         Change of the latent responses that may be due to rounding.
     """
 
-    def __init__(self, X, trial_weight):
+    def __init__(self, X, trial_weight, penalised):
         total = trial_weight.sum(axis=0)
         largest = magnitude(X)
         origin = X[0] / largest  # constant features are exactly zero after this
@@ -433,16 +434,16 @@ class _Features:
             self._row_unit, self._offset = 1.0, np.zeros(X.shape[1])
         self.rounding = 1e-7 if self.rows.dtype == np.float64 else 1e-4
         if few:
-            self._reduce()
+            self._reduce(penalised)
         else:
             self._find_directions(np.flatnonzero(total))
 
-    def _reduce(self):
+    def _reduce(self, penalised):
         """Take few features as they are, many in coordinates of the trials' span.
 
         Many are as many as the trials, which tell of nothing outside their span. What
-        extends no further than rounding may is made 0. Trials that are weighted
-        unequally tell less of a coordinate than of a feature.
+        extends no further than rounding may is made 0. Without a penalty that is more,
+        because unequally weighted trials tell less of a coordinate than of a feature.
         """
         n_trials, varies = len(self.rows), self.rows.any(axis=0)
         least = max(self.rows.shape) * np.finfo(float).eps
@@ -451,7 +452,7 @@ class _Features:
             self._axes, rows = linalg.qr(rows, mode="economic", check_finite=False)
             self.rows = np.ascontiguousarray(rows.T)
             self._offset = np.zeros(self.rows.shape[1])
-            least = np.sqrt(_ROUNDING)
+            least = least if penalised else np.sqrt(_ROUNDING)
         length = np.sqrt(np.einsum("ij,ij->j", self.rows, self.rows))
         self.rows[:, length <= least * length.max(initial=0)] = 0
         if self._axes is not None:

@@ -52,11 +52,11 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
     each rating in turn. ``n_hidden=0`` is the linear proportional odds model.
 
     Bring features in different units to a common one first, for example with
-    `sklearn.preprocessing.StandardScaler`: a feature that varies less than 1e-8 times
-    as much as the others may be taken for rounding and get no weight. With
-    ``scale_features=True`` neither the common unit nor an offset matters, except that
-    an offset of 1e8 times the spread costs the probabilities eight of their sixteen
-    digits.
+    `sklearn.preprocessing.StandardScaler`: a feature that varies less than
+    max(n_trials, n_features) rounding errors (2.2e-16) times as much as the others
+    cannot be told from rounding and gets no weight. With ``scale_features=True``
+    neither the common unit nor an offset matters, except that an offset of 1e8 times
+    the spread costs the probabilities eight of their sixteen digits.
 
     Parameters
     ----------
