@@ -1,11 +1,12 @@
 r"""Do the statistics of reports keep their word? Each claim, simulated.
 
     python benchmarks/claims.py \
-        --parts interval ceiling raters report classes contributions
+        --parts interval ceiling raters slips report classes contributions
 
 interval       share of 95% intervals of `model_report` that hold the true gain
 ceiling        bias of `noise_ceiling`
 raters         false alarms of `outlying_raters`, and careless people found
+slips          false alarms where people slip, or adjectives go together
 report         adjectives that cannot be felt: verdicts of `model_report`
 classes        classes that cannot be felt: verdicts of `model_report`
 contributions  sensors that tell nothing: p-values of `contribution_summary`
@@ -163,18 +164,30 @@ def raters(n_repeats):
                 lowest.append(np.mean(answers == 0))
             row(n_levels, f"{np.mean(lowest):.2f}", plus_minus(alarms, 2, sign=""))
 
-    head("slips", "noise of a slider", "false alarm", title="People who all slip alike")
-    for slips, noise in product((0.0, 0.02, 0.05), (5, 10, 15)):
+
+def slips(n_repeats):
+    """Sliders of people who all slip alike; or ten adjectives that go together."""
+    title = "Raters called outlying where all are alike"
+    head("adjectives", "slips", "noise", "together", "false alarm", title=title)
+    rng = np.random.default_rng(0)
+    people, objects = map(np.ravel, np.indices((20, 16)))
+
+    def drawn(n_people, n, together):
+        own, common = (rng.normal(size=(n_people, 16, each)) for each in (n, 1))
+        return np.sqrt(1 - together) * own + np.sqrt(together) * common
+
+    designs = [(3, *each, 0.0) for each in product((0.0, 0.02, 0.05), (5, 10, 15))]
+    designs += [(10, 0.0, 18, together) for together in (0.0, 0.5, 0.8)]
+    for n, slip, noise, together in designs:
         alarms = []
         for _ in range(n_repeats):
-            felt = 50 + 18 * rng.normal(size=(1, 16, 3))
-            answers = np.clip(felt + noise * rng.normal(size=(20, 16, 3)), 0, 100)
+            felt = 50 + 18 * drawn(1, n, together) + noise * drawn(20, n, together)
+            answers = np.clip(felt, 0, 100)
             at_random = rng.uniform(0, 100, answers.shape)
-            answers = np.where(rng.random(answers.shape) < slips, at_random, answers)
-            people, objects = map(np.ravel, np.indices((20, 16)))
-            called = outlying_raters(answers.reshape(-1, 3), objects, people)
+            answers = np.where(rng.random(answers.shape) < slip, at_random, answers)
+            called = outlying_raters(answers.reshape(-1, n), objects, people)
             alarms.append(called["outlying"].any())
-        row(slips, noise, plus_minus(alarms, 2, sign=""))
+        row(n, slip, noise, together, plus_minus(alarms, 2, sign=""))
 
 
 def report(n_repeats):
@@ -278,7 +291,7 @@ def contributions(n_repeats):
 
 PARTS = {
     function.__name__: function
-    for function in (interval, ceiling, raters, report, classes, contributions)
+    for function in (interval, ceiling, raters, slips, report, classes, contributions)
 }
 
 

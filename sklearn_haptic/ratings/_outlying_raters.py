@@ -83,8 +83,8 @@ def outlying_raters(
     -----
     The p-values are those of scores of correlations that differ by chance, drawn with a
     fixed seed. In simulations at most one study in twenty has a false alarm, up to one
-    in ten where ten adjectives share a person's error, one in seven where people differ
-    much in how surely they feel, two in five where agreements are above 0.9 but for
+    in ten where ten adjectives go together or people slip, one in seven where people
+    differ much in how surely they feel, two in five where they agree above 0.9 but for
     rare slips, and up to one in three where most answers are at one end of the scale,
     or three in five if people also put it more than a level apart. Who rated few
     objects can hardly be found: of people who answer at random about three adjectives,
