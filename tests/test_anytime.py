@@ -23,6 +23,7 @@ from short_touches import (
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.compose import ColumnTransformer, make_column_transformer
+from sklearn.feature_selection import SelectKBest
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline, make_union
@@ -157,6 +158,19 @@ def test_out_of_fold_predictions_are_of_objects_never_touched():
             flattened(head.predict_proba(rows[test]), model.powers_[2]),
             rtol=1e-9,
         )
+
+
+def test_features_are_never_given_ratings_because_folds_share_them():
+    inside = make_column_transformer(
+        (make_pipeline(SignalStatistics(), SelectKBest(k=2)), "fast")
+    )
+    with pytest.raises(ValueError, match="requires y") as caught:
+        make_model(make_pipeline(inside, HEAD)).fit(TOUCHES, COUNTS, groups=OBJECTS)
+    assert caught.value.__notes__ == [
+        "AnytimeRegressor fits the steps that turn touches into rows of features once "
+        "for all folds, so they are not given y; put a step that learns from y behind "
+        "them."
+    ]
 
 
 @pytest.mark.parametrize("groups", [OBJECTS, None])

@@ -140,7 +140,9 @@ class AnytimeRegressor(
     -----
     Only training touches that are long enough are used for a duration, because only
     such touches are ever predicted by it. Dictionaries are fitted once to all training
-    touches, also for the predictions out of fold; they do not see the ratings.
+    touches, also for the predictions out of fold, so no step that returns the rows, or
+    comes before, is given the ratings; a step that learns from them belongs to the
+    head.
 
     Examples
     --------
@@ -245,7 +247,7 @@ class AnytimeRegressor(
         n_reached = self._durations_reached(touches.lengths())
         reached = n_reached[:, np.newaxis] > np.arange(len(durations))
         self._check_reached(reached, objects)
-        self._branches, later = fit_features(steps, touches, y)
+        self._branches, later = fit_features(steps, touches)
         check_described(self._branches, rates)
         rows = self._fit_rows(touches, reached)
         if isinstance(later[0][1], BlockScaler):

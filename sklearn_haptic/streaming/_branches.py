@@ -10,6 +10,7 @@ so little; else the means of its training features stand for it.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -23,6 +24,11 @@ from ..features._sensor_features import BlockScaler, blocks_of
 from ..recordings import RepairTrials
 from ..recordings._trials import ALONE, is_table
 from ..utils._pipeline_steps import flat_steps
+
+_WITHOUT_RATINGS = (
+    "AnytimeRegressor fits the steps that turn touches into rows of features once for "
+    "all folds, so they are not given y; put a step that learns from y behind them."
+)
 
 
 class Branch(NamedTuple):
@@ -80,7 +86,7 @@ class Branch(NamedTuple):
         return coder.components_.shape[1] if isinstance(coder, KSVDTransformer) else 1
 
 
-def fit_features(steps, touches, y):
+def fit_features(steps, touches):
     """Fit the steps of a pipeline up to the first that returns a table.
 
     Parameters
@@ -88,9 +94,8 @@ def fit_features(steps, touches, y):
     steps : list of (str, estimator)
         Steps that do something, as of :func:`flat_steps`; they are cloned.
     touches : Touches
-        Whole training touches.
-    y : array-like
-        Labels or counts, for steps that learn from them.
+        Whole training touches, whose ratings no step is given, because all folds share
+        what it learns.
 
     Returns
     -------
@@ -112,7 +117,12 @@ def fit_features(steps, touches, y):
     repairs, fitted = [], []
     for i, (name, step) in enumerate(steps[:-1]):
         step = _without_dropped(clone(step))
-        X = step.fit_transform(X, y)
+        try:
+            X = step.fit_transform(X)
+        except (TypeError, ValueError) as error:
+            if re.search(r"\by\b", str(error)):
+                error.add_note(_WITHOUT_RATINGS)
+            raise
         if isinstance(step, RepairTrials) and not fitted:
             repairs.append(step)
             continue
