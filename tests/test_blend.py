@@ -371,7 +371,7 @@ def test_ratings_are_the_same_as_counts_of_one_person(levels):
 
 def test_a_weight_of_two_equals_the_trial_given_twice():
     X, counts, objects = made()
-    weight = np.where(np.arange(len(X)) % 4 == 0, 2, 1)
+    weight = np.where(np.arange(len(X)) % N_TRIALS == 0, 2, 1)
     strict = [("linear", NNPOM(0, tol=1e-10)), members()[1]]
     folds = list(GroupKFold(3).split(X, groups=objects))
     weighted = DistributionBlend(strict, cv=folds).fit(
@@ -411,6 +411,30 @@ def test_objects_of_weight_zero_are_as_if_left_out():
     assert_allclose(weighted.predict_proba(X), blend.predict_proba(X), atol=1e-6)
     with pytest.raises(ValueError, match="there is 1 sample or object"):
         blend.fit(X, counts, objects == 3, groups=objects)
+
+
+def test_objects_of_hardly_any_weight_are_nearly_left_out():
+    X, counts, objects = made()
+    wrong = objects % 4 == 0
+    counts[wrong] = counts[wrong, ::-1]
+    folds = list(GroupKFold(3).split(X, groups=objects))
+    blend = DistributionBlend(members(), cv=folds)
+    blend.fit(X, counts, np.where(wrong, 1e-7, 1), groups=objects)
+    place = np.cumsum(~wrong) - 1
+    kept = [tuple(place[rows[~wrong[rows]]] for rows in fold) for fold in folds]
+    expected = fitted(X[~wrong], counts[~wrong], objects[~wrong], cv=kept)
+    assert_allclose(blend.predict_proba(X), expected.predict_proba(X), atol=1e-5)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_the_unit_of_weights_does_not_matter(told):
+    X, counts, objects = made()
+    groups = objects if told else None
+    weight = np.random.default_rng(0).uniform(size=len(X))
+    blend = DistributionBlend(members()).fit(X, counts, weight, groups=groups)
+    expected = blend.predict_proba(X)
+    blend.fit(X, counts, 1e3 * weight, groups=groups)
+    assert_allclose(blend.predict_proba(X), expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("told", [True, False])
@@ -514,8 +538,8 @@ def test_sample_weight_goes_to_members_that_request_it():
         ]
         blend = DistributionBlend(pair)
         blend.fit(X, counts, sample_weight=weight, groups=objects)
-    of_objects = np.bincount(objects, weight)
-    alone = NNPOM(0).fit(X, counts, weight / of_objects[objects])
+    means = [weight[objects == each].mean() for each in objects]
+    alone = NNPOM(0).fit(X, counts, weight / max(means) / N_TRIALS)
     for learned in blend.estimators_["linear"], blend.estimators_["piped"][-1]:
         assert_allclose(learned.coefs_[0], alone.coefs_[0], atol=1e-9)
     in_pipeline = [("near", make_pipeline(StandardScaler(), neighbours))]

@@ -58,7 +58,8 @@ class DistributionBlend(
     Where all trials of each object have the same ratings, these are one observation,
     however often the object was touched: its trials share a weight of 1. Ratings that
     differ between the trials of an object are observations of each trial. Objects
-    count equally where the weights of the members are learned.
+    count equally where the weights of the members are learned, unless `sample_weight`
+    differs.
 
     Parameters
     ----------
@@ -183,13 +184,14 @@ class DistributionBlend(
             How many people gave the trial's object each rating, or one rating per
             trial.
         sample_weight : array-like of shape (n_trials,), default=None
-            Weight of each trial, among the trials of its object if their ratings are
-            the same. Members get it if their ``fit`` takes `sample_weight`.
+            Weight of each trial. If the ratings of its trials are the same, an object
+            weighs the mean of theirs, in units of the largest. Members get it if their
+            ``fit`` takes `sample_weight`.
         groups : array-like of shape (n_trials,), default=None
-            The object of each trial; objects weigh the same. Without them, trials of
-            equal counts are taken to be of one object, or of several if they are many
-            and most people agree, and trials weigh the same. If counts cannot tell
-            objects, `fit` warns, and takes each trial for an object.
+            The object of each trial. Without them, trials of equal counts are taken to
+            be of one object, or of several if they are many and most people agree, and
+            trials, not objects, weigh the same. If counts cannot tell objects, `fit`
+            warns, and takes each trial for an object.
 
         Returns
         -------
@@ -211,18 +213,19 @@ class DistributionBlend(
         check_rated(X, counts)
         given = None if sample_weight is None else check_weights(sample_weight, X)
         weight = held_out = check_weights(given, X)
+        used = weight > 0
         if groups is not None:
             groups = check_groups(groups, X)
             objects = number_objects(groups, len(counts))
-            total = np.bincount(objects, weight)
-            held_out = weight / np.where(total, total, 1)[objects]
-            used = weight > 0
+            n_touches = np.maximum(np.bincount(objects, used), 1)
+            held_out = weight / n_touches[objects]
+            held_out /= np.bincount(objects, held_out).max()
             of_objects = _are_of_objects(counts[used], objects[used])
             weight = held_out if of_objects else weight
         elif (groups := infer_objects(counts, weight)) is not None:
             # Objects that share counts are not all told apart, so trials weigh alike.
-            weight = weight * (len(np.unique(groups[weight > 0])) / weight.sum())
-            held_out = weight
+            per_object = np.sum(used) / len(np.unique(groups[used]))
+            weight = held_out = weight / (weight.max() * per_object)
         members = self._check_members()
         params = self._route(members, given, groups, weight)
         # Counts of a single level would be taken for ratings.
