@@ -314,7 +314,9 @@ class NoveltyGuard(
     five).
 
     The features are fitted once to all training touches, also for the predictions out
-    of fold. Steps that learn from the ratings make them too good.
+    of fold. Steps that learn from the ratings make them too good. What is constant in
+    training, such as a channel that is always at rest, tells no scale, so that a change
+    of it is not seen.
 
     The signals are those that the first step is given, behind a :class:`RepairTrials`
     the repaired ones, whose faults that one reports: the columns of recordings of a
