@@ -45,6 +45,7 @@ from sklearn_haptic import (
 from sklearn_haptic.metrics import log_score, ranked_probability_score
 from sklearn_haptic.streaming import ExpectedGain
 from sklearn_haptic.streaming._heads import best_power
+from sklearn_haptic.utils._folds import ObjectKFold
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*fit was given no groups")
 
@@ -149,7 +150,7 @@ def test_out_of_fold_predictions_are_of_objects_never_touched():
     model = make_model(sharing=0).fit(TOUCHES, COUNTS, groups=OBJECTS)
     coder = clone(features()).fit(TOUCHES)
     rows = coder.transform(cut(TOUCHES, 2))
-    for train, test in GroupKFold(4).split(rows, groups=OBJECTS):
+    for train, test in ObjectKFold(4).split(rows, groups=OBJECTS):
         head = make_pipeline(StandardScaler(), clone(HEAD)).fit(
             rows[train], COUNTS[train]
         )

@@ -26,6 +26,7 @@ from sklearn_haptic.ensembles._blend_weights import blend_exponent, blend_weight
 from sklearn_haptic.ensembles._out_of_fold import infer_objects
 from sklearn_haptic.metrics import neg_rps_scorer, ranked_probability_score
 from sklearn_haptic.model_selection import cross_val_predict_proba
+from sklearn_haptic.utils._folds import ObjectKFold
 
 N_OBJECTS, N_TRIALS = 12, 3
 OBJECTS = np.repeat(np.arange(N_OBJECTS), N_TRIALS)
@@ -150,7 +151,7 @@ def test_a_blend_is_that_of_plain_loops():
     def fit(member, rows):
         return clone(member).fit(X[rows], counts[rows], sample_weight=third[rows])
 
-    for train, test in GroupKFold(3).split(X, groups=objects):
+    for train, test in ObjectKFold(3).split(X, groups=objects):
         for m, (_, member) in enumerate(named):
             proba = fit(member, train).predict_proba(X[test])
             departure[test, m] = np.cumsum(proba, axis=1)[:, :-1] - below[test]
@@ -517,7 +518,7 @@ def test_groups_reach_it_and_the_searches_in_it_by_metadata_routing():
         model.fit(X, counts, groups=objects)
         assert len(Recorded.seen) >= 3  # once per fold
         for groups, (train, _) in zip(
-            Recorded.seen, GroupKFold(3).split(X, groups=objects)
+            Recorded.seen, ObjectKFold(3).split(X, groups=objects)
         ):
             assert_array_equal(groups, objects[train])
         predicted = cross_val_predict_proba(model, X, counts, groups=objects, cv=2)

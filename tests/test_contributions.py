@@ -7,7 +7,7 @@ from scipy.stats import wilcoxon
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
-from sklearn.model_selection import GroupKFold, KFold
+from sklearn.model_selection import KFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
@@ -22,6 +22,7 @@ from sklearn_haptic.metrics import ranked_probability_score
 from sklearn_haptic.metrics._trial_scores import score_trials
 from sklearn_haptic.model_selection import contribution_summary, sensor_contributions
 from sklearn_haptic.model_selection._contributions import fit_holdouts
+from sklearn_haptic.utils._folds import ObjectKFold
 
 SENSORS = {"pac": [0, 1], "pdc": [2, 3], "tdc": [4]}
 SCORES = ["macro_mae", "emd", "rps", "log_score", "rps_1", "rps_2", "rps_3", "rps_4"]
@@ -116,7 +117,7 @@ def test_table_has_a_row_for_each_model_start_and_test_trial(scores, touches):
 def test_holdouts_equal_models_fitted_one_by_one(scores, touches):
     X, y, objects = touches
     seeds = np.random.RandomState(0).randint(np.iinfo(np.int32).max, size=4)
-    folds = list(GroupKFold(3).split(X, y, pd.factorize(objects)[0]))
+    folds = list(ObjectKFold(3).split(X, y, objects))
     for fold, start in [(0, 0), (2, 3)]:
         train, test = folds[fold]
         full = make_regressor().set_params(random_state=seeds[start])
@@ -220,7 +221,7 @@ def test_objects_are_kept_together_by_default(touches, n_folds, cv):
         make_regressor(),
         X,
         y,
-        cv=[*GroupKFold(n_folds).split(X, groups=pd.factorize(objects)[0])],
+        cv=[*ObjectKFold(n_folds).split(X, y, objects)],
         **settings,
     )
     pd.testing.assert_frame_equal(scores, by_hand)

@@ -98,6 +98,22 @@ def test_names_of_objects_change_no_fold():
     np.testing.assert_array_equal(number_objects(["b", "a", "b", "c"], 4), [0, 1, 0, 2])
 
 
+@pytest.mark.parametrize("in_rounds", [False, True])
+@pytest.mark.parametrize("n_kinds, n_folds", [(5, 5), (10, 10), (20, 5), (2, 10)])
+def test_rows_that_name_each_material_in_turn_leave_out_none(
+    n_kinds, n_folds, in_rounds
+):
+    """No fold holds out all objects of a material, or most of them."""
+    objects = np.arange(100 if n_kinds < 20 else 200)
+    objects = np.tile(objects, 3) if in_rounds else np.repeat(objects, 3)
+    kind = objects % n_kinds
+    rows = np.zeros((len(objects), 1))
+    for _, test in ObjectKFold(n_folds).split(rows, groups=objects):
+        shares = np.bincount(kind[test], minlength=n_kinds) / np.bincount(kind)
+        assert shares.max() <= 0.6
+        assert len(test) == len(objects) / n_folds
+
+
 @pytest.mark.parametrize("learner", LEARNERS)
 def test_names_of_objects_change_no_prediction(learner):
     model, X = LEARNERS[learner]

@@ -38,6 +38,7 @@ from sklearn_haptic.metrics import (
 )
 from sklearn_haptic.model_selection import cross_val_predict_proba, model_report
 from sklearn_haptic.model_selection._model_report import gain_over_objects
+from sklearn_haptic.utils._folds import ObjectKFold
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -276,7 +277,7 @@ def test_classes_have_no_order():
     words = np.array(["wood", "cork", "foam"])[rng.integers(3, size=len(X))]
     features = X + 2 * (words == "cork")[:, None]
     report = model_report(GaussianNB(), features, words, groups=OBJECTS, cv=3)
-    folds = list(GroupKFold(3).split(X, groups=pd.factorize(OBJECTS)[0]))
+    folds = list(ObjectKFold(3).split(X, words, OBJECTS))
     predicted = np.empty(len(X), dtype=words.dtype)
     for train, test in folds:
         model = GaussianNB().fit(features[train], words[train])
@@ -337,7 +338,7 @@ def test_sliders_beside_guesses_that_pool_answers(place):
     )
     np.testing.assert_array_equal(quantiles, report.predicted["ratings"])
     expected, by_hand = np.empty((2, len(X)))
-    folds = GroupKFold(3).split(X, groups=pd.factorize(OBJECTS)[0])
+    folds = ObjectKFold(3).split(X, groups=OBJECTS)
     for train, test in folds:
         # Each training trial has the same weight, however many answered.
         weight = np.repeat(1 / np.isfinite(answers[train]).sum(axis=1), 5) / len(train)

@@ -31,6 +31,7 @@ from sklearn_haptic.model_selection import (
     speed_accuracy_frontier,
 )
 from sklearn_haptic.model_selection._frontier import is_non_dominated
+from sklearn_haptic.utils._folds import ObjectKFold
 
 pytestmark = pytest.mark.slow
 
@@ -373,7 +374,7 @@ def test_sensor_subsets_keep_groups_together(table, n_folds, cv):
     shuffled = pd.factorize(np.random.default_rng(0).permutation(groups))[0]
     model = columns_model([Ridge()])
     results = sensor_subsets(model, X, y, groups=shuffled, cv=cv)
-    by_group = GroupKFold(n_folds)
+    by_group = ObjectKFold(n_folds)
     expected = sensor_subsets(model, X, y, groups=shuffled, cv=by_group)
     assert_same_scores(results, expected)
     scores = []
@@ -393,7 +394,7 @@ def test_sensor_subsets_hand_groups_to_fits_that_request_them(table):
     with config_context(enable_metadata_routing=True):
         model = columns_model([head.set_fit_request(groups=True)])
         results = sensor_subsets(model, X, counts, groups=groups, cv=3)
-    for k, (train, test) in enumerate(GroupKFold(3).split(X, groups=groups)):
+    for k, (train, test) in enumerate(ObjectKFold(3).split(X, groups=groups)):
         features = clone(model[0])
         Z = features.fit_transform(X.iloc[train])
         fitted = clone(head).fit(Z, counts[train], groups=groups[train])

@@ -12,7 +12,6 @@ from scipy.spatial import cKDTree
 from sklearn.base import clone
 from sklearn.compose import make_column_transformer
 from sklearn.linear_model import LogisticRegression
-from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from told_groups import Told
@@ -34,6 +33,7 @@ from sklearn_haptic.ensembles._novelty_guard import (
     nearest_distances,
 )
 from sklearn_haptic.metrics import ranked_probability_score
+from sklearn_haptic.utils._folds import ObjectKFold
 
 pytestmark = pytest.mark.filterwarnings("ignore:No p-value is below 1/")
 
@@ -158,7 +158,7 @@ def test_predictions_equal_the_steps():
     rows = StandardScaler().fit_transform(X)
     shares = counts / counts.sum(axis=1, keepdims=True)
     proba, mean = np.empty(counts.shape), np.empty(counts.shape)
-    for train, test in GroupKFold(4).split(X, groups=objects):
+    for train, test in ObjectKFold(4).split(X, groups=objects):
         fitted = NNPOM(0).fit(rows[train], counts[train])
         proba[test] = fitted.predict_proba(rows[test])
         mean[test] = shares[train].mean(axis=0)

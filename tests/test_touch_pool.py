@@ -42,6 +42,7 @@ from sklearn_haptic.metrics import (
     ranked_probability_score,
 )
 from sklearn_haptic.model_selection import cross_val_predict_proba
+from sklearn_haptic.utils._folds import ObjectKFold
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*fit was given no groups")
 
@@ -377,7 +378,7 @@ def test_predictions_out_of_fold_are_of_models_without_the_object():
     for i, (_, model, columns) in enumerate(MEMBERS):
         there = X[columns].notna().all(axis=1).to_numpy()
         assert np.isnan(pool.oof_proba_[~there, i]).all()
-        for train, test in GroupKFold(3).split(X, groups=objects):
+        for train, test in ObjectKFold(3).split(X, groups=objects):
             train, test = train[there[train]], test[there[test]]
             fitted = clone(model).fit(X[columns].iloc[train], counts[train])
             assert_array_equal(
@@ -592,6 +593,27 @@ def test_pools_of_classes_are_as_sure_as_they_are_right(told):
     assert abs(too_sure) < 0.05 and abs(excess) < 0.08
 
 
+def test_a_pool_of_many_objects_is_judged_by_all_classes():
+    """Rows that name each class in turn, every second of which is easily told."""
+    n_runs, rng = 60, np.random.default_rng(0)
+    centre = np.zeros((10, 6))
+    centre[::2, :5], centre[1::2, 5] = 6 * np.eye(5), np.arange(5) / 2
+
+    def touched():
+        y, run = np.tile(np.repeat(range(10), 2), n_runs), np.repeat(range(n_runs), 20)
+        own = 0.7 * rng.normal(size=(n_runs, 10, 6))
+        return centre[y] + own[run, y] + rng.normal(size=(len(y), 6)), y, run
+
+    X, y, run = touched()
+    pool = TouchPool([("a", LogisticRegression(C=0.05), list(range(6)))])
+    pool.fit(X, y, groups=run)
+    X, y, run = touched()
+    proba = pool.predict_proba(X, groups=10 * run + y)
+    assert proba.max(axis=1).mean() == pytest.approx(
+        np.mean(proba.argmax(1) == y), abs=0.05
+    )
+
+
 @pytest.mark.parametrize("n_objects", [12, 40])
 def test_the_expected_excess_is_that_of_new_objects(n_objects):
     """Also of few objects and many members, whose weights were chosen by it."""
@@ -608,7 +630,7 @@ def test_the_expected_excess_is_that_of_new_objects(n_objects):
         X = felt[objects, None] + 1.5 * rng.normal(size=(len(objects), 6))
         return X, rng.multinomial(12, proba)[objects], objects
 
-    for _ in range(8):
+    for _ in range(24):
         X, counts, objects = touched(n_objects)
         pool = TouchPool(members).fit(X, counts, groups=objects)
         X, counts, objects = touched(200)

@@ -173,13 +173,7 @@ def make_folds(
         return check_folds(split, n_trials, least, objects, groups), objects
     n_folds = n_folds or min(max(5, 500 // n_objects), 10)
     n_folds = min(n_folds if cv is None else cv, n_objects)
-    if groups is None and np.ndim(y) == 1:
-        _, label = np.unique(np.asarray(y)[used], return_inverse=True)
-        fold = np.empty(len(used), dtype=np.intp)
-        fold[np.argsort(label, kind="stable")] = np.arange(len(used)) % n_folds
-        split = [(fold != k, fold == k) for k in range(n_folds)]
-    else:
-        split = ObjectKFold(n_folds).split(used, _safe_indexing(y, used), objects[used])
+    split = ObjectKFold(n_folds).split(used, _safe_indexing(y, used), objects[used])
     return [(used[train], used[test]) for train, test in split], objects
 
 

@@ -253,10 +253,11 @@ class TouchPool(
         self._moments = possible(error_moments(departure, objects))
         self._ordered = ordered
         self._spread = spread_moments(proba, true, objects) if ordered else None
-        step = -(-len(of_objects) // _MOST_OBJECTS)
-        some = objects % step == 0
-        self._objects, self._proba = objects[some] // step, proba[some]
-        self._true = of_objects[::step]
+        judged = np.random.RandomState(0).permutation(len(of_objects))[:_MOST_OBJECTS]
+        judged.sort()
+        some = np.isin(objects, judged)
+        self._objects = np.searchsorted(judged, objects[some])
+        self._proba, self._true = proba[some], of_objects[judged]
         self.classes_ = classes
         self.shares_ = true.mean(axis=0)
         self.oof_proba_ = oof

@@ -71,8 +71,9 @@ def _number_labels(y, n_trials):
 class ObjectKFold(GroupKFold):
     """Folds of whole objects, of which names do not matter and sizes are balanced.
 
-    Objects of equal size are dealt in the order of their first trials. If each has one
-    label, those of each label are dealt in turn, so that every fold knows all labels.
+    Objects of equal size are dealt in one random order, because rows may have one of
+    their own, such as each material in turn. If each object has one label, those of
+    each label are dealt in turn, so that every fold knows all labels.
     """
 
     def split(self, X, y=None, groups=None):
@@ -80,10 +81,11 @@ class ObjectKFold(GroupKFold):
         if groups is not None:
             groups = number_objects(groups, len(groups))
             first = np.unique(groups, return_index=True)[1]
+            order = np.random.RandomState(0).permutation(len(first))
             label = _number_labels(y, len(groups))
             if (label == label[first][groups]).all():
-                order = label[first].argsort(kind="stable")
-                groups = order.argsort()[groups]
+                order = order[label[first[order]].argsort(kind="stable")]
+            groups = order.argsort()[groups]
         return super().split(X, y, groups)
 
 
