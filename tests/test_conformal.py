@@ -243,7 +243,7 @@ def test_order_and_names_of_objects_do_not_matter(cv):
     rng = np.random.default_rng(2)
     names = rng.permutation([f"object {i}" for i in range(25)])[objects]
     order = rng.permutation(len(X))
-    if cv is None:  # folds are dealt in the order of the objects' first trials
+    if cv is None:  # folds depend on the order of the objects' first trials
         order = np.argsort(pd.factorize(objects)[0])
     model = ConformalRatings(RegressedDistribution(LinearRegression()), cv=cv)
     new = world(3, 8)[0]

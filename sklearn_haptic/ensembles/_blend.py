@@ -69,8 +69,8 @@ class DistributionBlend(
     cv : int, splitter or iterable of (train, test), default=None
         The folds on which the weights are learned, whole objects in each; by default
         ten up to 50 objects, or as many as there are, and fewer of more, down to five.
-        Objects are dealt to these in the order of their rows, so that other orders lead
-        to slightly other weights.
+        Objects are dealt to these at random, but alike in each fit to the same rows;
+        other orders of rows lead to slightly other weights.
     levels : array-like of shape (n_levels,), default=None
         All ordered levels, by default as for `DistributionalOrdinalRegressor`.
     n_jobs : int, default=None

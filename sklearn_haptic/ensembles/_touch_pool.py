@@ -87,7 +87,7 @@ class TouchPool(
         learns from their joined features, and serves where all are there.
     cv : int, splitter or iterable of (train, test), default=5
         The folds for the predictions out of fold. A number keeps objects whole, which
-        are dealt to the folds in the order of their rows.
+        are dealt to the folds at random, but alike in each fit.
     n_jobs : int, default=None
         Number of jobs, each of which fits one model.
 

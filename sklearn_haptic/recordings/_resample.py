@@ -56,16 +56,18 @@ def resample_trials(
     ----------
     trials : sequence of array-like of shape (n_times_i, n_channels)
         Trials of one sensor. Masked samples and NaN count as dropped. The columns of
-        data frames are put in the order of the first of them.
+        data frames are put in the order of the first of them, and lose their names: let
+        this be the same order for touches to learn from and for those to predict.
     times : sequence of array-like of shape (n_times_i,), str or None, default=None
         When the samples of each trial were taken, increasing: numbers, or dates or
         durations of NumPy, pandas or polars. A name is that of their column in trials
         that are data frames. By default they are the index of trials of pandas.
     rate : float, default=None
         Samples per second of the result. By default that of the typical step, which is
-        too low where more than a tenth of the samples is lost here and there, too high
-        where as many are far later than others but none is lost, and up to 5 % off for
-        more than 700 Hz with stamps in milliseconds.
+        too low where more than a tenth of the samples is lost here and there, or a
+        twentieth if trials have fewer than 40; too high where a tenth is far later than
+        others but none is lost; and up to 5 % off for more than 700 Hz with stamps in
+        milliseconds.
     unit : {"s", "ms", "us", "ns"}, default="s"
         Unit of stamps that are numbers.
     longest_gap : float, default=None

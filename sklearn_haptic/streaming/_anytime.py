@@ -94,7 +94,9 @@ class AnytimeRegressor(
     sharing : float, default=0.5
         Weight of the prefixes of the two neighbouring durations in learning a head,
         from 0 (none) to 1 (as much as its own). It requires a last step that takes
-        ``sample_weight``.
+        ``sample_weight``, and none that has folds of single rows, such as
+        `LogisticRegressionCV`, which would hold out one prefix of a touch and learn
+        from another.
     max_delay : float, default=0.1
         Seconds by which the next sample of a sensor may be late, by what the others
         have recorded, before the touch goes on without it, with a warning. Means of
