@@ -42,7 +42,7 @@ model = AnytimeRegressor(
     durations=[0.1, 0.25, 0.5, 1, 2, 4],
     sampling_rates=corpus.sampling_rates,
     cv=3,
-    stopping=ExpectedGain(price=0.01),
+    stopping=ExpectedGain(price=0.03),
 )
 model.fit(touches[~held_out], hard[~held_out], groups=corpus.objects[~held_out])
 
@@ -105,7 +105,7 @@ for ax, values, name in zip(axes, (spent, loss), ("mean seconds", "RPS")):
 proba = model.predict_proba_over_time(touches[held_out], seconds)
 stops = [
     ExpectedGain(price).fit(oof, counts, durations=seconds).stop_at(proba)
-    for price in (0.1, 0.03, 0.003, 0.01)
+    for price in (0.1, 0.01, 0.003, 0.03)
 ]
 TouchTimeDisplay.from_predictions(
     hard[held_out],
