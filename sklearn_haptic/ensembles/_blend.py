@@ -185,8 +185,9 @@ class DistributionBlend(
             trial.
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial. If the ratings of its trials are the same, an object
-            weighs the mean of theirs, in units of the largest. Members get it if their
-            ``fit`` takes `sample_weight`.
+            weighs the mean of theirs, in units of the largest. Otherwise a common
+            factor matters too: it makes the members' penalties weaker. Members get the
+            weights if their ``fit`` takes `sample_weight`.
         groups : array-like of shape (n_trials,), default=None
             The object of each trial. Without them, trials of equal counts are taken to
             be of one object, or of several if they are many and most people agree, and

@@ -84,7 +84,8 @@ class DistributionalOrdinalRegressor(
         by default ``NNPOM(n_hidden=0, alpha=3)``. `NNPOM`, or another that has the
         methods in the Notes, takes a trial's features once for all its observations.
         Any other is fitted to one row per observation, labelled 0, 1, … by the place of
-        its level among those that anybody gave, as a ``class_weight`` has to know.
+        its level among all levels, or, for a classifier, among those that anybody gave,
+        as a ``class_weight`` has to know.
         A `sklearn.frozen.FrozenEstimator` is used as it was fitted, to the features and
         the position as given by ``p_transform``; `fit` only checks that its inputs and
         levels are those of the trials.
