@@ -83,6 +83,13 @@ def test_crps_of_levels_is_the_ranked_probability_score_of_the_scale():
     )
 
 
+def test_crps_takes_sums_of_probabilities_which_round():
+    cdf = np.cumsum([0.1, 0.2, 0.3, 0.1, 0.2, 0.1])
+    assert cdf[-1] == np.nextafter(1, 2)
+    expected = crps([2.5], [*cdf[:-1], 1], range(6))
+    assert crps([2.5], cdf, range(6)) == expected
+
+
 def test_crps_is_exact_in_sixty_digits_far_from_zero():
     values, cdf, y = [1e6, 1e6 + 1, 1e6 + 3], [0, 0.25, 1], 1e6 + 2
     with mpmath.workdps(60):

@@ -101,10 +101,11 @@ def check_cdf(y_cdf, values, n_trials):
             f"y_cdf has {cdf.shape[1]} columns, but there are {values.shape[1]} "
             "values; give the CDF at each value."
         )
-    if (cdf < 0).any() or (cdf > 1).any():
+    within = np.clip(cdf, 0, 1)
+    if (np.abs(cdf - within) > 1e-6).any():  # sums of probabilities are rounded
         raise ValueError("y_cdf must lie within [0, 1]; give a share of people.")
     shape = (n_trials, cdf.shape[1])
-    return np.broadcast_to(cdf, shape), np.broadcast_to(values, shape)
+    return np.broadcast_to(within, shape), np.broadcast_to(values, shape)
 
 
 def crps_per_trial(answers, cdf, values):

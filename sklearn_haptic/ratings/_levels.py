@@ -25,6 +25,7 @@ from ..utils._row_order import check_order
 from ..utils._validation import is_text, lossless_array
 from ._distributions import as_distributions
 
+_MINUS = str.maketrans("−–", "--")  # as publishers set it
 _DIGITS = r"\d+(?:\.\d+)?"
 _NUMBER = re.compile(rf"[+-]?{_DIGITS}")
 _NUMBERED = re.compile(rf"(.*?\D)({_DIGITS})")  # n1, q7_1, or level-1, which is not -1
@@ -297,9 +298,10 @@ def has_default_columns(table):
 
 def _read_numbers(labels):
     """Return labels, read as numbers where possible, also behind a common prefix."""
-    texts = [label for label in labels if isinstance(label, str)]
-    numbers = {x: x for x in texts if _NUMBER.fullmatch(x)}
-    numbered = {x: match for x in texts if (match := _NUMBERED.fullmatch(x))}
+    texts = {x: x.translate(_MINUS) for x in labels if isinstance(x, str)}
+    numbers = {x: text for x, text in texts.items() if _NUMBER.fullmatch(text)}
+    matches = {x: _NUMBERED.fullmatch(text) for x, text in texts.items()}
+    numbered = {x: match for x, match in matches.items() if match}
     prefixes = Counter(match[1] for match in numbered.values())
     common = [prefix for prefix, n in prefixes.items() if n > 1]
     if not numbers and len(common) == 1:
