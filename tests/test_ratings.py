@@ -1,4 +1,5 @@
 from fractions import Fraction
+from itertools import permutations
 
 import numpy as np
 import pandas as pd
@@ -235,16 +236,26 @@ def test_adjective_correlation_is_pearson_of_ranks(n_adjectives):
 
 @pytest.mark.parametrize("frame", [pd.DataFrame, pl.DataFrame])
 def test_adjective_correlation_names_and_p_values(frame):
-    table = frame({"hard": [5, 4, 2, 1, 1], "soft": [1, 2, 2, 5, 4]})
+    table = frame({"hard": [5, 4, 2, 1, 1], "soft": [1, 4, 2, 5, 4]})
     result = adjective_correlation(table)
     assert result.rho.columns.tolist() == ["hard", "soft"]
-    # Ranks less 3: (2, 1, 0, -1.5, -1.5) and (-2, -.5, -.5, 2, 1).
-    rho = -9 / 9.5
+    # Ranks less 3: (2, 1, 0, -1.5, -1.5) and (-2, .5, -1, 2, .5).
+    rho = -7.25 / 9.5
     assert result.rho.iat[0, 1] == pytest.approx(rho)
     # Student's t with 3 degrees of freedom has a CDF in closed form.
     t = abs(rho) / np.sqrt(1 - rho**2)  # over the root of 3
     p_value = 1 - 2 / np.pi * (t / (1 + t**2) + np.arctan(t))
     assert result.pvalue.iat[0, 1] == pytest.approx(p_value)
+
+
+@pytest.mark.parametrize("n", [3, 4, 6])
+def test_few_rows_in_one_order_may_be_so_by_chance(n):
+    ratings = np.column_stack((range(n), range(n)))
+    steps = np.diff([*permutations(range(n))], axis=1)
+    in_order = (steps == 1).all(axis=1) | (steps == -1).all(axis=1)
+    result = adjective_correlation(ratings)
+    assert result.pvalue.iat[0, 1] == pytest.approx(in_order.mean())
+    assert result.relation.iat[0, 1] == (n == 6)
 
 
 @pytest.mark.parametrize(

