@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from sklearn.linear_model import LogisticRegression
+from sklearn.pipeline import make_pipeline
 
 from sklearn_haptic import NNPOM, ConformalRatings
 from sklearn_haptic.metrics import macro_mae
@@ -172,7 +173,9 @@ def test_sets_are_shaded_by_how_many_hold_a_level():
     X = np.linspace(-1, 1, 40)[:, np.newaxis] + rng.normal(0, 0.3, (40, 3))
     y = np.repeat([1, 2, 3, 4], 10)
     model = ConformalRatings(NNPOM(0, levels=[1, 2, 3, 4])).fit(X, y, groups=range(40))
-    display = DistributionDisplay.from_estimator(model, X[::7], [3, 6, 3, 0], alpha=0.4)
+    display = DistributionDisplay.from_estimator(
+        make_pipeline("passthrough", model), X[::7], [3, 6, 3, 0], alpha=0.4
+    )
     share = model.predict_set(X[::7], 0.4).mean(axis=0)
     shaded = display.ax_.patches[8:12]
     assert 0 < share.min() < share.max() < 1

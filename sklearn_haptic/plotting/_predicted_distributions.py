@@ -18,6 +18,7 @@ from ..ratings._checks import (
 )
 from ..ratings._distributions import cdf, shares
 from ..ratings._levels import predict_in_named_order
+from ..utils._pipeline_steps import last_step
 from ..utils._sklearn import Trials, _safe_indexing
 from ..utils._validation import check_regular
 from ._display import Axes, Display
@@ -371,7 +372,7 @@ class DistributionDisplay(_OneObjectDisplay):
             trial, all rows must be equal.
         alpha : float, default=None
             Shade the sets of this alpha, of a
-            :class:`~sklearn_haptic.ConformalRatings`.
+            :class:`~sklearn_haptic.ConformalRatings`, also at the end of a pipeline.
         ax : matplotlib Axes, default=None
             Axes to plot on; by default those of a new figure.
 
@@ -387,7 +388,10 @@ class DistributionDisplay(_OneObjectDisplay):
         y = _rows_of_counts(y, "y")
         proba, levels = predict_in_named_order(estimator, X, y)
         counts, proba, levels = _check_trials_of_one(y, proba, levels)
-        chosen = None if alpha is None else estimator.predict_set(X, alpha)
+        chosen = None
+        if alpha is not None:
+            model, X = last_step(estimator, X)
+            chosen = model.predict_set(X, alpha)
         return cls(counts[0], proba, levels=levels, chosen=chosen).plot(ax)
 
     def _draw(self, ax):
