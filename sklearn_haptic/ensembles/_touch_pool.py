@@ -118,9 +118,10 @@ class TouchPool(
     means, judged by pools of as many touches of each training object, in the order of
     its rows and of the members, if it has all the members. Another order mostly changed
     no probability by more than .05, once by .2 with eight objects, and the mean score
-    by .001. Pools of more touches than a training object has are somewhat too broad. What
-    two touches have in common is learned from the objects touched more than once: with
-    two or three of these among 25, pools of four touches were no better than one touch.
+    by .001. Pools of more touches than a training object has are somewhat too broad.
+    What two touches have in common is learned from the objects touched more than once:
+    with two or three of these among 25, pools of four touches were no better than one
+    touch.
 
     If the members know no order of the levels, as those of scikit-learn, the Brier
     score takes the place of the ranked probability score, also for the power, and the
