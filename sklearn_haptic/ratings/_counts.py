@@ -28,7 +28,8 @@ class RatingTable:
     Parameters
     ----------
     counts : ndarray of shape (n_objects, n_levels)
-        Number of people who chose each level.
+        Number of people who chose each level. The array does not say what the levels
+        are; if not 1, 2, …, give ``levels=table.levels`` to what takes it.
     objects : ndarray of shape (n_objects,)
         The object of each row, sorted.
     levels : ndarray of shape (n_levels,)
@@ -290,8 +291,8 @@ def shrink_counts(
     Returns
     -------
     counts : ndarray of shape (n_objects, n_levels)
-        Shrunken counts, as many as before in each row. Columns are in the order of the
-        levels, the lowest first, whatever their order in a labelled table.
+        Shrunken counts, as many as before in each row. Columns are those of
+        :func:`rating_distribution`.
 
     Raises
     ------

@@ -23,7 +23,8 @@ def rating_distribution(counts: ArrayLike) -> NDArray[np.float64]:
     -------
     proba : ndarray of shape (n_objects, n_levels)
         Proportions, which sum to 1 in each row. Columns are in the order of the levels,
-        the lowest first, whatever their order in a labelled table.
+        the lowest first, whatever their order in a labelled table. The array does not
+        say what the levels are; if not 1, 2, …, give ``levels`` to what takes it.
 
     Raises
     ------
