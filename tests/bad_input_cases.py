@@ -878,7 +878,9 @@ ask(IN_UNITS, *settings("units", "mm"),
     check("units of words", units="scale", levels=["no", "a bit", "very"],
         says=r"^The levels \['no', .*\] are not numbers, .*; give numbers as levels="),
     check("units of levels that fall", units="scale", levels=[3, 2, 1],
-        says=r"^levels=\[3, 2, 1\] do not ascend, .*; list finite numbers, lowest"))
+        says=r"^levels=\[3, 2, 1\] do not ascend, .*; list finite numbers, lowest"),
+    check("units of an array", units="scale",
+        says=r"^y_true is an array, which does not .*; give them as levels=\[\.\.\.\]"))
 ask(direct(ratings.rating_mean, counts=COUNTS),
     check("words as levels", levels=["no", "a bit", "very"],
         says="are not numbers, so their scale has no units; give numbers"))

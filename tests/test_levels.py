@@ -325,7 +325,9 @@ def test_words_in_no_order_are_sorted_with_a_warning_that_a_user_can_end(words):
     assert levels.tolist() == ["hard", "middling", "soft"]
     assert counts.tolist() == sorted_counts
     with pytest.warns(UserWarning, match="^ratings has " + told):
-        assert rating_counts(words, [1, 2, 3]).counts.tolist() == sorted_counts
+        assert (
+            rating_counts(words, [1, 2, 3]).counts.to_numpy().tolist() == sorted_counts
+        )
     for fit in (NNPOM(0), DummyDistribution(), SensorFusionNNPOM({"pac": [0]})):
         with pytest.warns(UserWarning, match="^y has " + told):
             fit.fit([[0], [1], [2]], words)

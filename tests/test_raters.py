@@ -31,7 +31,7 @@ tile,Bo,
 def test_tables_of_pandas_and_polars(read):
     levels = [1, 2, 3, 4, 5]
     table = RatingTable.from_long(read(io.StringIO(LONG)), levels=levels)
-    assert table.counts.tolist() == [[1, 1, 0, 0, 0], [0, 0, 0, 1, 1]]
+    assert table.counts.to_numpy().tolist() == [[1, 1, 0, 0, 0], [0, 0, 0, 1, 1]]
     assert table.objects.tolist() == ["foam", "tile"]
     assert table.raters.tolist() == ["Ann", "Bo", "Cy"]
     assert table.answers.tolist() == [[0, 0, 1], [0, 1, 0], [1, 0, 4], [1, 2, 3]]
@@ -85,7 +85,7 @@ def test_table_of_many_ratings(n_objects):
     table = rating_counts(
         ratings[order], objects[order], raters[order], levels=range(1, 6)
     )
-    assert table.counts.sum() == 3 * n_objects
+    assert table.counts.to_numpy().sum() == 3 * n_objects
     by_rater = ratings.reshape(-1, 3)[:, [0, 2, 1]]
     np.testing.assert_array_equal(table.answers[:, 2], by_rater.ravel() - 1)
 

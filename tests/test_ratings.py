@@ -17,6 +17,8 @@ from sklearn_haptic.ratings import (
     rating_cdf,
     rating_counts,
     rating_distribution,
+    rating_mean,
+    shrink_counts,
 )
 from sklearn_haptic.ratings._correlation import _holm
 from sklearn_haptic.ratings._distributions import level_at
@@ -56,7 +58,7 @@ def exact_level(counts, p):
 def test_rating_counts_leaves_out_missing_ratings(column):
     objects = np.array(["tile", "foam", "foam", "foam", "foam"])
     table = rating_counts(column, objects, levels=[1, 2, 3, 4, 5])
-    assert table.counts.tolist() == [[0, 2, 0, 0, 1], [1, 0, 0, 0, 0]]
+    assert table.counts.to_numpy().tolist() == [[0, 2, 0, 0, 1], [1, 0, 0, 0, 0]]
     assert table.objects.tolist() == ["foam", "tile"]
     assert table.levels.tolist() == [1, 2, 3, 4, 5]
     assert rating_counts(column, objects).levels.tolist() == [1, 2, 5]
@@ -66,10 +68,10 @@ def test_rating_counts_keeps_the_order_of_named_and_half_levels():
     table = rating_counts(
         ["very", "no", "a bit", "no"], [7, 7, 3, 3], levels=["no", "a bit", "very"]
     )
-    assert table.counts.tolist() == [[1, 1, 0], [1, 0, 1]]
+    assert table.counts.to_numpy().tolist() == [[1, 1, 0], [1, 0, 1]]
     assert table.objects.tolist() == [3, 7]
     table = rating_counts([0.5, 4.5, 0.5], [0, 0, 0], levels=[0.5, 2.5, 4.5])
-    assert table.counts.tolist() == [[2, 0, 1]]
+    assert table.counts.to_numpy().tolist() == [[2, 0, 1]]
 
 
 @pytest.mark.parametrize(
@@ -87,7 +89,7 @@ def test_rating_counts_keeps_the_order_of_named_and_half_levels():
 )
 def test_rating_counts_of_named_levels_with_missing_ratings(column):
     table = rating_counts(column, [7, 7, 7, 3], levels=["no", "a bit", "very"])
-    assert table.counts.tolist() == [[1, 0, 0], [1, 0, 1]]
+    assert table.counts.to_numpy().tolist() == [[1, 0, 0], [1, 0, 1]]
 
 
 def test_counts_of_one_level_are_not_given_as_if_they_were_ratings():
@@ -102,10 +104,10 @@ def test_rating_counts_takes_the_order_of_ordered_categories():
     column = pd.Series(pd.Categorical(["very", "no", None], levels, ordered=True))
     table = rating_counts(column, ["a", "a", "a"])
     assert table.levels.tolist() == levels
-    assert table.counts.tolist() == [[1, 0, 1]]
-    assert rating_counts(column, ["a"] * 3, levels=["very", "no"]).counts.tolist() == [
-        [1, 1]
-    ]
+    assert table.counts.to_numpy().tolist() == [[1, 0, 1]]
+    assert rating_counts(
+        column, ["a"] * 3, levels=["very", "no"]
+    ).counts.to_numpy().tolist() == [[1, 1]]
 
 
 def test_rating_counts_agrees_with_a_published_table(shared_data):
@@ -154,6 +156,42 @@ def test_cdf_of_weights_ends_in_one_and_is_the_sum_of_the_distribution(scale):
     assert (np.diff(cdf, axis=1) >= 0).all()
     proba = rating_distribution(weights)
     assert_allclose(np.cumsum(proba, axis=1), cdf, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "levels", [range(-3, 4), np.arange(1, 4.25, 0.5), [0, 25, 50, 75, 90, 95, 100]]
+)
+def test_tables_of_counts_are_labelled_with_objects_and_levels(levels):
+    rng = np.random.default_rng(0)
+    answers = rng.choice(levels, (9, 50), p=[0, 0.1, 0.2, 0.1, 0.3, 0.3, 0])
+    objects = np.array([*"ihgfedcba"])
+    table = rating_counts(answers.ravel(), np.repeat(objects, 50), levels=levels)
+    assert [*table.counts.index] == sorted(objects)
+    of_object = answers[::-1]
+    mean = of_object.mean(axis=1)
+    pooled = (50 * mean + 3 * (mean.sum() - mean) / 8) / 53
+    median = np.quantile(of_object, 0.5, axis=1, method="inverted_cdf")
+    for counts in (
+        table.counts,
+        table.counts.iloc[:, ::-1],
+        table.counts_for(sorted(objects)),
+        pl.from_pandas(table.counts.set_axis([f"{x:g}" for x in levels], axis=1)),
+    ):
+        share = rating_distribution(counts)
+        assert [*rating_cdf(counts).columns] == [*share.columns] == [*levels]
+        assert_allclose(rating_mean(counts), mean)
+        assert_allclose(rating_mean(share), mean)
+        assert_allclose(rating_mean(shrink_counts(counts, 3)), pooled)
+        for each in (counts, share):
+            assert_array_equal(inverse_cdf(each, 0.5), median)
+
+
+def test_words_label_shares_in_their_order():
+    answers = pd.Categorical(["low", "high", "low"], ["low", "mid", "high"])
+    table = rating_counts(answers.as_ordered(), ["a", "a", "b"])
+    share = rating_distribution(table.counts)
+    assert inverse_cdf(share, 1).tolist() == ["high", "low"]
+    assert inverse_cdf(shrink_counts(table.counts, 1), 0).tolist() == ["low", "low"]
 
 
 # Inverse CDF
@@ -376,7 +414,7 @@ def test_continuous_ratings_are_refused_unless_their_levels_are_given():
     with pytest.raises(ValueError, match=r"continuous ratings, such as 0\.5 in row 0"):
         rating_counts(ratings, objects)
     table = rating_counts(ratings, objects, levels=[0.5, 1.25])
-    assert table.counts.tolist() == [[1, 1], [1, 0]]
+    assert table.counts.to_numpy().tolist() == [[1, 1], [1, 0]]
 
 
 # Outlying raters

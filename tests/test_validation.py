@@ -504,7 +504,7 @@ def test_answers_in_another_order_than_their_objects():
         outlying_raters(by_rating[["rating"]], by_rating["object"], answers["rater"])
     expected = pd.crosstab(answers["object"], answers["rating"])
     table = rating_counts(by_rating["rating"], by_rating["object"])
-    assert table.counts.tolist() == expected.to_numpy().tolist()
+    assert table.counts.to_numpy().tolist() == expected.to_numpy().tolist()
 
 
 def test_stamps_of_named_touches_in_another_order():

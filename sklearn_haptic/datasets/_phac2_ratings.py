@@ -58,7 +58,7 @@ def rate_trials(ratings, objects, known):
                 "instance by rating_counts(..., levels=[1, 2, 3, 4, 5])."
             )
         lacks = f"ratings[{adjective!r}] has no ratings"
-        counts[adjective] = table.counts[
+        counts[adjective] = table.counts.to_numpy()[
             rows_of_objects(objects, table.objects, lacks=lacks)
         ]
     if any(table.answers is None for table in tables.values()):

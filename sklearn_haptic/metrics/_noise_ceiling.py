@@ -21,7 +21,7 @@ from ._proper_scores import (
     log_score,
     ranked_probability_score,
 )
-from ._score import as_score, summarise, weighted_mean
+from ._score import as_score, check_scale, summarise, weighted_mean
 
 _OF_MEANS = mean_absolute_error, r2_score
 
@@ -127,6 +127,7 @@ def noise_ceiling(
         answers = check_answers(y_true, "y_true")
         n = np.sum(~np.isnan(answers), axis=1)
     else:
+        check_scale(y_true, **given)
         counts, levels = check_ratings(y_true, given.get("levels"), name="y_true")
         check_people(counts, "y_true")
         n = counts.sum(axis=1)

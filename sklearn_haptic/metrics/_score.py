@@ -7,6 +7,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
+from ..ratings._levels import names_levels
 from ..utils._row_order import check_orders
 from ..utils._sklearn import StrOptions, validate_params
 from ..utils._validation import check_weights
@@ -40,12 +41,23 @@ def as_score(**constraints: list[Any]) -> Callable[[F], F]:
         def in_order(*args, **kwargs):
             given = arguments.bind(*args, **kwargs).arguments
             check_orders(**given)
+            check_scale(**given)
             return score(*args, **kwargs)
 
         return cast(F, validate(in_order))
 
     all_known = {**_SHARED, **constraints}
     return decorate
+
+
+def check_scale(y_true, y_proba=None, levels=None, units="levels", **others):
+    """Refuse a scale of counts that do not say what their levels are."""
+    named = levels is not None or names_levels(y_true) or names_levels(y_proba)
+    if units == "scale" and np.shape(y_true)[1:] not in ((), (1,)) and not named:
+        raise ValueError(
+            "y_true is an array, which does not say what its levels are, so their "
+            "scale has no units; give them as levels=[...], lowest first."
+        )
 
 
 def summarise(scores, sample_weight, average):

@@ -16,6 +16,7 @@ from ..utils._sklearn import Interval, validate_params
 from ..utils._validation import check_objects, count, drop_missing, rows_of_objects
 from ._checks import check_counts, check_people, match_levels, refuse_second_ratings
 from ._distributions import cdf, shares
+from ._levels import as_columns, labelled_as
 
 # Candidates for the strength, in people.
 _STRENGTHS = np.r_[0, 2.0 ** np.arange(-3, 11, 0.5), np.inf]
@@ -27,9 +28,9 @@ class RatingTable:
 
     Parameters
     ----------
-    counts : ndarray of shape (n_objects, n_levels)
-        Number of people who chose each level. The array does not say what the levels
-        are; if not 1, 2, …, give ``levels=table.levels`` to what takes it.
+    counts : DataFrame of shape (n_objects, n_levels)
+        Number of people who chose each level. Rows are labelled with the objects, and
+        columns with the levels, by which what takes counts knows them.
     objects : ndarray of shape (n_objects,)
         The object of each row, sorted.
     levels : ndarray of shape (n_levels,)
@@ -53,14 +54,19 @@ class RatingTable:
     2  1  1
     """
 
-    counts: NDArray[np.int64]
+    counts: pd.DataFrame
     objects: np.ndarray
     levels: np.ndarray
     raters: np.ndarray | None = None
     answers: NDArray[np.intp] | None = None
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.counts, pd.DataFrame):
+            labels = self.objects, as_columns(self.levels)
+            object.__setattr__(self, "counts", pd.DataFrame(self.counts, *labels))
+
     def __repr__(self) -> str:
-        text = f"{count(self.counts.sum(), 'ratings')} of "
+        text = f"{count(self.counts.to_numpy().sum(), 'ratings')} of "
         text += count(len(self.objects), "objects")
         if self.raters is not None:
             text += f" by {count(len(self.raters), 'raters')}"
@@ -108,8 +114,9 @@ class RatingTable:
         ...      "rating": [1, 3, 2]}
         ... )
         >>> RatingTable.from_long(frame).counts
-        array([[1, 0, 1],
-               [0, 1, 0]])
+              1  2  3
+        foam  1  0  1
+        tile  0  1  0
         """
         objects, raters, ratings = (
             column_named(frame, name) for name in (object, rater, rating)
@@ -128,8 +135,7 @@ class RatingTable:
         -------
         counts : DataFrame of shape (n_trials, n_levels)
             Row by row the counts of ``objects``. The columns are the levels, by which a
-            model knows them; they are ordered categories if the levels are words, or
-            numbers that do not ascend. The index is that of ``objects``, if it has one.
+            model knows them. The index is that of ``objects``, if it has one.
 
         Raises
         ------
@@ -142,13 +148,10 @@ class RatingTable:
                 f"All ratings are {self.levels.tolist()[0]!r}, and a table of one "
                 "column would be taken for ratings; list all levels in levels=."
             )
-        columns = pd.Index(self.levels)
-        if not (columns.dtype.kind in "iuf" and columns.is_monotonic_increasing):
-            columns = pd.CategoricalIndex(columns, columns, ordered=True)
         return pd.DataFrame(
-            self.counts[rows_of_objects(objects, self.objects)],
+            self.counts.to_numpy()[rows_of_objects(objects, self.objects)],
             index=objects.index if isinstance(objects, pd.Series) else None,
-            columns=columns,
+            columns=self.counts.columns,
         )
 
 
@@ -213,10 +216,9 @@ def rating_counts(
     ...     levels=[1, 2, 3, 4, 5],
     ... )
     >>> table.counts
-    array([[1, 2, 0, 0, 0],
-           [0, 0, 2, 0, 0]])
-    >>> table.objects
-    array(['foam', 'tile'], dtype='<U4')
+          1  2  3  4  5
+    foam  1  2  0  0  0
+    tile  0  0  2  0  0
 
     To give a model the counts of each trial's object:
 
@@ -274,7 +276,7 @@ def _check_raters(raters):
 )
 def shrink_counts(
     counts: ArrayLike, strength: float | None = None
-) -> NDArray[np.float64]:
+) -> NDArray[np.float64] | pd.DataFrame:
     r"""Draw the counts of each object towards the population of objects.
 
     Parameters
@@ -290,8 +292,8 @@ def shrink_counts(
 
     Returns
     -------
-    counts : ndarray of shape (n_objects, n_levels)
-        Shrunken counts, as many as before in each row. Columns are those of
+    counts : ndarray or DataFrame of shape (n_objects, n_levels)
+        Shrunken counts, as many as before in each row, labelled as those of
         :func:`rating_distribution`.
 
     Raises
@@ -321,13 +323,14 @@ def shrink_counts(
            [0.33333333, 1.        , 0.66666667],
            [0.33333333, 1.5       , 0.16666667]])
     """
-    counts, _ = check_counts(counts)
+    table, (counts, levels) = counts, check_counts(counts)
     check_people(counts, "counts")
     if strength is None:
         strength = _leave_one_out_strength(counts)
     n = counts.sum(axis=1, keepdims=True)
     drawn = 1.0 if np.isinf(strength) else strength / (n + strength)
-    return (1 - drawn) * counts + drawn * n * _mean_of_others(counts)
+    shrunken = (1 - drawn) * counts + drawn * n * _mean_of_others(counts)
+    return labelled_as(table, shrunken, levels)
 
 
 def _mean_of_others(counts):

@@ -19,6 +19,7 @@ from collections import Counter
 from numbers import Real
 
 import numpy as np
+import pandas as pd
 
 from ..utils._pipeline_steps import last_step
 from ..utils._row_order import check_order
@@ -150,6 +151,21 @@ def in_order_of_levels(values, columns):
     if columns is None:
         return values
     return np.take(np.pad(values, ((0, 0), (0, 1))), columns, axis=1)
+
+
+def as_columns(levels):
+    """Return levels as labels of columns, which keep their order."""
+    columns = pd.Index(levels)
+    if columns.dtype.kind in "iuf" and columns.is_monotonic_increasing:
+        return columns
+    return pd.CategoricalIndex(columns, columns, ordered=True)
+
+
+def labelled_as(counts, values, levels):
+    """Label what was computed from a table of counts, if its columns are labelled."""
+    if not names_levels(counts):
+        return values
+    return pd.DataFrame(values, getattr(counts, "index", None), as_columns(levels))
 
 
 def _in_order(labels, name):

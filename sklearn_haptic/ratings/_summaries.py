@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from ..utils._validation import check_positions
 from ._checks import check_counts, check_two_ratings
 from ._distributions import cdf, level_at, shares
-from ._levels import level_values
+from ._levels import labelled_as, level_values
 
 
-def rating_distribution(counts: ArrayLike) -> NDArray[np.float64]:
+def rating_distribution(
+    counts: ArrayLike,
+) -> NDArray[np.float64] | pd.DataFrame:
     """Share of the people who gave each object each rating.
 
     Parameters
@@ -21,10 +24,9 @@ def rating_distribution(counts: ArrayLike) -> NDArray[np.float64]:
 
     Returns
     -------
-    proba : ndarray of shape (n_objects, n_levels)
-        Proportions, which sum to 1 in each row. Columns are in the order of the levels,
-        the lowest first, whatever their order in a labelled table. The array does not
-        say what the levels are; if not 1, 2, …, give ``levels`` to what takes it.
+    proba : ndarray or DataFrame of shape (n_objects, n_levels)
+        Proportions, which sum to 1 in each row. If the columns of counts are labelled,
+        those of the DataFrame are the levels, the lowest first.
 
     Raises
     ------
@@ -37,11 +39,11 @@ def rating_distribution(counts: ArrayLike) -> NDArray[np.float64]:
     >>> rating_distribution([[0, 3, 6, 3, 0]])
     array([[0.  , 0.25, 0.5 , 0.25, 0.  ]])
     """
-    counts, _ = check_counts(counts)
-    return shares(counts)
+    values, levels = check_counts(counts)
+    return labelled_as(counts, shares(values), levels)
 
 
-def rating_cdf(counts: ArrayLike) -> NDArray[np.float64]:
+def rating_cdf(counts: ArrayLike) -> NDArray[np.float64] | pd.DataFrame:
     """Share of the people who rated each object at each level or below.
 
     Parameters
@@ -51,9 +53,9 @@ def rating_cdf(counts: ArrayLike) -> NDArray[np.float64]:
 
     Returns
     -------
-    cdf : ndarray of shape (n_objects, n_levels)
+    cdf : ndarray or DataFrame of shape (n_objects, n_levels)
         Cumulative distribution function at each level, exactly 1 from the highest
-        level used. For counts each entry is the double nearest to the fraction. Columns
+        level used. For counts each entry is the double nearest to the fraction. Labels
         are those of :func:`rating_distribution`.
 
     Raises
@@ -71,8 +73,8 @@ def rating_cdf(counts: ArrayLike) -> NDArray[np.float64]:
     >>> rating_cdf([[0, 3, 6, 3, 0]])
     array([[0.  , 0.25, 0.75, 1.  , 1.  ]])
     """
-    counts, _ = check_counts(counts)
-    return cdf(counts)
+    values, levels = check_counts(counts)
+    return labelled_as(counts, cdf(values), levels)
 
 
 def inverse_cdf(
