@@ -195,7 +195,7 @@ def model_report(
     -----
     The interval takes each object for one observation, however often it was touched
     [1]_. It ignores that the folds of a cross-validation share training trials, and
-    that few objects may gain or lose much, so that it held the true gain in 84 to 89%
+    that few objects may gain or lose much, so that it held the true gain in 83 to 88%
     of simulated corpora of 12 or 20 objects (`benchmarks/claims.py`); the others mostly
     gained more. No verdict is corrected for the number of adjectives: of forty that
     cannot be felt, one is expected to look better; of seven by a `DistributionBlend`,
