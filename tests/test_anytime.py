@@ -383,11 +383,14 @@ def test_a_duration_of_one_object_is_refused():
         make_model().fit(long, COUNTS, groups=many)
 
 
+@pytest.mark.parametrize(
+    "table", [np.asarray, pd.DataFrame, lambda y: y[:, np.newaxis]]
+)
 @pytest.mark.parametrize("head", [LogisticRegression(max_iter=1000), HEAD])
-def test_labels(head):
+def test_labels(head, table):
     labels = np.array([1, 2, 3])[COUNTS.argmax(axis=1)]
     pipeline = make_pipeline(features(lambda _: FunctionTransformer(statistics)), head)
-    model = make_model(pipeline).fit(TOUCHES, labels, groups=OBJECTS)
+    model = make_model(pipeline).fit(TOUCHES, table(labels), groups=OBJECTS)
     assert model.predict_proba(TOUCHES).shape == (24, len(np.unique(labels)))
     assert set(model.predict(TOUCHES)) <= {1, 2, 3}
     proba = model.predict_proba(TOUCHES)
@@ -493,6 +496,7 @@ def test_blocks_weigh_the_same_at_every_duration(alone):
     for k, seconds in enumerate([1, 2]):
         each = cut(TOUCHES, seconds)
         each = each["fast"] if alone else each
+        whole[0].scaler_.limits_ = -np.inf, np.inf
         rows = whole[0].scaler_.inverse_transform(whole[0].transform(each))
         scale = clone(whole[0].scaler_).fit(rows)
         head = clone(whole[1]).fit(scale.transform(rows), COUNTS, groups=OBJECTS)

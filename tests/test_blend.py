@@ -438,6 +438,18 @@ def test_the_unit_of_weights_does_not_matter(told):
     assert_allclose(blend.predict_proba(X), expected, atol=1e-9)
 
 
+def test_a_blend_in_a_blend_gets_the_weights_that_are_given():
+    X, counts, objects = made()
+    copies = np.repeat(np.arange(len(X)), 1 + objects // 2)
+    X, counts, objects = X[copies], counts[copies], objects[copies]
+    weight = np.random.default_rng(0).uniform(size=N_OBJECTS)[objects]
+    inner = DistributionBlend(members()).fit(X, counts, weight, groups=objects)
+    outer = DistributionBlend([("inner", clone(inner))])
+    outer.fit(X, counts, weight, groups=objects)
+    expected = inner.predict_proba(X)
+    assert_allclose(outer.estimators_["inner"].predict_proba(X), expected, atol=1e-9)
+
+
 @pytest.mark.parametrize("told", [True, False])
 def test_a_touch_of_weight_zero_is_as_if_left_out(told):
     """Also one of other ratings than its object, and many that tell other objects."""
@@ -486,7 +498,9 @@ def test_touches_of_an_object_weigh_one_in_pipelines_and_blends():
         routed = clone(blend).fit(X, counts, groups=objects)
         told = make_pipeline(WithObjects(), *scaled)
         told = DistributionBlend([("told", told)]).fit(X, counts, groups=objects)
+    own = clone(inner).fit(X, counts, groups=objects).predict_proba(X)
     for each in expected, routed:
+        assert_allclose(each.estimators_["blend"].predict_proba(X), own, atol=1e-9)
         learned = each.estimators_["piped"][-1].coefs_[0]
         assert_allclose(learned, alone[-1].coefs_[0], atol=1e-9)
     assert routed.weights_ == pytest.approx(expected.weights_, abs=1e-9)

@@ -19,12 +19,17 @@ from sklearn_haptic import (
     DummyDistribution,
     KSVDTransformer,
     RepairTrials,
+    Signal,
     SignalStatistics,
     TouchPool,
     make_haptic_pipeline,
 )
 from sklearn_haptic.datasets import make_haptic_corpus
-from sklearn_haptic.metrics import neg_rps_scorer, ranked_probability_score
+from sklearn_haptic.metrics import (
+    earth_movers_distance,
+    neg_rps_scorer,
+    ranked_probability_score,
+)
 
 pytestmark = pytest.mark.slow
 
@@ -213,6 +218,34 @@ def test_real_slides_of_any_length(biotac_slides):
     assert np.isfinite(model.predict_proba(short)).all()
     model.fit(trials[::15], few)
     assert np.isfinite(model.predict_proba(short)).all()
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_bursts_of_pure_tones_whose_codes_are_nearly_zero_in_training(dtype):
+    rng = np.random.default_rng(6)
+
+    def burst(hertz, level):  # two seconds, as played to an actuator
+        t = np.arange(4000 + rng.integers(400)) / 2000
+        on = t * 4 % 1 < rng.uniform(0.3, 1)
+        return (level * np.sin(2 * np.pi * hertz * t) * on).astype(np.float32)
+
+    hertz, level = rng.choice([200, 250, 400], 24), rng.uniform(0.2, 1, 24)
+    touches = [burst(*each) for each in zip(hertz, level) for _ in range(3)]
+    touches = [each.astype(dtype) for each in touches]
+    people = np.exp(-0.5 * (np.arange(5) - 4 * level[:, np.newaxis]) ** 2)
+    people /= people.sum(axis=1, keepdims=True)
+    counts = rng.multinomial(15, people).repeat(3, axis=0)
+    known = {"model__groups": np.arange(18).repeat(3)}
+    model = make_haptic_pipeline(Signal(rate=2000), random_state=0)
+    model.fit(touches[:54], counts[:54], **known)
+    guess = np.tile(counts[:54].sum(axis=0) / counts[:54].sum(), (18, 1))
+    new = people[18:].repeat(3, axis=0)
+    error = earth_movers_distance(new, model.predict_proba(touches[54:]))
+    assert error < 0.4 * earth_movers_distance(new, guess)
+    train, test = map(model[:-1].transform, (touches[:54], touches[54:]))
+    low, high = train.min(axis=0), train.max(axis=0)
+    beyond = np.maximum(test - high, low - test)
+    assert (beyond <= (high - low) * (1 + 1e-5) + 1e-6).all()
 
 
 def test_folds_whose_touches_differ_in_length():

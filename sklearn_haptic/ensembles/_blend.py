@@ -28,6 +28,7 @@ from ..models._shared_features import refuse_adjectives
 from ..ratings._checks import check_adjectives, check_rated, record_features
 from ..ratings._distributions import cdf, raised
 from ..utils._folds import TakesGroups, groups_for, number_objects
+from ..utils._pipeline_steps import last_step
 from ..utils._sklearn import (
     CrossValidator,
     Trials,
@@ -106,7 +107,8 @@ class DistributionBlend(
     Without metadata routing, `sample_weight` goes to all members, and `groups` to those
     that request them, for instance to a search that chooses a penalty by folds of whole
     objects. With it, both go to the members that request them. If no `sample_weight` is
-    given, the weights by object reach every member that takes weights, in either case.
+    given, the weights by object reach every member that takes weights, in either case,
+    but for a blend, which finds them itself.
 
     Examples
     --------
@@ -288,6 +290,9 @@ class DistributionBlend(
         routed = process_routing(self, "fit", groups=groups, **given) if routing else {}
         for name, member in self.estimators:
             argument = _weight_argument(member)
+            own = isinstance(last_step(member)[0], DistributionBlend)
+            if own and sample_weight is None:
+                argument = None  # It weighs objects itself.
             if routing:
                 params[name] = dict(routed[name].fit)
                 if given and "sample_weight" not in params[name]:
@@ -306,7 +311,7 @@ class DistributionBlend(
             else:
                 params[name] = groups_for(member, groups)
             if argument is not None:
-                params[name][argument] = weight
+                params[name][argument] = sample_weight if own else weight
         return params | {MARGINAL: {"sample_weight": weight}}
 
 
@@ -341,9 +346,6 @@ def _asking_for_weights(member):
         *others, (name, last) = member.steps
         others = [(key, _without_weights(step)) for key, step in others]
         return member.set_params(steps=[*others, (name, _asking_for_weights(last))])
-    if isinstance(member, DistributionBlend):
-        inner = [(name, _asking_for_weights(each)) for name, each in member.estimators]
-        member.set_params(estimators=inner)
     return member.set_fit_request(sample_weight=True)
 
 

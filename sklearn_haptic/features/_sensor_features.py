@@ -71,7 +71,9 @@ def block_weights(varies, blocks):
 class BlockScaler(StandardScaler):
     """Standardise features, and give the blocks of each sensor equal total variance.
 
-    Features that are constant in training stay at 0, whatever a later touch has.
+    Later touches are at most as far outside the training touches in each feature as
+    these are apart: one that hardly varies in training would outweigh all others
+    where it does vary. Features that are constant in training stay at 0.
 
     Parameters
     ----------
@@ -85,6 +87,9 @@ class BlockScaler(StandardScaler):
     >>> X = np.random.default_rng(0).normal(size=(50, 5))
     >>> BlockScaler([[4, 1]]).fit_transform(X).var(axis=0).round(3)
     array([0.625, 0.625, 0.625, 0.625, 2.5  ])
+    >>> scaler = BlockScaler().fit(np.array([[1.0], [3.0]]))
+    >>> scaler.transform([[4.0], [5.0], [600.0]]).ravel()
+    array([2., 3., 3.])
     """
 
     scale_: FloatArray
@@ -103,7 +108,15 @@ class BlockScaler(StandardScaler):
         self.scale_ = np.where(varies, deviation, np.finfo(np.float32).max)
         if self.blocks is not None:
             self.scale_ /= block_weights(varies, self.blocks)
+        scaled = super().transform(X)
+        low, high = scaled.min(axis=0), scaled.max(axis=0)
+        self.limits_ = 2 * low - high, 2 * high - low
         return self
+
+    def transform(self, X: Any, copy: bool | None = None) -> FloatArray:
+        """Standardise features, within limits."""
+        scaled: FloatArray = super().transform(X, copy)
+        return np.clip(scaled, *self.limits_, out=scaled)
 
 
 class SensorFeatures(TransformerMixin, BaseEstimator):

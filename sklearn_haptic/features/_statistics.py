@@ -101,7 +101,8 @@ def band_powers(signals, edges):
     Returns
     -------
     powers : ndarray of shape (n_signals, n_bands)
-        Powers. If the bands reach from 0 to 1/2, their sum is the variance.
+        Powers. If the bands reach from 0 to 1/2, their sum is the variance, of signals
+        whose length is fast.
 
     Examples
     --------
@@ -356,12 +357,13 @@ class SignalStatistics(TrialRows, BaseEstimator):
     Features have names like `t1of1_ch0_std` and `t2of4_ch0_band3of16`, which is the
     third band, counted from the lowest, in the second of four cells. All features of a
     channel in a cell stand together. Multiplying the trials of `fit`
-    and `transform` by a constant multiplies all features but the bands, which stay as
-    they are.
+    and `transform` by a positive constant multiplies all features but the bands, which
+    stay as they are.
 
     The spectrum is that of the discrete cosine transform. The power of a drift reaches
     far less into its higher bands than into those of the Fourier transform, for which a
-    trial that does not end as it began has a jump.
+    trial that does not end as it began has a jump. Up to a length whose transform is
+    fast, mostly a few per cent longer, the end is mirrored: what is there counts twice.
 
     Examples
     --------

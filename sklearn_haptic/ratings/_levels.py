@@ -279,6 +279,8 @@ def _warn(what, levels, mend):
 
 def only_column(y):
     """Return the column of a table of one column; return anything else unchanged."""
+    if isinstance(y, np.ndarray) and y.shape[1:] == (1,):
+        return y[:, 0]
     columns = getattr(y, "columns", None)
     return y if columns is None or len(columns) != 1 else y[columns[0]]
 

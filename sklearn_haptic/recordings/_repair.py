@@ -581,9 +581,9 @@ class RepairTrials(TrialRepair, OneToOneFeatureMixin, TransformerMixin, BaseEsti
                                                       value that is known
     dead             no sample in the trial or, if    estimated from the other channels
                      `rest` is given, at rest; or     by linear regression
-                     constant in it within `limits`,
-                     for longer than in nine trials
-                     of ten
+                     constant throughout it within
+                     `limits`, for longer than in
+                     nine trials of ten
     dead sensor      all channels are dead, or        the most typical trial of `fit`
                      constant as they often are
     missing sensor   None, NaN or no samples in       the most typical trial of `fit`

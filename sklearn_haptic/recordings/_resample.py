@@ -65,9 +65,9 @@ def resample_trials(
     rate : float, default=None
         Samples per second of the result. By default that of the typical step, which is
         too low where more than a tenth of the samples is lost here and there, or a
-        twentieth if trials have fewer than 40; too high where a tenth is far later than
-        others but none is lost; and up to 5 % off for more than 700 Hz with stamps in
-        milliseconds.
+        twentieth if stamps jitter or a few trials have fewer than 200 samples; too high
+        where a tenth is far later than others but none is lost; and up to 5 % off for
+        more than 700 Hz with stamps in milliseconds.
     unit : {"s", "ms", "us", "ns"}, default="s"
         Unit of stamps that are numbers.
     longest_gap : float, default=None

@@ -28,7 +28,7 @@ from ..features._sensor_features import BlockScaler
 from ..models._ordinal import OrdinalClassifierMixin
 from ..ratings._checks import check_adjectives
 from ..ratings._distributions import raised, shares
-from ..ratings._levels import knows_order
+from ..ratings._levels import knows_order, only_column
 from ..recordings._repair import by_sensor, check_limits
 from ..utils._folds import TakesGroups
 from ..utils._pipeline_steps import flat_steps
@@ -238,6 +238,7 @@ class AnytimeRegressor(
         touches = check_touches(X, {s: rates[s] for s in self.sensors_})
         check_alike(touches, rates)
         folds, objects = make_folds(self, X, y, groups, [self.estimator], stacklevel=8)
+        y = only_column(y)
         self._channel_names = touches.channels
         self._rates = np.array([rates[sensor] for sensor in self.sensors_])
         self.sample_shapes_ = {
