@@ -438,6 +438,18 @@ def test_the_unit_of_weights_does_not_matter(told):
     assert_allclose(blend.predict_proba(X), expected, atol=1e-9)
 
 
+def test_levels_that_a_member_sets_are_those_of_the_blend():
+    X, counts, objects = made()
+    labels = counts.argmax(axis=1)
+    pair = [("a", NNPOM(0, levels=[1, 2, 3, 4])), ("b", NNPOM(0))]
+    with pytest.raises(
+        ValueError, match=r"rating 0 .* not among levels=\[1, 2, 3, 4\]"
+    ):
+        DistributionBlend(pair).fit(X, labels, groups=objects)
+    blend = DistributionBlend(pair).fit(X, np.maximum(labels, 2), groups=objects)
+    assert blend.classes_.tolist() == [1, 2, 3, 4]
+
+
 def test_a_blend_in_a_blend_gets_the_weights_that_are_given():
     X, counts, objects = made()
     copies = np.repeat(np.arange(len(X)), 1 + objects // 2)

@@ -511,8 +511,15 @@ def test_forms_of_input_agree():
 def test_positions_in_a_data_frame_are_refused(columns):
     """Another may have its columns in another order."""
     X, counts, objects = made()
-    with pytest.raises(ValueError, match="'a' takes columns of X by position"):
+    with pytest.raises(ValueError, match="A member takes columns of X by position"):
         TouchPool([("a", NNPOM(0), columns)]).fit(X, counts, groups=objects)
+    pool = TouchPool([("a", NNPOM(0), [0, 1])])
+    numbered = X.set_axis(range(3), axis=1)
+    pool.fit(numbered, counts, groups=objects)
+    with pytest.raises(ValueError, match="by position"):
+        pool.predict_proba(numbered[[2, 0, 1]])
+    with pytest.raises(ValueError, match="by position"):
+        pool.fit(numbered[[2, 0, 1]], counts, groups=objects)
 
 
 @pytest.mark.parametrize("ordered", [False, True])

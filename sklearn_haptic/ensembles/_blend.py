@@ -27,6 +27,7 @@ from ..models._ordinal import OrdinalClassifierMixin
 from ..models._shared_features import refuse_adjectives
 from ..ratings._checks import check_adjectives, check_rated, record_features
 from ..ratings._distributions import cdf, raised
+from ..ratings._levels import levels_set_in
 from ..utils._folds import TakesGroups, groups_for, number_objects
 from ..utils._pipeline_steps import last_step
 from ..utils._sklearn import (
@@ -209,7 +210,7 @@ class DistributionBlend(
             not distinct.
         """
         record_features(self, X, y)
-        counts, levels = check_adjectives(y, self.levels)
+        counts, levels = check_adjectives(y, levels_set_in(self))
         if counts.ndim == 3:
             refuse_adjectives(type(self).__name__)
         (X,) = indexable(X)

@@ -233,11 +233,8 @@ class TouchPool(
         names = check_members(self.estimators, "(name, estimator, columns)")
         self._validate_names([*names, MARGINAL])
         X = _as_table(X)
-        _check_named(X, self.estimators)
         members = [estimator for _, estimator, _ in self.estimators]
-        set_levels = (levels_set_in(each) for each in members)
-        levels = next((each for each in set_levels if each is not None), None)
-        true, classes = true_shares(y, levels, type(self).__name__)
+        true, classes = true_shares(y, levels_set_in(self), type(self).__name__)
         folds, objects = make_folds(self, X, y, groups, members)
         fitted, oof = self._fit_members(X, y, objects, folds, classes)
         marginal = mean_without(true, folds)[:, np.newaxis]
@@ -451,19 +448,6 @@ class TouchPool(
         return tags
 
 
-def _check_named(X, members):
-    """Refuse positions in a data frame with names: another may have another order."""
-    labels = getattr(X, "columns", (0,))
-    if not all(isinstance(label, str) for label in labels):
-        return
-    for name, _, columns in members:
-        if _determine_key_type(columns) != "str":
-            raise ValueError(
-                f"The member {name!r} takes columns of X by position, {columns!r}; "
-                "name them, because they may come in another order."
-            )
-
-
 def _as_table(X):
     """Return rows in a list as an array, and anything else unchanged."""
     check_columns(X, [])
@@ -478,7 +462,16 @@ def _as_table(X):
 
 
 def _columns(X, columns):
-    """Return some columns of a table."""
+    """Return some columns of a table, by name if it is labelled.
+
+    Another table may have labelled columns in another order.
+    """
+    labels = [*getattr(X, "columns", ())]
+    if labels != [*range(len(labels))] and _determine_key_type(columns) != "str":
+        raise ValueError(
+            f"A member takes columns of X by position, {columns!r}; name them, by "
+            "text, because they may come in another order."
+        )
     asked = np.ravel(np.array(columns, dtype=object)).tolist()
     check_columns(X, [name for name in asked if isinstance(name, str)])
     return _safe_indexing(X, columns, axis=1)

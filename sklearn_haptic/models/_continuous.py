@@ -146,7 +146,7 @@ class ContinuousRatingsRegressor(
     more there are. People who left the slider at its lowest end are therefore in the
     CDF from the second edge on; of ratings in whole numbers, ask for the CDF halfway to
     the next number. Elsewhere than at the ends, equal ratings have a cell of their own
-    if they are more than about ``1 / n_cells`` of all.
+    if they are ``2 / n_cells`` of all or more.
 
     Examples
     --------

@@ -50,10 +50,14 @@ def levels_set_in(estimator):
     ['soft', 'hard']
     """
     model, _ = last_step(estimator)
-    for name, value in model.get_params().items():
-        if name.split("__")[-1] == "levels" and value is not None:
-            return value
-    return None
+    params = model.get_params(deep=False)
+    found = params.pop("levels", None)
+    for value in params.values():
+        members = value if isinstance(value, list) else [("", value)]
+        for each in (member[1] for member in members if isinstance(member, tuple)):
+            if found is None and hasattr(each, "get_params"):
+                found = levels_set_in(each)
+    return found
 
 
 def levels_of_ratings(values, container, levels, name):
@@ -279,8 +283,6 @@ def _warn(what, levels, mend):
 
 def only_column(y):
     """Return the column of a table of one column; return anything else unchanged."""
-    if isinstance(y, np.ndarray) and y.shape[1:] == (1,):
-        return y[:, 0]
     columns = getattr(y, "columns", None)
     return y if columns is None or len(columns) != 1 else y[columns[0]]
 

@@ -239,6 +239,7 @@ class AnytimeRegressor(
         check_alike(touches, rates)
         folds, objects = make_folds(self, X, y, groups, [self.estimator], stacklevel=8)
         y = only_column(y)
+        y = np.ravel(y) if np.shape(y)[1:] == (1,) else y
         self._channel_names = touches.channels
         self._rates = np.array([rates[sensor] for sensor in self.sensors_])
         self.sample_shapes_ = {
