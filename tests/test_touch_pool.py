@@ -34,6 +34,7 @@ from sklearn_haptic.ensembles._pool_moments import (
     pairs_of,
     pool_breadth,
     pool_weights,
+    possible,
     spread_moments,
 )
 from sklearn_haptic.metrics import (
@@ -73,6 +74,23 @@ def lacking(X, seed=0):
 
 
 # How errors go together -----------------------------------------------------
+
+
+def test_members_that_lack_rows_get_no_absurd_weights():
+    """Four equal members of known errors, of which three in ten are missing."""
+    truth = np.full((5, 5), 0.2) + 0.02 * np.eye(5)
+    root = np.linalg.cholesky(truth)
+    objects, pairs = np.arange(48) // 2, np.ones((5, 5))
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        departure = (rng.normal(size=(48, 3, 5)) @ root.T).swapaxes(1, 2)
+        whole = error_moments(departure, objects)
+        assert_allclose(possible(whole).same, whole.same, rtol=1e-12)
+        departure[np.pad(rng.random((48, 4)) < 0.3, ((0, 0), (0, 1)))] = np.nan
+        moments = possible(error_moments(departure, objects))
+        share, told = pool_weights(moments, pairs)
+        assert np.abs(share).max() < 3
+        assert told > 0.3 * 3 * share @ truth @ share
 
 
 def looped_moments(departure, objects):
