@@ -880,7 +880,9 @@ ask(IN_UNITS, *settings("units", "mm"),
     check("units of levels that fall", units="scale", levels=[3, 2, 1],
         says=r"^levels=\[3, 2, 1\] do not ascend, .*; list finite numbers, lowest"),
     check("units of an array", units="scale",
-        says=r"^y_true is an array, which does not .*; give them as levels=\[\.\.\.\]"))
+        says=r"^The columns of y_true do not say .*; give levels=\[\.\.\.\], lowest"),
+    check("units of default columns", y_proba=pd.DataFrame(PROBA), units="scale",
+        says=r"^The columns of y_true do not say .*; give levels=\[\.\.\.\], lowest"))
 ask(direct(ratings.rating_mean, counts=COUNTS),
     check("words as levels", levels=["no", "a bit", "very"],
         says="are not numbers, so their scale has no units; give numbers"))

@@ -7,7 +7,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from ..ratings._levels import names_levels
+from ..ratings._levels import has_default_columns, names_levels
 from ..utils._row_order import check_orders
 from ..utils._sklearn import StrOptions, validate_params
 from ..utils._validation import check_weights
@@ -52,11 +52,14 @@ def as_score(**constraints: list[Any]) -> Callable[[F], F]:
 
 def check_scale(y_true, y_proba=None, levels=None, units="levels", **others):
     """Refuse a scale of counts that do not say what their levels are."""
-    named = levels is not None or names_levels(y_true) or names_levels(y_proba)
+    named = levels is not None or any(
+        names_levels(each) and not has_default_columns(each)
+        for each in (y_true, y_proba)
+    )
     if units == "scale" and np.shape(y_true)[1:] not in ((), (1,)) and not named:
         raise ValueError(
-            "y_true is an array, which does not say what its levels are, so their "
-            "scale has no units; give them as levels=[...], lowest first."
+            "The columns of y_true do not say what the levels are, so their scale has "
+            "no units; give levels=[...], lowest first."
         )
 
 

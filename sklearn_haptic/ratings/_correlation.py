@@ -54,7 +54,7 @@ def adjective_correlation(
             for an array.
         pvalue : DataFrame of shape (n_adjectives, n_adjectives)
             Two-sided p-values of the hypothesis of no correlation, as
-            :func:`scipy.stats.spearmanr` gives them.
+            :func:`scipy.stats.spearmanr` gives them, but at least 2 / n! for n rows.
         pvalue_holm : DataFrame of shape (n_adjectives, n_adjectives)
             The same, corrected for the number of pairs by Holm's method [3]_.
         relation : DataFrame of shape (n_adjectives, n_adjectives)
