@@ -81,7 +81,7 @@ figure.supxlabel("position p in the population")
 figure.supylabel(f"rating of {chosen}")
 plt.show()
 
-at_most_two = rating_cdf(counts["hard"])[row, 1]
+at_most_two = rating_cdf(counts["hard"]).loc[row, 2]
 print(f"{at_most_two:.0%} of the people rate {chosen} at most 2 for “hard”.")
 
 # %%
