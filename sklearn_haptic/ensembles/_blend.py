@@ -27,7 +27,7 @@ from ..models._ordinal import OrdinalClassifierMixin
 from ..models._shared_features import refuse_adjectives
 from ..ratings._checks import check_adjectives, check_rated, record_features
 from ..ratings._distributions import cdf, raised
-from ..ratings._levels import levels_set_in
+from ..ratings._levels import levels_set_in, names_levels
 from ..utils._folds import TakesGroups, groups_for, number_objects
 from ..utils._pipeline_steps import last_step
 from ..utils._sklearn import (
@@ -210,7 +210,11 @@ class DistributionBlend(
             not distinct.
         """
         record_features(self, X, y)
-        counts, levels = check_adjectives(y, levels_set_in(self))
+        # Columns without labels are 1, 2, …, which members of other levels refuse.
+        unnamed = np.ndim(y) > 1 and not names_levels(y)
+        counts, levels = check_adjectives(
+            y, self.levels if unnamed else levels_set_in(self)
+        )
         if counts.ndim == 3:
             refuse_adjectives(type(self).__name__)
         (X,) = indexable(X)
