@@ -36,7 +36,7 @@ from ..utils._sklearn import (
     _BaseComposition,
     _fit_context,
 )
-from ..utils._validation import check_groups, check_weights
+from ..utils._validation import check_groups, check_regular, check_weights
 from ._blend_weights import blend_exponent, blend_weights
 from ._out_of_fold import Task, check_members, infer_objects, make_folds, run_tasks
 
@@ -211,9 +211,10 @@ class DistributionBlend(
         """
         record_features(self, X, y)
         # Columns without labels are 1, 2, …, which members of other levels refuse.
-        unnamed = np.ndim(y) > 1 and not names_levels(y)
+        one_each = check_regular(y, "y").shape[1:] in ((), (1,))
+        named = one_each or names_levels(y)
         counts, levels = check_adjectives(
-            y, self.levels if unnamed else levels_set_in(self)
+            y, levels_set_in(self) if named else self.levels
         )
         if counts.ndim == 3:
             refuse_adjectives(type(self).__name__)
