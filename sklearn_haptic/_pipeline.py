@@ -172,14 +172,15 @@ def make_haptic_pipeline(
     Signals and electrodes are coded over a dictionary of their own, whose atoms are
     training windows or patches, and the codes are pooled over time. Beside them stand
     statistics of each channel. All features are standardised, and codes and statistics
-    of a sensor are scaled to equal total variance. In each of them, a new touch counts
-    as at most as far outside the training touches as these are apart. They are given to
-    a model of distributions of ratings: a `DistributionBlend` of linear models with a
-    weak and a strong penalty, of trees and of the marginal, whose weights are learned
-    on held-out objects. The result is a Pipeline, whose parameters can be set and
-    searched, with the steps ``"features"`` (a ColumnTransformer with one transformer
-    per sensor) and ``"model"``, which any other model can take the place of. Unlike
-    those of scikit-learn, it is the old model if a fit fails or is interrupted.
+    of a sensor are scaled to equal total variance. Each feature of a new touch is
+    limited to the range of the training touches, widened by its width at both ends. The
+    features are given to a model of distributions of ratings: a `DistributionBlend` of
+    linear models with a weak and a strong penalty, of trees and of the marginal, whose
+    weights are learned on held-out objects. The result is a Pipeline, whose parameters
+    can be set and searched, with the steps ``"features"`` (a ColumnTransformer with one
+    transformer per sensor) and ``"model"``, which any other model can take the place
+    of. Unlike those of scikit-learn, it is the old model if a fit fails or is
+    interrupted.
 
     Parameters
     ----------

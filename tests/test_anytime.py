@@ -496,7 +496,7 @@ def test_blocks_weigh_the_same_at_every_duration(alone):
     for k, seconds in enumerate([1, 2]):
         each = cut(TOUCHES, seconds)
         each = each["fast"] if alone else each
-        whole[0].scaler_.limits_ = -np.inf, np.inf
+        whole[0].scaler_.limits_ = -np.inf, np.inf  # so that nothing is lost
         rows = whole[0].scaler_.inverse_transform(whole[0].transform(each))
         scale = clone(whole[0].scaler_).fit(rows)
         head = clone(whole[1]).fit(scale.transform(rows), COUNTS, groups=OBJECTS)

@@ -27,7 +27,7 @@ from ..models._ordinal import OrdinalClassifierMixin
 from ..models._shared_features import refuse_adjectives
 from ..ratings._checks import check_adjectives, check_rated, record_features
 from ..ratings._distributions import cdf, raised
-from ..ratings._levels import levels_set_in, names_levels
+from ..ratings._levels import are_counts, levels_set_in, names_levels
 from ..utils._folds import TakesGroups, groups_for, number_objects
 from ..utils._pipeline_steps import last_step
 from ..utils._sklearn import (
@@ -36,7 +36,7 @@ from ..utils._sklearn import (
     _BaseComposition,
     _fit_context,
 )
-from ..utils._validation import check_groups, check_regular, check_weights
+from ..utils._validation import check_groups, check_weights
 from ._blend_weights import blend_exponent, blend_weights
 from ._out_of_fold import Task, check_members, infer_objects, make_folds, run_tasks
 
@@ -211,8 +211,7 @@ class DistributionBlend(
         """
         record_features(self, X, y)
         # Columns without labels are 1, 2, …, which members of other levels refuse.
-        one_each = check_regular(y, "y").shape[1:] in ((), (1,))
-        named = one_each or names_levels(y)
+        named = names_levels(y) or not are_counts(y)
         counts, levels = check_adjectives(
             y, levels_set_in(self) if named else self.levels
         )

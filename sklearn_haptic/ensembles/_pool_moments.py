@@ -162,10 +162,11 @@ def possible(moments):
     """Return moments that errors can have.
 
     Where members lack rows, mean products are of different rows, and a mean of some
-    members may seem to have a negative square error. Each member then counts as erring
-    by twice as much more. Nor is an error negative that touches of an object share: of
-    few objects it may be so by chance, and a pool of useless members would seem to err
-    the less, the more they weigh.
+    members may seem to have a negative square error. All members then count as erring
+    by twice as much more: once would leave a mean that seems not to err. Nor is an
+    error negative that touches of an object share: of few objects it may be so by
+    chance, and a pool of useless members would seem to err the less, the more they
+    weigh.
     """
     lowest = min(np.linalg.eigvalsh(moments.same)[0], 0.0)
     same = moments.same - 2 * lowest * np.eye(len(moments.same))

@@ -71,9 +71,10 @@ def block_weights(varies, blocks):
 class BlockScaler(StandardScaler):
     """Standardise features, and give the blocks of each sensor equal total variance.
 
-    Later touches are at most as far outside the training touches in each feature as
-    these are apart: one that hardly varies in training would outweigh all others
-    where it does vary. Features that are constant in training stay at 0.
+    Each feature of a later touch is limited to the range of the training touches,
+    widened by its width at both ends. Otherwise one that hardly varies in training
+    would outweigh all others where it does vary. Features that are constant in training
+    stay at 0.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from ..ratings._levels import has_default_columns, names_levels
+from ..ratings._levels import are_counts, has_default_columns, names_levels
 from ..utils._row_order import check_orders
 from ..utils._sklearn import StrOptions, validate_params
 from ..utils._validation import check_weights
@@ -52,11 +52,10 @@ def as_score(**constraints: list[Any]) -> Callable[[F], F]:
 
 def check_scale(y_true, y_proba=None, levels=None, units="levels", **others):
     """Refuse a scale of counts that do not say what their levels are."""
-    named = levels is not None or any(
-        names_levels(each) and not has_default_columns(each)
-        for each in (y_true, y_proba)
-    )
-    if units == "scale" and np.shape(y_true)[1:] not in ((), (1,)) and not named:
+    if units == "levels" or levels is not None or not are_counts(y_true, "y_true"):
+        return
+    tables = y_true, y_proba
+    if not any(names_levels(t) and not has_default_columns(t) for t in tables):
         raise ValueError(
             "The columns of y_true do not say what the levels are, so their scale has "
             "no units; give levels=[...], lowest first."

@@ -323,7 +323,8 @@ def shrink_counts(
            [0.33333333, 1.        , 0.66666667],
            [0.33333333, 1.5       , 0.16666667]])
     """
-    table, (counts, levels) = counts, check_counts(counts)
+    table = counts
+    counts, levels = check_counts(table)
     check_people(counts, "counts")
     if strength is None:
         strength = _leave_one_out_strength(counts)

@@ -23,7 +23,7 @@ import pandas as pd
 
 from ..utils._pipeline_steps import last_step
 from ..utils._row_order import check_order
-from ..utils._validation import is_text, lossless_array
+from ..utils._validation import check_regular, is_text, lossless_array
 from ._distributions import as_distributions
 
 _MINUS = str.maketrans("−–", "--")  # as publishers set it
@@ -35,6 +35,11 @@ _NUMBERED = re.compile(rf"(.*?\D)({_DIGITS})")  # n1, q7_1, or level-1, which is
 def names_levels(y):
     """Whether the container of ratings or counts says what the levels are."""
     return _ordered_categories(only_column(y)) is not None or bool(_column_labels(y))
+
+
+def are_counts(y, name="y"):
+    """Whether ratings are a table of counts, not one rating per trial."""
+    return check_regular(y, name).shape[1:] not in ((), (1,))
 
 
 def levels_set_in(estimator):
