@@ -508,6 +508,17 @@ def test_blocks_weigh_the_same_at_every_duration(alone):
         np.testing.assert_allclose(touch.predict_proba(), got[0], rtol=1e-6)
 
 
+@pytest.mark.parametrize("output", ["pandas", "polars"])
+def test_what_transformers_return_everywhere_is_no_matter(output):
+    sensors = {name: Signal(rate) for name, rate in RATES.items()}
+    pipeline = make_haptic_pipeline(sensors, random_state=0).set_params(model=HEAD)
+    model = AnytimeRegressor(pipeline, durations=[1], sampling_rates=RATES, cv=2)
+    proba = clone(model).fit(TOUCHES, COUNTS, groups=OBJECTS).predict_proba(TOUCHES)
+    with config_context(transform_output=output):
+        again = model.fit(TOUCHES, COUNTS, groups=OBJECTS).predict_proba(TOUCHES)
+    assert_array_equal(again, proba)
+
+
 @pytest.mark.parametrize("rate, longest", [(5, "'slow'"), (10, None), (20, "'fast'")])
 def test_a_rate_by_which_a_sensor_lasts_longer_is_warned_of(rate, longest):
     pipeline = make_pipeline(

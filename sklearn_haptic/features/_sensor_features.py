@@ -109,15 +109,14 @@ class BlockScaler(StandardScaler):
         self.scale_ = np.where(varies, deviation, np.finfo(np.float32).max)
         if self.blocks is not None:
             self.scale_ /= block_weights(varies, self.blocks)
-        scaled = super().transform(X)
+        scaled = np.asarray(super().transform(X))
         low, high = scaled.min(axis=0), scaled.max(axis=0)
         self.limits_ = 2 * low - high, 2 * high - low
         return self
 
     def transform(self, X: Any, copy: bool | None = None) -> FloatArray:
         """Standardise features, within limits."""
-        scaled: FloatArray = super().transform(X, copy)
-        return np.clip(scaled, *self.limits_, out=scaled)
+        return np.clip(np.asarray(super().transform(X, copy)), *self.limits_)
 
 
 class SensorFeatures(TransformerMixin, BaseEstimator):
