@@ -257,6 +257,17 @@ def test_sensors_compared_by_hand(kfold):
         assert row["p_objects"] == pytest.approx(wilcoxon(single - combined).pvalue)
 
 
+def test_sensors_whose_scores_are_infinite_differ_by_no_number(kfold):
+    scores = kfold.networks.assign(log_score=np.inf)
+    study = Bunch(**kfold | {"networks": scores})
+    found = compare_networks(study, metric="log_score")
+    assert found["single"].eq(np.inf).all()
+    assert found["difference"].isna().all()
+    first = scores["object"] != scores["object"].iloc[0]
+    study["networks"] = scores.assign(log_score=scores["log_score"].mask(first, 1.0))
+    assert compare_networks(study, metric="log_score")["difference"].isna().all()
+
+
 def test_procedures_compared_by_hand(kfold):
     comparison = compare_networks(
         kfold, "procedures", metric="rps", by="adjective"

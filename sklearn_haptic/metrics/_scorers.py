@@ -35,8 +35,8 @@ def neg_rps_scorer(
         How many people chose each level, or one rating per trial; of shape (n_trials,
         n_adjectives, n_levels) where ``estimator`` predicts several adjectives.
     sample_weight : array-like of shape (n_trials,), default=None
-        Weight of each trial in the average. Searches do not pass it to a function; the
-        score of a model of this package is the same and takes it by ``scoring=None``.
+        Weight of each trial in the average. A search gives the weights of its fit,
+        `cross_validate` none.
 
     Returns
     -------

@@ -290,6 +290,11 @@ def check_adjectives(y, levels=None, *, name="y"):
         raise ValueError(
             f"{name} has shape {y.shape}, no adjective; give at least one."
         )
+    if y.shape[2] == 1:
+        raise ValueError(
+            f"{name} has shape {y.shape}, counts of one level; give those of all "
+            "levels, as (n_trials, n_adjectives, n_levels)."
+        )
     each = [
         check_ratings(y[:, i], levels, name=f"{name}[:, {i}]")
         for i in range(y.shape[1])

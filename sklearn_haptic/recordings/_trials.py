@@ -190,7 +190,7 @@ def _columns_of_trials(X):
 
 
 def check_columns(X, names):
-    """Refuse what is no DataFrame of touches, or one that lacks a column.
+    """Refuse what is no DataFrame of touches, or one without a column or with two.
 
     Where no `names` are asked for, an array will do.
     """
@@ -206,6 +206,9 @@ def check_columns(X, names):
             f"X has no column {absent[0]!r}, only {columns[:10]}; rename the one that "
             "is meant."
         )
+    twice = [name for name in names if columns.count(name) > 1]
+    if twice:
+        raise ValueError(f"X has the column {twice[0]!r} twice; name each column once.")
 
 
 def cells_of(X):
@@ -235,9 +238,6 @@ def trial_columns(X, names=None):
         in_column = hasattr(X, "shape") and X.shape[1:] in ((), (1,))
         return {ALONE: column_of(X, 0) if in_column else X}
     columns = list(X.columns)
-    if not X.columns.is_unique:
-        twice = X.columns[X.columns.duplicated()][0]
-        raise ValueError(f"X has the column {twice!r} twice; name each column once.")
     if names is None:
         names = [columns[i] for i in _columns_of_trials(X)]
     if names == [ALONE]:

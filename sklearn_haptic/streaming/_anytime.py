@@ -329,7 +329,9 @@ class AnytimeRegressor(
         needed = dict(zip(self.sensors_, self._needed[k]))
         lengths = touches.lengths()[which]
         long_enough = dict(zip(self.sensors_, (lengths >= self._needed[k]).T))
-        late = ((lengths > 0) & (lengths < self._needed[k])).any(axis=0)
+        # In a touch in progress, a sensor that has sent nothing is late, too.
+        begun = (lengths > 0) | isinstance(touches, FeltSamples)
+        late = (begun & (lengths < self._needed[k])).any(axis=0)
         if late.any():
             warnings.warn(
                 f"A touch goes on without {self.sensors_[late.argmax()]!r}, which is "

@@ -134,14 +134,14 @@ def compare_networks(
     for the best of many fits.
 
     All tests compare each object with itself: networks and procedures predict the same
-    objects, and a study splits them alike. A Kruskal–Wallis test would take the scores
-    of procedures for independent samples, and the differences between objects for
-    noise. An object is one observation, averaged over trials, folds, starts and
-    whatever else ``by`` does not name, because touches of one object are not
-    independent. Of each adjective, objects that some procedure lacks are left out. With
-    fewer than six objects, Wilcoxon's p is never below 0.05; with few, Friedman's p,
-    from the chi-squared distribution, is approximate. No p-value is corrected for the
-    number of rows.
+    objects, which a study splits alike if all procedures have them. A Kruskal–Wallis
+    test would take the scores of procedures for independent samples, and the
+    differences between objects for noise. An object is one observation, averaged over
+    trials, folds, starts and whatever else ``by`` does not name, because touches of one
+    object are not independent. Of each adjective, objects that some procedure lacks are
+    left out. With fewer than six objects, Wilcoxon's p is never below 0.05; with few,
+    Friedman's p, from the chi-squared distribution, is approximate. No p-value is
+    corrected for the number of rows.
 
     References
     ----------
@@ -195,7 +195,7 @@ def _compare_sensors(objects):
             "network": sensor,
             "combined": combined.mean(),
             "single": single.mean(),
-            "difference": difference.mean(),
+            "difference": difference.mean(skipna=False),
             "n_objects": len(objects),
             "p_objects": signed_rank_p(difference),
         }

@@ -208,11 +208,11 @@ def run_study(
     split : {"group_kfold", "paper"}, default=None
         By default that of the protocol, which bears its name or is "group_kfold".
         "group_kfold" tests on every object: ``n_repeats`` times the objects are
-        divided at random into ``n_splits`` folds, the same for every adjective and
-        procedure, and a ninth of the objects not tested are for validation. "paper"
-        divides them at random once per adjective, 80 % for training and 10 % each for
-        validation and testing; of sixty objects that leaves six test objects, too few
-        to tell methods apart.
+        divided at random into ``n_splits`` folds, the same for every adjective and all
+        procedures of the same objects, and a ninth of the objects not tested are for
+        validation. "paper" divides them at random once per adjective, 80 % for training
+        and 10 % each for validation and testing; of sixty objects that leaves six test
+        objects, too few to tell methods apart.
     n_splits : int, default=5
         Number of folds of "group_kfold".
     n_repeats : int, default=2
