@@ -147,6 +147,16 @@ class HapticPipeline(Pipeline):
         fitted: Self = super().fit(X, y, **params)
         return fitted
 
+    @all_or_nothing
+    def fit_transform(self, X: Trials, y: Any = None, **params: Any) -> Any:
+        """Fit clones of the steps likewise, and return what the last step makes of X.
+
+        So ``model[:-1].fit_transform(trials)`` leaves the model as it was.
+        """
+        check_orders(X=X, y=y, **params)
+        self.steps = clone(self.steps, safe=False)
+        return super().fit_transform(X, y, **params)
+
     def score(
         self,
         X: Trials,

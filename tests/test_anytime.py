@@ -24,6 +24,7 @@ from sklearn import config_context
 from sklearn.base import clone
 from sklearn.compose import ColumnTransformer, make_column_transformer
 from sklearn.feature_selection import SelectKBest
+from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline, make_union
@@ -437,6 +438,15 @@ def test_classes_that_a_fold_has_not_seen_get_no_share():
     assert model.predict(TOUCHES).dtype == names.dtype
 
 
+def test_features_that_were_learned_before_are_kept():
+    frozen = FrozenEstimator(features().fit(TOUCHES[:12]))
+    model = make_model(make_pipeline(frozen, clone(HEAD)), durations=[1], sharing=0)
+    proba = model.fit(TOUCHES, COUNTS, groups=OBJECTS).predict_proba(TOUCHES)
+    rows = frozen.transform(cut(TOUCHES, 1))
+    head = clone(HEAD).fit(rows, COUNTS).predict_proba(rows)
+    np.testing.assert_allclose(proba, flattened(head, model.powers_[0]), rtol=1e-6)
+
+
 def test_inner_pipelines_are_steps_in_their_place():
     head = DistributionalOrdinalRegressor(NNPOM(0), random_state=0)
     flat = make_pipeline(RepairTrials(), features(), StandardScaler(), head)
@@ -448,6 +458,7 @@ def test_inner_pipelines_are_steps_in_their_place():
     np.testing.assert_array_equal(got, expected)
 
 
+@pytest.mark.filterwarnings("ignore:A touch goes on without 'slow'")
 @pytest.mark.parametrize("rest", [None, 3])
 @pytest.mark.parametrize("alone", [False, True])
 @pytest.mark.filterwarnings("ignore:A touch goes on without 'fast'")

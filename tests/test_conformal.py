@@ -429,7 +429,8 @@ def test_intervals_of_sliders(grid):
         grid = fold.grid_
         beyond = np.maximum(grid[0] - values, values - grid[-1]) / np.ptp(grid)
         share, (low, high) = (
-            fold.predict_cdf(x[np.newaxis], each)[0] for each in (values, grid[[1, -2]])
+            np.interp(each, grid, fold.predict_cdf(x[np.newaxis])[0])
+            for each in (values, grid[[1, -2]])
         )
         share = np.where(values == grid[0], min(low, 0.5), share)  # as all its cell
         share = np.where(values == grid[-1], max(high, 0.5), share)

@@ -181,7 +181,9 @@ def test_predictions_are_those_of_the_levels_of_the_grid():
     assert_allclose(np.diff(model.predict_cdf(X), axis=1), proba, atol=1e-12)
     points = [-1, 0, 37.5, 100, 200]
     at = model.predict_cdf(X, points)
-    assert_array_equal(at[:, [0, 1, 3, 4]], [[0, 0, 1, 1]] * len(X))
+    assert_array_equal(at[:, [0, 3, 4]], [[0, 1, 1]] * len(X))
+    heap = (y == 0).sum() / (y <= 30).sum()
+    assert_allclose(at[:, 1], heap * proba[:, 0])
     assert_allclose(at[:, 2], proba[:, 0] + proba[:, 1] / 2)
     assert_allclose(model.predict(X), proba @ [15, 37.5, 52.5, 70, 90], rtol=1e-12)
     assert_array_equal(model.predict_cdf(X, 37.5), at[:, 2])
@@ -232,13 +234,30 @@ def test_a_quantile_between_heaps_is_the_top_of_the_lower_one(n_low):
     assert model.predict_quantile([[0]], 0.51)[0] > 70
 
 
+@pytest.mark.parametrize("grid", [None, np.linspace(0, 100, 31)])
+def test_people_at_the_ends_of_the_slider_are_there(grid):
+    """Of a hundred, thirty are at 0 and twenty at 100."""
+    y = np.concatenate((np.zeros(30), np.arange(1, 100, 2), np.full(20, 100)))
+    model = ContinuousRatingsRegressor(DummyDistribution(), grid=grid)
+    model.fit(np.zeros((100, 1)), y)
+    quantiles = model.predict_quantile([[0]], [0.1, 0.25, 0.55, 0.85, 0.95])[0]
+    assert_array_equal(quantiles[[0, 1, 3, 4]], [0, 0, 100, 100])
+    assert_allclose(quantiles[2], 50, atol=2)
+    assert_allclose(model.predict_cdf([[0]], [0, 99.999]), [[0.3, 0.8]], atol=0.005)
+    drawn = model.sample([[0]], 10_000, random_state=0)
+    assert_allclose([(drawn == end).mean() for end in (0, 100)], [0.3, 0.2], atol=0.02)
+
+
 def test_quantiles_invert_the_cdf():
     X, y = crowd()
     model = ContinuousRatingsRegressor().fit(X, y)
     p = np.array([0.01, 0.3, 0.5, 0.99])
     quantiles = model.predict_quantile(X, p)
     for x, row in zip(X, quantiles):
-        assert_allclose(model.predict_cdf([x], row)[0], p, atol=1e-12)
+        reached = model.predict_cdf([x], row)[0]
+        at_end = np.isin(row, model.grid_[[0, -1]])
+        assert_allclose(reached[~at_end], p[~at_end], atol=1e-12)
+        assert (reached[at_end] >= p[at_end]).all()
     assert_array_equal(model.predict_quantile(X, 0.5), quantiles[:, 2])
     ends = model.predict_quantile(X, [0, 1])
     assert (ends >= model.grid_[0]).all() and (ends <= model.grid_[-1]).all()

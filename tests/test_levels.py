@@ -218,6 +218,7 @@ def test_default_labels_that_are_the_levels_name_them():
             [-4, -3, -2, -1],
         ),
         (["very soft", "soft", "hard", "very hard"],) * 2,
+        (["0,25", "0,5", "0,75", "0,125"],) * 2,  # not 25, 5, 75 and 125
     ],
 )
 def test_labels_of_columns(labels, levels):

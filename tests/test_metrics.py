@@ -483,6 +483,10 @@ def test_percentages_are_warned_of_where_the_number_of_people_matters():
         truth = noise_ceiling(counts).truth
         assert_allclose(noise_ceiling(as_told).truth, truth, rtol=0.01)
     noise_ceiling(rng.multinomial(90, [0.5, 0.3, 0.2], size=30))  # no warning
+    lacking = 100 * counts / 12
+    lacking[0] *= 11 / 12  # one gave no answer
+    with pytest.warns(UserWarning, match="rows that sum to 100"):
+        noise_ceiling(lacking)
     people = np.array([[4, 4, 4, 4, 1], [0, 1, 5, 9, 2], [8, 6, 3, 0, 0]])
     rounded = np.round(100 * people / 17)
     assert rounded.sum(axis=1).tolist() == [102, 100, 100]

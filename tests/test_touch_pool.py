@@ -28,8 +28,10 @@ from sklearn_haptic import (
 )
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.ensembles._pool_moments import (
+    Moments,
     error_moments,
     felt_touches,
+    mean_products,
     means_of_touches,
     pairs_of,
     pool_breadth,
@@ -99,7 +101,7 @@ def looped_moments(departure, objects):
     same, other = np.full((2, n, n), np.nan)
     for i in range(n):
         for j in range(n):
-            of_same, of_other = [], []
+            of_same, of_other, less = [], [], []
             for each in np.unique(objects):
                 rows = np.flatnonzero(objects == each)
                 one = [departure[r, i] @ departure[r, j] for r in rows]
@@ -112,7 +114,10 @@ def looped_moments(departure, objects):
                 one, two = (np.array(x)[np.isfinite(x)] for x in (one, two))
                 of_same += [np.mean(one)] if len(one) else []
                 of_other += [np.mean(two)] if len(two) else []
+                less += [np.mean(one) - np.mean(two)] if len(one) and len(two) else []
             same[i, j], other[i, j] = np.mean(of_same), np.mean(of_other)
+            if less:
+                other[i, j] = same[i, j] - np.mean(less)
     return same, other
 
 
@@ -126,6 +131,27 @@ def test_moments_equal_a_loop_over_pairs_of_rows(seed):
     moments = error_moments(departure, objects)
     for mine, looped in zip(moments, looped_moments(departure, objects)):
         assert_allclose(mine, looped, atol=1e-12)
+
+
+def test_objects_touched_once_do_not_make_further_touches_seem_better():
+    """Of 25 objects ten are touched three times; each touch tells what it feels."""
+    objects = np.repeat(np.arange(25), [3] * 10 + [1] * 15)
+    pairs = pairs_of(felt_touches(np.eye(3, dtype=bool)))
+    # Members predict 0.6 times what they feel, 1 + noise, and the marginal 0.
+    shared, own = np.outer([-0.4] * 3 + [-1], [-0.4] * 3 + [-1]), np.diag([0.36] * 3)
+    own = np.pad(own, ((0, 1), (0, 1)))
+    truth = mean_products(Moments(shared + own, shared, 25), pairs)
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        felt = rng.normal(size=25)[objects, np.newaxis]
+        members = 0.6 * (felt + rng.normal(size=(45, 3))) - felt
+        departure = np.concatenate((members, -felt), axis=1)[..., np.newaxis]
+        moments = error_moments(departure, objects)
+        assert_allclose(moments.other[3, 3], moments.same[3, 3])
+        share, told = pool_weights(possible(moments), pairs)
+        error = share @ truth @ share
+        assert error < 0.4  # by the best weights 0.25, by one touch 0.52
+        assert told > error / 3
 
 
 def test_what_never_occurred_together_is_taken_to_err_together():

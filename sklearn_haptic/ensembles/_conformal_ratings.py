@@ -89,7 +89,8 @@ class ConformalRatings(
         "cv+": a model is fitted without each fold of objects and judged by them, so
         that all objects serve for both. "prefit": `estimator` was fitted to other
         objects before, and those given to `fit` only judge it; wrap it in a
-        :class:`~sklearn.frozen.FrozenEstimator` if this is to be cloned.
+        :class:`~sklearn.frozen.FrozenEstimator` if this is to be cloned. It is not
+        copied: if it is fitted again, fit this again.
     cv : int, splitter or iterable of (train, test), default=None
         The folds of "cv+", whole objects in each; by default 10, or as many as there
         are objects. With few objects, more folds make smaller sets.

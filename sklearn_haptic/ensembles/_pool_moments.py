@@ -46,8 +46,11 @@ class Moments(NamedTuple):
 def error_moments(departure, objects):
     """Return the mean products of departures within objects, which count equally.
 
-    What never occurred together is taken to err together, so that it is not thought
-    to be worth more than it is.
+    How much less of their errors two touches share than one is learned from the
+    objects that have two, and taken from what all objects tell of one: objects touched
+    once may err more or less, which says nothing about a second touch. What never
+    occurred together is taken to err together, so that it is not thought to be worth
+    more than it is.
 
     Parameters
     ----------
@@ -63,7 +66,7 @@ def error_moments(departure, objects):
     there = np.isfinite(departure).all(axis=2)
     departure = np.where(there[..., np.newaxis], departure, 0.0)
     n_members = there.shape[1]
-    same, other, n_same, n_other = np.zeros((4, n_members, n_members))
+    same, other, less, n_same, n_other, n_both = np.zeros((6, n_members, n_members))
     order = np.argsort(objects, kind="stable")
     for rows in np.split(order, np.cumsum(np.bincount(objects))[:-1]):
         total = departure[rows].sum(axis=0)
@@ -71,13 +74,19 @@ def error_moments(departure, objects):
         product = np.einsum("rik,rjk->ij", departure[rows], departure[rows])
         pairs = there[rows].T.astype(np.float64) @ there[rows]
         others = np.outer(count, count) - pairs
-        same += _ratio(product, pairs)
+        both = (pairs > 0) & (others > 0)
+        across = _ratio(total @ total.T - product, others)
+        product = _ratio(product, pairs)
+        same += product
         n_same += pairs > 0
-        other += _ratio(total @ total.T - product, others)
+        other += across
         n_other += others > 0
+        less += both * (product - across)
+        n_both += both
     size = np.sqrt(_ratio(same, n_same).diagonal())
     same = np.where(n_same > 0, _ratio(same, n_same), np.outer(size, size))
     other = np.where(n_other > 0, _ratio(other, n_other), same)
+    other = np.where(n_both > 0, same - _ratio(less, n_both), other)
     return Moments(same, other, int(objects.max()) + 1)
 
 

@@ -87,7 +87,8 @@ class TouchPool(
         learns from their joined features, and serves where all are there.
     cv : int, splitter or iterable of (train, test), default=5
         The folds for the predictions out of fold. A number keeps objects whole, which
-        are dealt to the folds at random, but alike in each fit.
+        are dealt to the folds at random, but alike in each fit; objects of one label
+        each, label by label.
     n_jobs : int, default=None
         Number of jobs, each of which fits one model.
 
@@ -120,15 +121,17 @@ class TouchPool(
     no probability by more than .05, once by .2 with eight objects, and the mean score
     by .001. Pools of more touches than a training object has are somewhat too broad.
     What two touches have in common is learned from the objects touched more than once:
-    with two or three of these among 25, pools of four touches were no better than one
-    touch.
+    with two or three of these among 25, pools of four touches gained .88 to .99 of what
+    they gain where all 25 were.
 
     If the members know no order of the levels, as those of scikit-learn, the Brier
     score takes the place of the ranked probability score, also for the power, and the
     touches of a class within a group are those of an object.
 
     Where a negative weight of the mean distribution makes a probability negative, the
-    nearest distribution is predicted. It may give a level no probability at all.
+    CDF is clipped and sorted, and probabilities of classes below 0 are 0. A level may
+    then have no probability at all, or, between levels that many choose, about as much
+    as it would lack (up to .2 where half of the objects divide people in two camps).
 
     Examples
     --------

@@ -159,8 +159,8 @@ def _pair_models(scores, metric, by):
         raise ValueError(f"scores has no value in some rows of {keys}; fill them in.")
     if not np.isfinite(scores[metric]).all():
         raise ValueError(
-            f"{metric} is not finite in some rows; choose another metric, or "
-            "decode='mixture', by which no rating has probability 0."
+            f"{metric} is not finite in some rows, as where a model gives a rating "
+            "probability 0; choose another metric, such as 'rps'."
         )
     values = scores.set_index(keys)[metric]
     # In the order given: pandas 2 misplaces values in unstack(sort=False).

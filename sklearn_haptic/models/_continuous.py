@@ -74,6 +74,34 @@ def make_grid(answers, weight, n_cells):
     return np.concatenate((*parts, edges[-1:]))
 
 
+def heaps_at_ends(answers, weight, edges):
+    """Return points on the scale, and where they are if heaps at its ends are spread.
+
+    Of the cell at an end, the share that is next to the end is as large as the share of
+    its answers that are at the end.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_haptic.models._continuous import heaps_at_ends
+    >>> answers = np.array([[0.0, 0.0, 0.0, 7.0], [5.0, 50.0, 99.0, 100.0]])
+    >>> points, spread = heaps_at_ends(answers, np.ones(2), np.r_[0.0, 10, 90, 100])
+    >>> points
+    array([  0.,   0.,  10.,  90., 100., 100.])
+    >>> spread
+    array([  0.,   6.,  10.,  90.,  95., 100.])
+    """
+    each = np.broadcast_to(weight[:, np.newaxis], answers.shape)
+    points = np.concatenate((edges[:1], edges, edges[-1:]))
+    spread = points.copy()
+    for end, inner in ((0, 1), (-1, -2)):
+        inside = answers <= edges[1] if end == 0 else answers > edges[-2]
+        if total := each[inside].sum():
+            share = each[answers == edges[end]].sum() / total
+            spread[inner] += share * (edges[inner] - edges[end])
+    return points, spread
+
+
 def count_in_cells(answers, edges):
     """Count the answers of each trial in each cell, which includes its upper edge."""
     n_cells = len(edges) - 1
@@ -143,10 +171,10 @@ class ContinuousRatingsRegressor(
     too high (lognormal answers by 2 to 13 % in simulations); give their logarithms.
 
     Equal ratings are spread over their cell, which the default makes the narrower the
-    more there are. People who left the slider at its lowest end are therefore in the
-    CDF from the second edge on; of ratings in whole numbers, ask for the CDF halfway to
-    the next number. Elsewhere than at the ends, equal ratings have a cell of their own
-    if they are ``2 / n_cells`` of all or more.
+    more there are. At the ends of the scale, where many people may leave a slider, they
+    are not: quantiles, samples and the CDF at given values have as large a share of the
+    cell at the end as its answers had in `fit`. Elsewhere, equal ratings have a cell of
+    their own if they are ``2 / n_cells`` of all or more.
 
     Examples
     --------
@@ -237,6 +265,7 @@ class ContinuousRatingsRegressor(
             params |= _for_last(model, {"sample_weight": weight})
         self.estimator_: Any = model.fit(X, count_in_cells(answers, grid), **params)
         self.grid_ = grid
+        self._points, self._spread = heaps_at_ends(answers, weight, grid)
         return self
 
     def _make_grid(self, answers, weight):
@@ -279,7 +308,9 @@ class ContinuousRatingsRegressor(
         X : array-like of shape (n_trials, n_features)
             Features of each trial.
         values : float or array-like of shape (n_values,), default=None
-            Values on the scale, by default the edges in ``grid_``.
+            Values on the scale. By default the edges in ``grid_``, between which the
+            CDF is linear as for :func:`~sklearn_haptic.metrics.crps`, with people at an
+            end in its cell.
 
         Returns
         -------
@@ -289,11 +320,14 @@ class ContinuousRatingsRegressor(
         below = np.pad(cdf(self._predict_ordered(X, {})), ((0, 0), (1, 0)))
         if values is None:
             return below
-        at = cdf_at(check_values(values), below, self.grid_)
+        spread = np.interp(check_values(values), self._points, self._spread)
+        at = cdf_at(spread, below, self.grid_)
         return at if np.ndim(values) else at[:, 0]
 
     def _ratings_at(self, proba, p):
-        return quantile_at(p, np.pad(cdf(proba), ((0, 0), (1, 0))), self.grid_)
+        below = np.pad(cdf(proba), ((0, 0), (1, 0)))
+        spread = quantile_at(p, below, self.grid_)
+        return np.interp(spread, self._spread, self._points)
 
     def predict(self, X: Trials) -> NDArray[np.float64]:
         """Predict the mean rating; ``predict_quantile(X, 0.5)`` is the median.

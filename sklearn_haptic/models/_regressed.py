@@ -102,7 +102,8 @@ class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEsti
 
     The regressor learns the share of the ratings at or below each level, as one output
     per level but the last. What it predicts is clipped and sorted, so that it is a
-    distribution. With squared errors it minimises the ranked probability score.
+    distribution, by which a linear regressor may give a level that nobody chose a small
+    share. With squared errors it minimises the ranked probability score.
 
     Parameters
     ----------

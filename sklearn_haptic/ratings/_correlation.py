@@ -7,7 +7,7 @@ from numbers import Real
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
-from scipy.special import gammaln
+from scipy.special import factorial
 from scipy.stats import spearmanr
 from sklearn.utils import Bunch
 
@@ -171,7 +171,7 @@ def _spearman(ratings, names):
             "there is no rank correlation; leave one of the two out."
         )
     rho, pvalue = spearmanr(*both.T)  # of few rows in one order 0, which it cannot be
-    return rho, max(pvalue, 2 * np.exp(-gammaln(len(both) + 1)))
+    return rho, max(pvalue, 2 / factorial(len(both)))
 
 
 def _holm(pvalue):

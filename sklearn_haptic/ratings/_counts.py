@@ -306,7 +306,7 @@ def shrink_counts(
     Warns
     -----
     UserWarning
-        If rows sum to 100, as percentages do.
+        If most rows sum to 100, as percentages do.
 
     Notes
     -----

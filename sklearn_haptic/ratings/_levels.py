@@ -29,7 +29,7 @@ from ._distributions import as_distributions
 _MINUS = str.maketrans("−–", "--")  # as publishers set it
 _DIGITS = r"\d+(?:\.\d+)?"
 _NUMBER = re.compile(rf"[+-]?{_DIGITS}")
-_NUMBERED = re.compile(rf"(.*?\D)({_DIGITS})")  # n1, q7_1, or level-1, which is not -1
+_NUMBERED = re.compile(rf"(.*?[^\d,])({_DIGITS})")  # n1, q7_1, or level-1; not 0,5
 
 
 def names_levels(y):

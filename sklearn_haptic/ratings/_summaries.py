@@ -188,7 +188,7 @@ def interrater_agreement(counts: ArrayLike) -> NDArray[np.float64]:
     Warns
     -----
     UserWarning
-        If rows sum to 100, as percentages do.
+        If most rows sum to 100, as percentages do.
 
     Raises
     ------

@@ -66,8 +66,9 @@ def resample_trials(
         Samples per second of the result. By default that of the typical step, which is
         too low where more than a tenth of the samples is lost here and there, or a
         twentieth if stamps jitter or a few trials have fewer than 200 samples; too high
-        where a tenth is far later than others but none is lost; and up to 5 % off for
-        more than 700 Hz with stamps in milliseconds.
+        where a tenth is far later than others but none is lost, or where steps vary by
+        a third or more (by up to 12 %, at a half by 21 %); and up to 5 % off for more
+        than 700 Hz with stamps in milliseconds.
     unit : {"s", "ms", "us", "ns"}, default="s"
         Unit of stamps that are numbers.
     longest_gap : float, default=None

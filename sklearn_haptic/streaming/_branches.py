@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
+from sklearn.frozen import FrozenEstimator
 from sklearn.pipeline import FeatureUnion, Pipeline
 
 from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
@@ -118,7 +119,8 @@ def fit_features(steps, touches):
     for i, (name, step) in enumerate(steps[:-1]):
         step = _without_dropped(clone(step))
         try:
-            X = step.fit_transform(X)
+            frozen = isinstance(step, FrozenEstimator)
+            X = step.transform(X) if frozen else step.fit_transform(X)
         except (TypeError, ValueError) as error:
             if re.search(r"\by\b", str(error)):
                 error.add_note(_WITHOUT_RATINGS)

@@ -32,7 +32,8 @@ def read_study(folder: str | PathLike[str]) -> Bunch:
             ``adjective`` and ``fold``; ``held_out``, the sensor left out, or "none" for
             the full model; ``start``; ``object``; ``trial``, its name; the scores that
             `sensor_contributions` gives; ``proba_1``, …, the predicted probability of
-            each level; and ``count_1``, …, how many people chose it.
+            each level, numbered from the lowest; and ``count_1``, …, how many people
+            chose it. Of single ratings, levels are those that occur.
         networks : DataFrame
             The same of each network as it was fitted when it was chosen, one row per
             network and test trial: ``network`` is the sensor, or "combined", and there
