@@ -177,7 +177,8 @@ def model_report(
             For each adjective, what the model predicted for them; of classes labels, of
             shape (n_tested,); of sliders quantiles, as :func:`cross_val_predict_proba`.
         summary, conclusion : str
-            What was done, and what came out.
+            What was done, and what came out. Gains of several adjectives are averaged
+            as they are, so report on scales of different units one by one.
 
     Raises
     ------

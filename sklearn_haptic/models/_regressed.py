@@ -114,7 +114,8 @@ class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEsti
         It learns how far shares are from their mean over the training trials, so that a
         penalty draws predictions towards that mean. Choose its parameters by a search
         with ``scoring=neg_rps_scorer`` and whole objects in a fold; one that
-        cross-validates by itself, such as `RidgeCV`, divides the touches of an object.
+        cross-validates by itself, such as `RidgeCV`, or stops early divides the touches
+        of an object.
     levels : array-like of shape (n_levels,), default=None
         All ordered levels, by default as for `DistributionalOrdinalRegressor`.
     random_state : int, RandomState instance or None, default=None

@@ -309,8 +309,9 @@ def typical_step(seconds, name=None):
     if name is not None and n == 10 and alike < steps.sum() / 2:
         raise ValueError(
             f"{name} tells no rate, because less than half of it is in steps near the "
-            f"typical {step:.4g} s, as where samples come in packets; spread those of "
-            "a packet evenly, or leave the stamps out."
+            f"typical {step:.4g} s, as where samples come in packets or many in a row "
+            "are lost; spread those of a packet evenly, give NaN for lost ones, or "
+            "leave the stamps out."
         )
     return step
 
