@@ -75,10 +75,10 @@ def make_grid(answers, weight, n_cells):
 
 
 def heaps_at_ends(answers, weight, edges):
-    """Return points on the scale, and where they are if heaps at its ends are spread.
+    """Return the points of a piecewise linear map from the scale to the grid.
 
-    Of the cell at an end, the share that is next to the end is as large as the share of
-    its answers that are at the end.
+    Equal answers at an end of the scale are one value there. In the grid they take as
+    large a part of the cell at the end as they are of its answers.
 
     Examples
     --------
