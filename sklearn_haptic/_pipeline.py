@@ -136,7 +136,9 @@ def _model_of_ratings(random_state):
 class HapticPipeline(Pipeline):
     """A Pipeline of which a fit that fails or is interrupted leaves the old model.
 
-    That of scikit-learn fits its steps in place, one by one.
+    That of scikit-learn fits its steps in place, one by one. So does `fit_transform`
+    also here, even of a slice: ``clone(model[:-1]).fit_transform(trials)`` leaves the
+    features of ``model`` as they were.
     """
 
     @all_or_nothing
@@ -146,16 +148,6 @@ class HapticPipeline(Pipeline):
         self.steps: list[Any] = clone(self.steps, safe=False)
         fitted: Self = super().fit(X, y, **params)
         return fitted
-
-    @all_or_nothing
-    def fit_transform(self, X: Trials, y: Any = None, **params: Any) -> Any:
-        """Fit clones of the steps likewise, and return what the last step makes of X.
-
-        So ``model[:-1].fit_transform(trials)`` leaves the model as it was.
-        """
-        check_orders(X=X, y=y, **params)
-        self.steps = clone(self.steps, safe=False)
-        return super().fit_transform(X, y, **params)
 
     def score(
         self,

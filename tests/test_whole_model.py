@@ -126,17 +126,6 @@ def test_one_touch_is_asked_for_as_a_table(corpus):
             np.testing.assert_array_equal(proba, take(trials.iloc[[0]]))
 
 
-def test_features_of_other_touches_leave_the_model_as_it_was(corpus):
-    trials = corpus.trials[["pac"]]
-    model = make_haptic_pipeline(["pac"], random_state=0)
-    model.fit(trials, corpus.ratings["hard"])
-    proba = model.predict_proba(trials)
-    rows = model[:-1].fit_transform(trials.iloc[:12])
-    np.testing.assert_array_equal(model.predict_proba(trials), proba)
-    expected = clone(model[:-1]).fit(trials.iloc[:12]).transform(trials.iloc[:12])
-    np.testing.assert_array_equal(rows, expected)
-
-
 def test_a_model_says_what_it_was_fitted_on(corpus):
     """Also when it was saved, in a notebook, and of names that are numpy.str_."""
     model = make_haptic_pipeline(np.array(["pac", "electrodes"]), random_state=0)
