@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import repeat
 from typing import Any, Self
 
 from numpy.typing import ArrayLike
@@ -136,18 +137,23 @@ def _model_of_ratings(random_state):
 class HapticPipeline(Pipeline):
     """A Pipeline of which a fit that fails or is interrupted leaves the old model.
 
-    That of scikit-learn fits its steps in place, one by one. So does `fit_transform`
-    also here, even of a slice: ``clone(model[:-1]).fit_transform(trials)`` leaves the
-    features of ``model`` as they were.
+    Its steps are fitted in place, as those of scikit-learn, but all or none.
     """
 
     @all_or_nothing
     def fit(self, X: Trials, y: ArrayLike | None = None, **params: Any) -> Self:
-        """Fit clones of the steps, which take the place of the steps."""
+        """Fit clones of the steps, whose state the steps then take over."""
         check_orders(X=X, y=y, **params)
-        self.steps: list[Any] = clone(self.steps, safe=False)
-        fitted: Self = super().fit(X, y, **params)
-        return fitted
+        steps = self.steps
+        self.steps: list[Any] = clone(steps, safe=False)
+        super().fit(X, y, **params)
+        of_steps = zip(steps, self.steps)
+        pairs = [(old, new) for (_, old), (_, new) in of_steps if hasattr(old, "fit")]
+        olds, states = [old for old, _ in pairs], [vars(new) for _, new in pairs]
+        self.steps = steps
+        fitted: Any = self
+        # In one call, which nothing interrupts.
+        return [fitted, *map(setattr, olds, repeat("__dict__"), states)][0]
 
     def score(
         self,

@@ -248,6 +248,31 @@ def test_people_at_the_ends_of_the_slider_are_there(grid):
     assert_allclose([(drawn == end).mean() for end in (0, 100)], [0.3, 0.2], atol=0.02)
 
 
+@pytest.mark.parametrize(
+    "grid, y",
+    [
+        (np.arange(-3, 3.1, 0.2), [-3.0, -1.0, 0.5, 1.0, 3.0, 3.0, 3.0, 3.0]),
+        (None, [-3.0, -1.0, 0.5, 1.0, 3.0, 3.0 - 1e-15, 3.0, np.nextafter(3, 4)]),
+        (None, [-3.0, -1.0, 0.5, 1.0, 3.0, 3.0 - 4e-12, 3.0, 3.0]),
+    ],
+)
+def test_rounding_takes_nobody_from_the_end(grid, y):
+    for sign in (1, -1):
+        edges = grid if grid is None or sign == 1 else -grid[::-1]
+        model = ContinuousRatingsRegressor(DummyDistribution(), grid=edges)
+        model.fit(np.zeros((8, 1)), sign * np.array(y))
+        drawn = sign * model.sample([[0]], 4000, random_state=0)
+        assert_allclose((drawn > 3 - 1e-9).mean(), 0.5, atol=0.03)
+        assert_allclose(model.grid_[[0, -1]], [-3, 3], rtol=1e-12)
+
+
+def test_the_heap_of_an_object_does_not_weigh_more_for_its_many_answers():
+    y = [[0.0] * 8 + [5.0] * 2, [5.0, 50.0], [5.0, 95.0]]
+    model = ContinuousRatingsRegressor(DummyDistribution(), grid=[0, 10, 90, 100])
+    model.fit(np.zeros((3, 1)), y)  # 0.8 + 0.2, 0.5 and 0.5 in the first cell
+    assert_allclose(model._spread[1], 10 * 0.8 / 2)
+
+
 def test_quantiles_invert_the_cdf():
     X, y = crowd()
     model = ContinuousRatingsRegressor().fit(X, y)

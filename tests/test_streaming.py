@@ -307,6 +307,22 @@ def test_a_sensor_that_never_works_is_missing(of_codes):
         assert_allclose(touch.predict_proba(), expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("order", [[1, 0], [0, 0], [0, 1]])
+def test_stamps_are_checked_before_anything_is_predicted_from_them(of_codes, order):
+    """Packets in another order or twice at once, another rate at the first duration."""
+    first = of_codes.durations_[0]
+    n = int(np.ceil(first * RATES["slow"]))
+    rate = RATES["slow"] * (3 if order == [0, 1] else 1)
+    samples = pd.DataFrame(TOUCHES["slow"].iloc[0][:n], index=np.arange(n) / rate)
+    packets = [samples[: n // 2], samples[n // 2 :]]
+    touch = of_codes.start()
+    refused = r"must be finite and increase|is sampled at 30"
+    with pytest.raises(ValueError, match=refused):
+        for i in order:
+            touch.update({"slow": packets[i]})
+    assert touch.seconds < first
+
+
 def test_a_touch_without_a_good_sample_comes_to_an_end(of_codes):
     touch = of_codes.start()
     for _ in range(100):

@@ -96,29 +96,66 @@ def test_members_that_lack_rows_get_no_absurd_weights():
 
 
 def looped_moments(departure, objects):
-    """Mean products over pairs of rows, one pair at a time."""
+    """Correlations times sizes, one pair of members and of rows at a time."""
     n = departure.shape[1]
-    same, other = np.full((2, n, n), np.nan)
+    added = departure.copy()
+    for i in range(n - 1):
+        added[:, i] -= departure[:, -1]
+    marginal = np.mean(
+        [np.mean([x @ x for x in added[objects == o, -1]]) for o in np.unique(objects)]
+    )
+
+    def mean_of(i, j, within):
+        """Sums over objects of mean products and of both mean squares."""
+        sums = np.zeros(3)
+        for each in np.unique(objects):
+            rows = np.flatnonzero(objects == each)
+            found = [
+                (a @ b, a @ a, b @ b)
+                for r in rows
+                for s in rows
+                if (r == s) == within
+                for a, b in [(added[r, i], added[s, j])]
+                if np.isfinite(a @ b)
+            ]
+            sums += np.mean(found, axis=0) if found else 0
+        return sums
+
+    def both_of(i, j):
+        """By how much products of one row exceed those of two, in each object."""
+        found = []
+        for each in np.unique(objects):
+            rows = np.flatnonzero(objects == each)
+            table = added[rows, i] @ added[rows, j].T
+            one = np.diag(table)
+            two = table[~np.eye(len(rows), dtype=bool)]
+            one, two = one[np.isfinite(one)], two[np.isfinite(two)]
+            if len(one) and len(two):
+                found.append(one.mean() - two.mean())
+        return found
+
+    size = np.empty(n)
     for i in range(n):
-        for j in range(n):
-            of_same, of_other, less = [], [], []
-            for each in np.unique(objects):
-                rows = np.flatnonzero(objects == each)
-                one = [departure[r, i] @ departure[r, j] for r in rows]
-                two = [
-                    departure[r, i] @ departure[s, j]
-                    for r in rows
-                    for s in rows
-                    if r != s
-                ]
-                one, two = (np.array(x)[np.isfinite(x)] for x in (one, two))
-                of_same += [np.mean(one)] if len(one) else []
-                of_other += [np.mean(two)] if len(two) else []
-                less += [np.mean(one) - np.mean(two)] if len(one) and len(two) else []
-            same[i, j], other[i, j] = np.mean(of_same), np.mean(of_other)
-            if less:
-                other[i, j] = same[i, j] - np.mean(less)
-    return same, other
+        _, own, of_marginal = mean_of(i, n - 1, True)
+        size[i] = np.sqrt(marginal * own / of_marginal)
+    both, of_row = [], np.empty((n, n))
+    for within in (True, False):
+        moments = np.empty((n, n))
+        for i in range(n):
+            for j in range(n):
+                product, first, second = mean_of(i, j, within)
+                moments[i, j] = product / np.sqrt(first * second) * size[i] * size[j]
+                if not within and len(pairs := both_of(i, j)):
+                    moments[i, j] = of_row[i, j] - np.mean(pairs)
+        of_row = moments if within else of_row
+        errors = moments.copy()
+        for i in range(n):
+            for j in range(n):
+                errors[i, j] += (i < n - 1) * moments[n - 1, j]
+                errors[i, j] += (j < n - 1) * moments[i, n - 1]
+                errors[i, j] += (i < n - 1) * (j < n - 1) * moments[n - 1, n - 1]
+        both.append(errors)
+    return both
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -127,7 +164,7 @@ def test_moments_equal_a_loop_over_pairs_of_rows(seed):
     objects = rng.integers(0, 5, size=24)
     _, objects = np.unique(objects, return_inverse=True)
     departure = rng.normal(size=(24, 3, 2))
-    departure[rng.random((24, 3)) < 0.2] = np.nan
+    departure[:, :2][rng.random((24, 2)) < 0.2] = np.nan
     moments = error_moments(departure, objects)
     for mine, looped in zip(moments, looped_moments(departure, objects)):
         assert_allclose(mine, looped, atol=1e-12)
@@ -155,9 +192,9 @@ def test_objects_touched_once_do_not_make_further_touches_seem_better():
 
 
 def test_what_never_occurred_together_is_taken_to_err_together():
-    departure = np.array([[[3.0], [np.nan]], [[np.nan], [2.0]]])
+    departure = np.array([[[3.0], [np.nan], [1.0]], [[np.nan], [2.0], [1.0]]])
     moments = error_moments(departure, np.array([0, 1]))
-    assert_allclose(moments.same, [[9, 6], [6, 4]])
+    assert_allclose(moments.same, [[9, 6, 3], [6, 4, 2], [3, 2, 1]])
     assert_allclose(moments.other, moments.same)
 
 

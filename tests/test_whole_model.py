@@ -126,6 +126,19 @@ def test_one_touch_is_asked_for_as_a_table(corpus):
             np.testing.assert_array_equal(proba, take(trials.iloc[[0]]))
 
 
+def test_steps_are_fitted_in_place(corpus):
+    """So that parts of a model taken before or after a fit are parts of it."""
+    trials, y = corpus.trials[["pac"]], corpus.ratings["hard"]
+    model = make_haptic_pipeline(["pac"], random_state=0)
+    features, head = model[:-1], model[-1]
+    proba = model.fit(trials, y).predict_proba(trials)
+    np.testing.assert_array_equal(head.predict_proba(features.transform(trials)), proba)
+    less = slice(0, 24)
+    expected = clone(model).fit(trials[less], y[less]).predict_proba(trials)
+    head.fit(features.fit(trials[less]).transform(trials[less]), y[less])
+    np.testing.assert_allclose(model.predict_proba(trials), expected, atol=1e-12)
+
+
 def test_a_model_says_what_it_was_fitted_on(corpus):
     """Also when it was saved, in a notebook, and of names that are numpy.str_."""
     model = make_haptic_pipeline(np.array(["pac", "electrodes"]), random_state=0)

@@ -46,16 +46,19 @@ class Moments(NamedTuple):
 def error_moments(departure, objects):
     """Return the mean products of departures within objects, which count equally.
 
-    How much less of their errors two touches share than one is learned from the
-    objects that have two, and taken from what all objects tell of one: objects touched
-    once may err more or less, which says nothing about a second touch. What never
-    occurred together is taken to err together, so that it is not thought to be worth
-    more than it is.
+    A member departs as the marginal does, and by what it adds. Mean products of these
+    are correlations times sizes, so that rows that lack a member are not mixed with
+    others, whose objects may be easier: the correlation is that in the rows, or pairs
+    of rows, that have both, and the size is that of the marginal times its ratio in the
+    rows that have the member. By how much products of two rows are less than those of
+    one is learned from the objects that have both. What never occurred together is
+    taken to go together, so that it is not thought to be worth more than it is.
 
     Parameters
     ----------
     departure : ndarray of shape (n_rows, n_members, n_thresholds)
-        Predicted minus true; NaN where a member has nothing to predict from.
+        Predicted minus true; NaN where a member has nothing to predict from. The last
+        member is the marginal, which always has.
     objects : ndarray of int of shape (n_rows,)
         Number of the object of each row, from 0.
 
@@ -64,29 +67,37 @@ def error_moments(departure, objects):
     moments : Moments
     """
     there = np.isfinite(departure).all(axis=2)
-    departure = np.where(there[..., np.newaxis], departure, 0.0)
+    added = np.where(there[..., np.newaxis], departure, 0.0)
+    added[:, :-1] -= there[:, :-1, np.newaxis] * departure[:, -1:]
+    square, there = (added**2).sum(axis=2), there.astype(np.float64)
     n_members = there.shape[1]
-    same, other, less, n_same, n_other, n_both = np.zeros((6, n_members, n_members))
+    # Of one row and of two; the squares are those of the first member of a pair.
+    products, squares = np.zeros((2, 2, n_members, n_members))
+    less, n_both = np.zeros((2, n_members, n_members))
     order = np.argsort(objects, kind="stable")
     for rows in np.split(order, np.cumsum(np.bincount(objects))[:-1]):
-        total = departure[rows].sum(axis=0)
-        count = there[rows].sum(axis=0)
-        product = np.einsum("rik,rjk->ij", departure[rows], departure[rows])
-        pairs = there[rows].T.astype(np.float64) @ there[rows]
-        others = np.outer(count, count) - pairs
-        both = (pairs > 0) & (others > 0)
-        across = _ratio(total @ total.T - product, others)
-        product = _ratio(product, pairs)
-        same += product
-        n_same += pairs > 0
-        other += across
-        n_other += others > 0
-        less += both * (product - across)
+        has, own, total = there[rows], square[rows], added[rows].sum(axis=0)
+        count = has.sum(axis=0)
+        number = np.array([has.T @ has, np.outer(count, count)])
+        product = np.einsum("rik,rjk->ij", added[rows], added[rows])
+        product = np.array([product, total @ total.T])
+        first = np.array([own.T @ has, np.outer(own.sum(axis=0), count)])
+        for each in (number, product, first):
+            each[1] -= each[0]
+        product, both = _ratio(product, number), (number > 0).all(axis=0)
+        products += product
+        squares += _ratio(first, number)
+        less += both * (product[0] - product[1])
         n_both += both
-    size = np.sqrt(_ratio(same, n_same).diagonal())
-    same = np.where(n_same > 0, _ratio(same, n_same), np.outer(size, size))
-    other = np.where(n_other > 0, _ratio(other, n_other), same)
+    sizes = np.sqrt(squares * squares.swapaxes(1, 2))
+    correlation = np.where(sizes > 0, _ratio(products, sizes), 1.0)
+    marginal = squares[0, -1, -1] / (objects.max() + 1)
+    size = np.sqrt(marginal * _ratio(squares[0, :, -1], squares[0, -1]))
+    basis = np.eye(n_members)
+    basis[:, -1] = 1.0
+    same, other = correlation * np.outer(size, size)
     other = np.where(n_both > 0, same - _ratio(less, n_both), other)
+    same, other = (basis @ each @ basis.T for each in (same, other))
     return Moments(same, other, int(objects.max()) + 1)
 
 
@@ -168,19 +179,13 @@ def root_of(products):
 
 
 def possible(moments):
-    """Return moments that errors can have.
+    """Return moments in which no error that touches of an object share is less than 0.
 
-    Where members lack rows, mean products are of different rows, and a mean of some
-    members may seem to have a negative square error. All members then count as erring
-    by twice as much more: once would leave a mean that seems not to err. Nor is an
-    error negative that touches of an object share: of few objects it may be so by
-    chance, and a pool of useless members would seem to err the less, the more they
-    weigh.
+    Of few objects it may be by chance, and a pool of useless members would seem to err
+    the less, the more they weigh.
     """
-    lowest = min(np.linalg.eigvalsh(moments.same)[0], 0.0)
-    same = moments.same - 2 * lowest * np.eye(len(moments.same))
     shared = root_of(moments.other)
-    return moments._replace(same=same, other=shared.T @ shared)
+    return moments._replace(other=shared.T @ shared)
 
 
 class Spread(NamedTuple):

@@ -65,7 +65,7 @@ def make_grid(answers, weight, n_cells):
     second = np.minimum(upper - (1 - part) * equal, below_upper)[wide]
     edges = np.unique(np.concatenate((values[:1], inner, second, values[-1:])))
     holds = np.bincount(np.searchsorted(edges[1:-1], values), minlength=len(edges) - 1)
-    n_parts = np.ceil(np.diff(edges) / (2 * equal) - 1e-9).astype(int)
+    n_parts = np.ceil(np.diff(edges) / (2 * equal) - 1e-9).astype(int).clip(1)
     n_parts[holds == 0] = 1
     parts = [
         np.linspace(*cell, n, endpoint=False)
@@ -74,11 +74,20 @@ def make_grid(answers, weight, n_cells):
     return np.concatenate((*parts, edges[-1:]))
 
 
+def put_at_ends(answers, lowest, highest):
+    """Return answers of which those that rounding keeps from an end are there."""
+    for end in (lowest, highest):
+        near = np.abs(answers - end) <= 1e-9 * (highest - lowest)
+        answers = np.where(near, end, answers)
+    return answers
+
+
 def heaps_at_ends(answers, weight, edges):
     """Return the points of a piecewise linear map from the scale to the grid.
 
     Equal answers at an end of the scale are one value there. In the grid they take as
-    large a part of the cell at the end as they are of its answers.
+    large a part of the cell at the end as they are of its answers, which share the
+    weight of their trial.
 
     Examples
     --------
@@ -91,7 +100,8 @@ def heaps_at_ends(answers, weight, edges):
     >>> spread
     array([  0.,   6.,  10.,  90.,  95., 100.])
     """
-    each = np.broadcast_to(weight[:, np.newaxis], answers.shape)
+    n_answers = (~np.isnan(answers)).sum(axis=1).clip(1)
+    each = np.broadcast_to((weight / n_answers)[:, np.newaxis], answers.shape)
     points = np.concatenate((edges[:1], edges, edges[-1:]))
     spread = points.copy()
     for end, inner in ((0, 1), (-1, -2)):
@@ -138,9 +148,9 @@ class ContinuousRatingsRegressor(
     grid : array-like of shape (n_edges,), default=None
         The edges of the cells, ascending, such as ``numpy.linspace(0, 100, 31)``. A
         rating on an edge counts in the cell below it, so answers at edges make means
-        half a cell too low. By default equally many training ratings lie between two
-        edges, and the edges between different ratings; where they lie far apart, there
-        are further edges.
+        half a cell too low, and at the first edge half a cell too high. By default
+        equally many training ratings lie between two edges, and the edges between
+        different ratings; where they lie far apart, there are further edges.
     n_cells : int, default=30
         Number of cells, if the grid is not given. Where many ratings are equal, there
         are fewer, and where some lie far apart, more: no cell that holds ratings is
@@ -256,7 +266,7 @@ class ContinuousRatingsRegressor(
         answers = check_answers(y)
         check_rated(X, answers)
         weight = check_weights(sample_weight, X)
-        grid = self._make_grid(answers, weight)
+        answers, grid = self._make_grid(answers, weight)
         model: Any = self.estimator
         model = DistributionalOrdinalRegressor() if model is None else clone(model)
         refuse_frozen(model, type(self).__name__, "the cells of its grid")
@@ -277,19 +287,23 @@ class ContinuousRatingsRegressor(
                 "at least two different ones."
             )
         if self.grid is None:
-            return make_grid(answers, weight, self.n_cells)
+            answers = put_at_ends(answers, lowest, highest)
+            return answers, make_grid(answers, weight, self.n_cells)
         check_numbers(self.grid, "grid")
-        edges = column_or_1d(check_array(self.grid, ensure_2d=False, dtype=np.float64))
+        edges = check_array(self.grid, ensure_2d=False, dtype=np.float64, copy=True)
+        edges = column_or_1d(edges)
         if len(edges) < 3 or not (np.diff(edges) > 0).all():
             raise ValueError(
                 f"grid={edges.tolist()} must be three edges or more that ascend."
             )
-        if lowest < edges[0] or highest > edges[-1]:
+        answers = put_at_ends(answers, edges[0], edges[-1])
+        used = answers[weight > 0]
+        if np.nanmin(used) < edges[0] or np.nanmax(used) > edges[-1]:
             raise ValueError(
                 f"y has ratings from {lowest} to {highest}, but grid reaches from "
                 f"{edges[0]} to {edges[-1]}; widen it or mend the ratings."
             )
-        return edges
+        return answers, edges
 
     # No predict_proba: scikit-learn expects none of a regressor.
     def _predict_ordered(self, X, params):

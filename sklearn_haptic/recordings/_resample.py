@@ -64,7 +64,7 @@ def resample_trials(
         that are data frames. By default they are the index of trials of pandas.
     rate : float, default=None
         Samples per second of the result. By default that of the typical step, which is
-        too low where more than a tenth of the samples is lost here and there, or a
+        too low where about a tenth or more of the samples is lost here and there, or a
         twentieth if stamps jitter or a few trials have fewer than 200 samples; too high
         where a tenth is far later than others but none is lost, or where steps vary by
         a third or more (by up to 12 %, at a half by 21 %); and up to 5 % off for more

@@ -9,13 +9,21 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from ..recordings._trials import ALONE, has_time_index, in_order, rate_of, without_na
+from ..recordings._trials import (
+    ALONE,
+    has_time_index,
+    in_order,
+    rate_of,
+    seconds_of,
+    without_na,
+)
 from ..utils._sklearn import one_blas_thread
 from ..utils._validation import check_regular
 from ._arriving_samples import FeltSamples
 from ._recorded_touches import seconds_felt
 
-# Stamps that tell a rate wherever samples among them were lost.
+# Stamps that tell a rate wherever samples among them were lost. Fewer are checked from
+# the first duration on, as those of a recorded touch.
 _N_STAMPS = 24
 
 
@@ -149,11 +157,14 @@ class TouchInProgress:
         if not has_time_index(samples):
             return stamps
         stamps = samples.index if len(stamps) == 0 else stamps.append(samples.index)
-        if len(stamps) < _N_STAMPS:
+        seconds_of(stamps, f"The index of {_name_of(sensor)}")
+        place = self._model.sensors_.index(sensor)
+        needed = int(self._model._needed[0, place])
+        if len(stamps) < min(needed, _N_STAMPS):
             return stamps
-        rate = self._model._rates[self._model.sensors_.index(sensor)]
+        rate = self._model._rates[place]
         rate_of([pd.Series(0, stamps)], rate, name=_name_of(sensor))
-        return stamps[-1:]
+        return stamps if len(stamps) < _N_STAMPS else stamps[-1:]
 
     @property
     def seconds(self) -> float:
