@@ -179,13 +179,19 @@ def root_of(products):
 
 
 def possible(moments):
-    """Return moments in which no error that touches of an object share is less than 0.
+    """Return moments that errors can have.
 
-    Of few objects it may be by chance, and a pool of useless members would seem to err
-    the less, the more they weigh.
+    Where members lack rows, correlations are of different rows, and a mean of some
+    members may seem to have a negative square error. All members then count as erring
+    by twice as much more: once would leave a mean that seems not to err. Nor is an
+    error negative that touches of an object share: of few objects it may be so by
+    chance, and a pool of useless members would seem to err the less, the more they
+    weigh.
     """
+    lowest = min(np.linalg.eigvalsh(moments.same)[0], 0.0)
+    same = moments.same - 2 * lowest * np.eye(len(moments.same))
     shared = root_of(moments.other)
-    return moments._replace(other=shared.T @ shared)
+    return moments._replace(same=same, other=shared.T @ shared)
 
 
 class Spread(NamedTuple):

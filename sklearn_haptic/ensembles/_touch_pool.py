@@ -122,7 +122,10 @@ class TouchPool(
     by .001. Pools of more touches than a training object has are somewhat too broad.
     What two touches have in common is learned from the objects touched more than once:
     with two or three of these among 25, pools of four touches gained .88 to .99 of what
-    they gain where all 25 were.
+    they gain where all 25 were. Members that few rows have are a risk: of 30 generated
+    objects whose touches were by one of three procedures, in shares of 70, 21 and 9 %,
+    one pool in twenty was worse than the mean distribution by .05 or more, and the
+    plain mean of the members was better by .014.
 
     If the members know no order of the levels, as those of scikit-learn, the Brier
     score takes the place of the ranked probability score, also for the power, and the
