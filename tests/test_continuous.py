@@ -266,6 +266,13 @@ def test_rounding_takes_nobody_from_the_end(grid, y):
         assert_allclose(model.grid_[[0, -1]], [-3, 3], rtol=1e-12)
 
 
+def test_answers_on_edges_that_rounding_moves_are_in_the_cell_below():
+    grid, stops = np.arange(-1, 1.05, 0.1), np.arange(-10, 11) / 10
+    model = ContinuousRatingsRegressor(DummyDistribution(), grid=grid)
+    model.fit(np.zeros((21, 1)), stops)
+    assert_allclose(model.predict_cdf([[0]])[0, 1:], np.arange(2, 22) / 21)
+
+
 def test_the_heap_of_an_object_does_not_weigh_more_for_its_many_answers():
     y = [[0.0] * 8 + [5.0] * 2, [5.0, 50.0], [5.0, 95.0]]
     model = ContinuousRatingsRegressor(DummyDistribution(), grid=[0, 10, 90, 100])

@@ -74,12 +74,11 @@ def make_grid(answers, weight, n_cells):
     return np.concatenate((*parts, edges[-1:]))
 
 
-def put_at_ends(answers, lowest, highest):
-    """Return answers of which those that rounding keeps from an end are there."""
-    for end in (lowest, highest):
-        near = np.abs(answers - end) <= 1e-9 * (highest - lowest)
-        answers = np.where(near, end, answers)
-    return answers
+def put_on_edges(answers, edges):
+    """Return answers of which those that rounding keeps from an edge are on it."""
+    nearest = edges[np.searchsorted((edges[:-1] + edges[1:]) / 2, answers)]
+    near = np.abs(answers - nearest) <= 1e-9 * np.ptp(edges)
+    return np.where(near, nearest, answers)
 
 
 def heaps_at_ends(answers, weight, edges):
@@ -287,7 +286,7 @@ class ContinuousRatingsRegressor(
                 "at least two different ones."
             )
         if self.grid is None:
-            answers = put_at_ends(answers, lowest, highest)
+            answers = put_on_edges(answers, np.array([lowest, highest]))
             return answers, make_grid(answers, weight, self.n_cells)
         check_numbers(self.grid, "grid")
         edges = check_array(self.grid, ensure_2d=False, dtype=np.float64, copy=True)
@@ -296,7 +295,7 @@ class ContinuousRatingsRegressor(
             raise ValueError(
                 f"grid={edges.tolist()} must be three edges or more that ascend."
             )
-        answers = put_at_ends(answers, edges[0], edges[-1])
+        answers = put_on_edges(answers, edges)
         used = answers[weight > 0]
         if np.nanmin(used) < edges[0] or np.nanmax(used) > edges[-1]:
             raise ValueError(
