@@ -1015,7 +1015,7 @@ ask(direct(
     check("a missing object", table_of_scores(object=[None, *[1] * 7]),
         "^scores has no value in some rows of .*'object'.*; fill them in"),
     check("an infinite score", table_of_scores(rps=[np.inf] + [0.1] * 7),
-        "^rps is not finite in some rows; choose another metric"),
+        "^rps is not finite in some rows, as where .* choose another metric"),
     check("no full model", SCORED[4:], r"^held_out is \['pac'\] in scores; give the"),
     check("a row twice", pd.concat([SCORED] * 2), "^scores must have one row"),
     check("a row less", SCORED[:-1], "^scores must have one row per model"),

@@ -160,7 +160,7 @@ def _pair_models(scores, metric, by):
     if not np.isfinite(scores[metric]).all():
         raise ValueError(
             f"{metric} is not finite in some rows, as where a model gives a rating "
-            "probability 0; choose another metric, such as 'rps'."
+            "probability 0; choose another metric."
         )
     values = scores.set_index(keys)[metric]
     # In the order given: pandas 2 misplaces values in unstack(sort=False).
