@@ -23,8 +23,9 @@ from ._arriving_samples import FeltSamples
 from ._recorded_touches import seconds_felt
 
 # Stamps that tell a rate wherever samples among them were lost. Fewer are checked from
-# the first duration on, as those of a recorded touch.
-_N_STAMPS = 24
+# the first duration on, as those of a recorded touch, but for so few that one lost
+# sample would double the step.
+_N_STAMPS, _FEWEST_STAMPS = 24, 4
 
 
 class TouchInProgress:
@@ -159,8 +160,8 @@ class TouchInProgress:
         stamps = samples.index if len(stamps) == 0 else stamps.append(samples.index)
         seconds_of(stamps, f"The index of {_name_of(sensor)}")
         place = self._model.sensors_.index(sensor)
-        needed = int(self._model._needed[0, place])
-        if len(stamps) < min(needed, _N_STAMPS):
+        needed = np.clip(self._model._needed[0, place], _FEWEST_STAMPS, _N_STAMPS)
+        if len(stamps) < needed:
             return stamps
         rate = self._model._rates[place]
         rate_of([pd.Series(0, stamps)], rate, name=_name_of(sensor))
