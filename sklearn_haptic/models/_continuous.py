@@ -183,7 +183,9 @@ class ContinuousRatingsRegressor(
     more there are. At the ends of the scale, where many people may leave a slider, they
     are not: quantiles, samples and the CDF at given values have as large a share of the
     cell at the end as its answers had in `fit`. Elsewhere, equal ratings have a cell of
-    their own if they are ``2 / n_cells`` of all or more.
+    their own if they are ``2 / n_cells`` of all or more, of which the CDF at that
+    rating holds about half: of whole numbers and of other stops of a slider, ask for
+    the CDF halfway to the next one.
 
     Examples
     --------
