@@ -137,7 +137,9 @@ def _model_of_ratings(random_state):
 class HapticPipeline(Pipeline):
     """A Pipeline of which a fit that fails or is interrupted leaves the old model.
 
-    Its steps are fitted in place, as those of scikit-learn, but all or none.
+    Its steps are fitted in place, as those of scikit-learn, but all or none. As they
+    take over the state of clones, they keep no other state: ``warm_start=True`` of a
+    step has no effect.
     """
 
     @all_or_nothing
@@ -188,7 +190,7 @@ def make_haptic_pipeline(
     can be set and searched, with the steps ``"features"`` (a ColumnTransformer with one
     transformer per sensor) and ``"model"``, which any other model can take the place
     of. Unlike those of scikit-learn, it is the old model if a fit fails or is
-    interrupted.
+    interrupted, and steps always begin anew (``warm_start`` has no effect).
 
     Parameters
     ----------
