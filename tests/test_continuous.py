@@ -266,11 +266,18 @@ def test_rounding_takes_nobody_from_the_end(grid, y):
         assert_allclose(model.grid_[[0, -1]], [-3, 3], rtol=1e-12)
 
 
-def test_answers_on_edges_that_rounding_moves_are_in_the_cell_below():
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_answers_on_edges_that_rounding_moves_are_in_the_cell_below(dtype):
     grid, stops = np.arange(-1, 1.05, 0.1), np.arange(-10, 11) / 10
     model = ContinuousRatingsRegressor(DummyDistribution(), grid=grid)
-    model.fit(np.zeros((21, 1)), stops)
+    model.fit(np.zeros((21, 1)), stops.astype(dtype))
     assert_allclose(model.predict_cdf([[0]])[0, 1:], np.arange(2, 22) / 21)
+
+
+def test_one_far_answer_does_not_put_the_others_at_the_end():
+    y = np.append(np.linspace(0, 100, 99), 1e10)
+    model = ContinuousRatingsRegressor(DummyDistribution()).fit(np.zeros((100, 1)), y)
+    assert_allclose(model.predict_quantile([[0]], 0.5), 50, atol=5)
 
 
 def test_the_heap_of_an_object_does_not_weigh_more_for_its_many_answers():

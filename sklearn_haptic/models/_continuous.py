@@ -74,11 +74,11 @@ def make_grid(answers, weight, n_cells):
     return np.concatenate((*parts, edges[-1:]))
 
 
-def put_on_edges(answers, edges):
+def put_on_edges(answers, edges, tolerance):
     """Return answers of which those that rounding keeps from an edge are on it."""
-    nearest = edges[np.searchsorted((edges[:-1] + edges[1:]) / 2, answers)]
-    near = np.abs(answers - nearest) <= 1e-9 * np.ptp(edges)
-    return np.where(near, nearest, answers)
+    nearest = np.searchsorted((edges[:-1] + edges[1:]) / 2, answers)
+    near = np.abs(answers - edges[nearest]) <= tolerance[nearest]
+    return np.where(near, edges[nearest], answers)
 
 
 def heaps_at_ends(answers, weight, edges):
@@ -288,7 +288,9 @@ class ContinuousRatingsRegressor(
                 "at least two different ones."
             )
         if self.grid is None:
-            answers = put_on_edges(answers, np.array([lowest, highest]))
+            ends = np.array([lowest, highest])
+            rounding = np.full(2, 1e-11 * np.abs(ends).max())
+            answers = put_on_edges(answers, ends, rounding)
             return answers, make_grid(answers, weight, self.n_cells)
         check_numbers(self.grid, "grid")
         edges = check_array(self.grid, ensure_2d=False, dtype=np.float64, copy=True)
@@ -297,7 +299,9 @@ class ContinuousRatingsRegressor(
             raise ValueError(
                 f"grid={edges.tolist()} must be three edges or more that ascend."
             )
-        answers = put_on_edges(answers, edges)
+        width = np.pad(np.diff(edges), 1, mode="edge")
+        tolerance = 1e-6 * np.minimum(width[:-1], width[1:])  # also of float32
+        answers = put_on_edges(answers, edges, tolerance)
         used = answers[weight > 0]
         if np.nanmin(used) < edges[0] or np.nanmax(used) > edges[-1]:
             raise ValueError(
