@@ -191,6 +191,15 @@ def test_objects_touched_once_do_not_make_further_touches_seem_better():
         assert told > error / 3
 
 
+def test_objects_touched_once_tell_that_two_touches_err_together():
+    rng = np.random.default_rng(0)
+    departure = rng.normal(size=(30, 3, 4))
+    moments = error_moments(departure, np.arange(30))
+    products = np.einsum("rik,rjk->ij", departure, departure) / 30
+    assert_allclose(moments.same, products)
+    assert_allclose(moments.other, products)
+
+
 def test_what_never_occurred_together_is_taken_to_err_together():
     departure = np.array([[[3.0], [np.nan], [1.0]], [[np.nan], [2.0], [1.0]]])
     moments = error_moments(departure, np.array([0, 1]))

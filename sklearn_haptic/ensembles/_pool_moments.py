@@ -91,6 +91,7 @@ def error_moments(departure, objects):
         n_both += both
     sizes = np.sqrt(squares * squares.swapaxes(1, 2))
     correlation = np.where(sizes > 0, _ratio(products, sizes), 1.0)
+    correlation[1] = np.where(sizes[1] > 0, correlation[1], correlation[0])
     marginal = squares[0, -1, -1] / (objects.max() + 1)
     size = np.sqrt(marginal * _ratio(squares[0, :, -1], squares[0, -1]))
     basis = np.eye(n_members)
