@@ -300,7 +300,7 @@ class ContinuousRatingsRegressor(
                 f"grid={edges.tolist()} must be three edges or more that ascend."
             )
         width = np.pad(np.diff(edges), 1, mode="edge")
-        tolerance = 1e-6 * np.minimum(width[:-1], width[1:])  # also of float32
+        tolerance = 1e-5 * np.minimum(width[:-1], width[1:])  # also of float32
         answers = put_on_edges(answers, edges, tolerance)
         used = answers[weight > 0]
         if np.nanmin(used) < edges[0] or np.nanmax(used) > edges[-1]:
