@@ -15,14 +15,8 @@ from sklearn.utils.validation import check_consistent_length
 from ..ratings import interrater_agreement
 from ..ratings._checks import check_counts, match_levels
 from ..ratings._distributions import shares
-from ..recordings._repair import (
-    by_sensor,
-    check_limits,
-    dead_channels,
-    longest_rests,
-    read_faulty,
-    usual_rests,
-)
+from ..recordings._faults import dead_channels, longest_rests, usual_rests
+from ..recordings._repair import by_sensor, check_limits, read_faulty
 from ..recordings._trials import name_of, rate_of, trial_columns
 from ..utils._report import Report
 from ..utils._row_order import check_order
