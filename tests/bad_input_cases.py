@@ -597,7 +597,12 @@ ask(direct(NNPOM(n_hidden=0).fit, X=X, y=COUNTS),
         says="X varies by no more than .*; give its features in a smaller unit"))
 ask(direct(DistributionalOrdinalRegressor().fit, X=X, y=COUNTS),
     check("X_val, and no early stopping", X_val=X, y_val=COUNTS,
-        says="X_val requires an estimator that stops early; use an NNPOM"))
+        says="X_val requires an estimator that stops early; use an NNPOM"),
+    check("rows of masked counts", y=[*masked(COUNTS)], says="^y has masked values"),
+    check("counts by value_counts", y=[pd.Series(each, [3, 1, 2]) for each in COUNTS],
+        says=r"^y is a list of pandas Series, .*; give pandas.DataFrame\(y\), or arr"),
+    check("rows of a table", X=[row for _, row in pd.DataFrame(X).iterrows()],
+        says="^X is a list of pandas Series, whose labels a list does not keep; give "))
 OWN_LEVELS = DistributionalOrdinalRegressor(NNPOM(0, levels=[1, 2, 3]))
 ask(direct(OWN_LEVELS.fit, X=X, y=COUNTS),
     check("levels of the estimator inside",

@@ -298,6 +298,19 @@ def test_counts_that_objects_share_tell_none_unless_rows_are_ordered_by_object()
     assert_array_equal(infer_objects(np.tile(counts[:16], (3, 1))), np.arange(48) % 16)
 
 
+def test_shares_that_differ_by_rounding_are_of_one_object():
+    rng = np.random.default_rng(0)
+    objects = np.arange(25).repeat(4)
+    shares = rng.multinomial(12, np.full(5, 0.2), size=25)[objects] / 12
+    odd = np.arange(100)[:, np.newaxis] % 2 == 1
+    assert_array_equal(infer_objects(shares), objects)
+    for other in (np.float32(shares), 12 * shares * (1 / 12), shares * (1 + 1e-15)):
+        assert_array_equal(infer_objects(np.where(odd, shares, other)), objects)
+    assert_array_equal(
+        infer_objects(np.where(odd & (shares == 0), -0.0, shares)), objects
+    )
+
+
 def test_ratings_of_each_touch_are_observations_of_their_own():
     X, _, objects = made()
     of_touches = np.eye(4)[np.random.default_rng(0).integers(4, size=len(X))]

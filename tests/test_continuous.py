@@ -140,6 +140,7 @@ def test_noise_ceiling_of_continuous_ratings_is_the_gini_mean_difference():
         [[1, 2], [3]],
         [np.array([1, 2]), np.array([3.0])],
         (pd.Series([1, 2]), pd.Series([3])),
+        [pd.Series([1, 2]), pd.Series([3, None], index=[7, 6])],
         np.array([[1, 2], [3, np.nan]]),
         pd.DataFrame({"Ann": [1, 3], "Bo": [2, None]}),
         pd.DataFrame({"Ann": [1, 3], "Bo": [2, None]}, dtype="Int64"),
@@ -147,7 +148,17 @@ def test_noise_ceiling_of_continuous_ratings_is_the_gini_mean_difference():
         pd.Series([[1, 2], [3]], index=[7, 9]),
     ],
     ids=[
-        *("None", "ragged", "arrays", "series", "array", "pandas", "Int64", "polars"),
+        *(
+            "None",
+            "ragged",
+            "arrays",
+            "series",
+            "long",
+            "array",
+            "pandas",
+            "Int64",
+            "polars",
+        ),
         "series of lists",
     ],
 )

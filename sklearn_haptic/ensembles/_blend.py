@@ -324,7 +324,7 @@ def _are_of_objects(counts, objects):
     """Whether all trials of each object have the same ratings."""
     _, first, objects = np.unique(objects, return_index=True, return_inverse=True)
     below = cdf(counts)
-    return np.allclose(below, below[first][objects], rtol=0, atol=1e-9)
+    return np.allclose(below, below[first][objects], rtol=0, atol=1e-6)
 
 
 def _weight_argument(member):

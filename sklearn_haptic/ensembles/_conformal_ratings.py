@@ -93,7 +93,8 @@ class ConformalRatings(
         copied: if it is fitted again, fit this again.
     cv : int, splitter or iterable of (train, test), default=None
         The folds of "cv+", whole objects in each; by default 10, or as many as there
-        are objects. With few objects, more folds make smaller sets.
+        are objects, dealt as in :class:`TouchPool`. With few objects, more folds make
+        smaller sets.
     n_jobs : int, default=None
         Number of jobs, each of which fits one model.
 

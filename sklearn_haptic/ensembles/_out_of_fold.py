@@ -48,12 +48,13 @@ FROZEN = (
 def infer_objects(y, weight=None):
     """Return the number of each trial's object, as far as counts tell; None if not.
 
-    Trials of one object have the same counts of its ratings, so trials of equal counts
-    are taken to be of one object. Several objects may share their counts where people
-    agree: if three quarters chose one level, and more than a fifth of the trials and
-    twice the median number have these counts, they are divided, in their order, into
-    objects of the median number of trials. Else most objects would be held out at once
-    where people agree about most. Trials of weight 0 are objects of their own.
+    Trials of one object have the same counts of its ratings, so trials of equal counts,
+    or of shares that are equal in single precision, are taken to be of one object.
+    Several objects may share their counts where people agree: if three quarters chose
+    one level, and more than a fifth of the trials and twice the median number have
+    these counts, they are divided, in their order, into objects of the median number of
+    trials. Else most objects would be held out at once where people agree about most.
+    Trials of weight 0 are objects of their own.
 
     These tell no objects: labels; counts of a single rating each; counts of which more
     than a tenth are of one trial alone; counts of so few people that more than a third
@@ -84,7 +85,9 @@ def infer_objects(y, weight=None):
     counts = np.reshape(np.asarray(y, dtype=float), (len(y), -1))[used]
     if not (np.count_nonzero(counts, axis=1) > 1).any():
         return None
-    same = number_objects([row.tobytes() for row in counts], len(counts))
+    mantissa, exponent = np.frexp(counts)
+    alike = np.ldexp(mantissa.astype(np.float32).astype(float), exponent) + 0.0  # no -0
+    same = number_objects([row.tobytes() for row in alike], len(alike))
     size = np.bincount(same)
     usual = np.median(size)
     agreed = shares(counts).max(axis=1)[np.unique(same, return_index=True)[1]] >= 0.75

@@ -195,7 +195,8 @@ class TemporalMaxPool(TrialRows, BaseEstimator):
         search over later steps codes and pools nothing twice. Results are the same, bit
         for bit. One entry holds the rows of one call of `transform`; it is found again
         by the trials, the dictionary, and the settings of coding and pooling. Clear the
-        cache after an upgrade. By default nothing is cached.
+        cache after an upgrade, and after you edit a function that encodes trials. By
+        default nothing is cached.
 
     Attributes
     ----------

@@ -87,8 +87,9 @@ class DistributionalOrdinalRegressor(
         its level among all levels, or, for a classifier, among those that anybody gave,
         as a ``class_weight`` has to know.
         A `sklearn.frozen.FrozenEstimator` is used as it was fitted, to the features and
-        the position as given by ``p_transform``; `fit` only checks that its inputs and
-        levels are those of the trials.
+        the position as given by ``p_transform``; `fit` only checks that its inputs are
+        those of the trials, and so are the levels of a classifier. A frozen regressor
+        has to predict places 0, 1, … of levels.
     n_duplicates : int, default=15
         Total weight of the observations of a trial, so that a larger one makes the
         estimator's penalty weaker in comparison; with random positions also their
@@ -160,12 +161,14 @@ class DistributionalOrdinalRegressor(
     "median" finds where the latent response crosses each threshold.
 
     The population is swept on 20 quadrature nodes where these suffice, as they do for
-    an `NNPOM` or a logistic regression; `fit` tests this on some of its trials. The
+    an `NNPOM` or a logistic regression; `fit` tests this on 256 of its trials. The
     predictions of trees, and of any regressor, whose ratings are rounded (halfway ones
     to both levels alike), jump as p grows. They are averaged over 384 positions, and
     over 1024 or more for trials whose jumps need them, so that the CDF is off by less
     than 0.005 (`benchmarks/networks.py`); of single small trees, it was off by up to
-    0.014 for a few trials.
+    0.014 for a few trials. Where people are divided on fewer than one trial in a
+    hundred, the test may miss these, and the CDF of a single tree, or of a few boosted
+    ones, was off by up to 0.05 there.
 
     References
     ----------

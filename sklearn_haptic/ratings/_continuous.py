@@ -7,6 +7,7 @@ point and 1 above the last, so that equal points, or a CDF that does not reach f
 """
 
 import numpy as np
+import pandas as pd
 from sklearn.utils.validation import check_array, column_or_1d
 
 from ..utils._validation import check_numbers, missing_to_none
@@ -20,6 +21,8 @@ def check_answers(y, name="y"):
     of any length per trial. Each trial has at least one.
     """
     y = only_column(y)
+    if isinstance(y, (list, tuple)):  # of Series, as groupby yields; labels say nothing
+        y = [np.asarray(each) if isinstance(each, pd.Series) else each for each in y]
     try:
         array = np.asarray(y)
     except ValueError:  # lists of different lengths

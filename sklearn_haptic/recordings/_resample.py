@@ -50,7 +50,8 @@ def resample_trials(
     vibrations faster than half the new rate do not come out as slower ones. Those that
     are faster by less than a tenth, and samples at the ends and beside gaps, keep some
     of them. Where frames were dropped, the new samples are NaN, which
-    :class:`RepairTrials` fills and reports.
+    :class:`RepairTrials` fills and reports. At a lower rate, a gap that lies between
+    two new samples is not told, and these are interpolated over it.
 
     Parameters
     ----------
@@ -67,8 +68,8 @@ def resample_trials(
         too low where about a tenth or more of the samples is lost here and there, or a
         twentieth if stamps jitter or a few trials have fewer than 200 samples; too high
         where a tenth is far later than others but none is lost, or where steps vary by
-        a third or more (by up to 12 %, at a half by 21 %); and up to 5 % off for more
-        than 700 Hz with stamps in milliseconds.
+        a fifth or more (by up to 5 %, at a third by 12 %, at a half by 21 %); and up to
+        5 % off for more than 700 Hz with stamps in milliseconds.
     unit : {"s", "ms", "us", "ns"}, default="s"
         Unit of stamps that are numbers.
     longest_gap : float, default=None

@@ -64,13 +64,19 @@ def check_numbers(values, name):
 
 
 def check_regular(values, name):
-    """Refuse masked and complex values, uneven rows, and what is not an array."""
+    """Refuse masked and complex values, uneven or labelled rows, and no arrays."""
     if isinstance(values, (Mapping, Set, Iterator)) and not sparse.issparse(values):
         raise ValueError(
             f"{name} is a {type(values).__name__}, which is no array; give a list, an "
             "array or a DataFrame."
         )
-    if np.ma.isMaskedArray(values) and np.ma.is_masked(values):
+    rows = values if isinstance(values, (list, tuple)) else []
+    if any(isinstance(row, pd.Series) for row in rows):
+        raise ValueError(
+            f"{name} is a list of pandas Series, whose labels a list does not keep; "
+            f"give pandas.DataFrame({name}), or arrays."
+        )
+    if any(np.ma.isMaskedArray(each) and each.mask.any() for each in (values, *rows)):
         raise ValueError(
             f"{name} has masked values, which are no data; fill or remove them."
         )
