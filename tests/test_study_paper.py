@@ -287,6 +287,26 @@ def test_procedures_compared_by_hand(kfold):
     assert len(compare_networks(kfold, "procedures")) == 1
 
 
+def test_objects_on_which_two_procedures_are_equal_are_left_out():
+    """So that p is exact: of 20 differences of one sign, 2 / 2**20."""
+    rows = [
+        {"adjective": "hard", "procedure": procedure, "object": i, "fold": 0}
+        | {
+            "held_out": "none",
+            "trial": i,
+            "rps": rubbed * max(i - 9.0, 0),
+            "proba_1": 1,
+        }
+        for rubbed, procedure in enumerate(["hold", "slide"])
+        for i in range(30)
+    ]
+    found = compare_networks(
+        Bunch(scores=pd.DataFrame(rows)), "procedures", metric="rps"
+    )
+    assert found.loc[0, "n_objects"] == 30
+    assert found.loc[0, "p_objects"] == pytest.approx(2**-19)
+
+
 def test_guesses_are_means_over_the_trials_of_folds_of_any_size(kfold):
     """Three folds of ten objects test four, three and three."""
     table = score_table(kfold, metric="rps")

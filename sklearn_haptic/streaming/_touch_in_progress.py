@@ -77,7 +77,9 @@ class TouchInProgress:
         self.reset()
 
     def reset(self) -> Self:
-        """Forget all samples; the next ones begin a new touch.
+        """Forget all samples; the next ones begin a new touch, for the same model.
+
+        After a refit of the model, `start` a touch instead.
 
         Returns
         -------

@@ -207,7 +207,8 @@ def _compare_procedures(objects):
     statistic, p = 0.0, 1.0
     if (scores != scores[0]).any():
         if len(scores) == 2:
-            statistic, p = wilcoxon(np.round(scores[0] - scores[1], 12))
+            difference = np.round(scores[0] - scores[1], 12)
+            statistic, p = wilcoxon(difference[difference != 0])
         else:
             statistic, p = friedmanchisquare(*scores)
     yield {
