@@ -440,10 +440,13 @@ def test_objects_of_hardly_any_weight_are_nearly_left_out():
     assert_allclose(blend.predict_proba(X), expected.predict_proba(X), atol=1e-5)
 
 
-@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.filterwarnings("ignore:.*groups")
+@pytest.mark.parametrize("told", ["by groups", "by counts", "by nothing"])
 def test_the_unit_of_weights_does_not_matter(told):
     X, counts, objects = made()
-    groups = objects if told else None
+    if told == "by nothing":
+        X, counts = X[::N_TRIALS], counts[::N_TRIALS]
+    groups = objects if told == "by groups" else None
     weight = np.random.default_rng(0).uniform(size=len(X))
     blend = DistributionBlend(members()).fit(X, counts, weight, groups=groups)
     expected = blend.predict_proba(X)

@@ -213,6 +213,7 @@ def test_default_labels_that_are_the_levels_name_them():
         (["n1", "n1.5", "n2", "n2.5"], [1, 1.5, 2, 2.5]),
         (["column_1", "column_2", "column_3", "column_4"], [1, 2, 3, 4]),
         (["-1.5", "0", "1.5", "+20"], [-1.5, 0, 1.5, 20]),
+        (["1e-06", "1e-05", "0.0001", "1e+16"], [1e-6, 1e-5, 1e-4, 1e16]),
         (
             ["\N{MINUS SIGN}4", "\N{MINUS SIGN}3", "-2", "\N{EN DASH}1"],
             [-4, -3, -2, -1],

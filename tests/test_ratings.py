@@ -508,6 +508,18 @@ def test_careless_raters_are_found(careless):
     assert repr(table).startswith("RatingTable(") and len(repr(table)) < 88
 
 
+def test_a_huge_answer_or_scale_of_one_person_hides_no_other():
+    answers, objects, raters = many_answers(30, 20, seed=1)
+    answers = answers[:, :1].astype(float)
+    answers[raters == "person 03"] *= -1
+    agreement = outlying_raters(answers, objects, raters)["agreement"]
+    scaled = answers * np.where(raters == "person 05", 1e12, 1)[:, np.newaxis]
+    assert_allclose(outlying_raters(scaled, objects, raters)["agreement"], agreement)
+    answers[(raters == "person 05").argmax()] = -(2**31)
+    result = outlying_raters(answers, objects, raters)
+    assert result.index[result["outlying"]].tolist()[:1] == ["person 03"]
+
+
 def test_outlying_raters_of_a_table_whose_levels_are_uneven():
     frame = pd.DataFrame(
         [

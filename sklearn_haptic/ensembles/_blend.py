@@ -230,9 +230,11 @@ class DistributionBlend(
             held_out /= np.bincount(objects, held_out).max()
             of_objects = _are_of_objects(counts[used], objects[used])
             weight = held_out if of_objects else weight
-        elif (groups := infer_objects(counts, weight)) is not None:
+        else:
+            groups = infer_objects(counts, weight)
+            objects = number_objects(groups, len(counts))
             # Objects that share counts are not all told apart, so trials weigh alike.
-            per_object = np.sum(used) / len(np.unique(groups[used]))
+            per_object = np.sum(used) / len(np.unique(objects[used]))
             weight = held_out = weight / (weight.max() * per_object)
         members = self._check_members()
         params = self._route(members, given, groups, weight)

@@ -125,7 +125,9 @@ class TouchPool(
     they gain where all 25 were. Members that few rows have are a risk: of 30 generated
     objects whose touches were by one of three procedures, in shares of 70, 21 and 9 %,
     one pool in twenty was worse than the mean distribution by .05 or more, and the
-    plain mean of the members was better by .014.
+    plain mean of the members was better by .014. So are few objects: with fewer than
+    ten, pools could be worse than the mean distribution, of five objects and sensors
+    that tell nothing by .04 of RPS, once by .4; give one model the joined features.
 
     If the members know no order of the levels, as those of scikit-learn, the Brier
     score takes the place of the ranked probability score, also for the power, and the

@@ -28,7 +28,7 @@ from ._distributions import as_distributions
 
 _MINUS = str.maketrans("−–", "--")  # as publishers set it
 _DIGITS = r"\d+(?:\.\d+)?"
-_NUMBER = re.compile(rf"[+-]?{_DIGITS}")
+_NUMBER = re.compile(rf"[+-]?{_DIGITS}(?:[eE][+-]?\d+)?")
 _NUMBERED = re.compile(rf"(.*?[^\d,])({_DIGITS})")  # n1, q7_1, or level-1; not 0,5
 
 
@@ -335,4 +335,4 @@ def _read_numbers(labels):
 
 
 def _number(text):
-    return float(text) if "." in text else int(text)
+    return int(text) if text.lstrip("+-").isdigit() else float(text)

@@ -205,9 +205,9 @@ def _centred(values, rater, n_raters):
 
 def _standardised(values, rater, n_raters):
     """Give each person's values mean 0 and variance 1; values all alike become 0."""
-    values = _centred(
-        values / max(np.abs(values).max(initial=0), 1e-300), rater, n_raters
-    )
+    largest = np.full(n_raters, 1e-300)
+    np.maximum.at(largest, rater, np.abs(values))
+    values = _centred(values / largest[rater], rater, n_raters)
     n = np.bincount(rater, minlength=n_raters)
     variance = np.bincount(rater, values**2, minlength=n_raters) / np.maximum(n, 1)
     spread = np.sqrt(variance)[rater]
