@@ -9,6 +9,7 @@ from sklearn.linear_model import Ridge
 from sklearn.multioutput import MultiOutputRegressor, RegressorChain
 from sklearn.neighbors import KNeighborsRegressor
 from sklearn.svm import SVR
+from sklearn.tree import DecisionTreeRegressor
 
 from sklearn_haptic import DummyDistribution, RegressedDistribution
 from sklearn_haptic.metrics import ranked_probability_score
@@ -41,6 +42,15 @@ def test_trees_and_neighbours_predict_means_of_shares():
         expected = np.diff(alone + below.mean(axis=0), prepend=0, append=1)
         np.testing.assert_allclose(model.predict_proba(X), expected, atol=1e-12)
         assert model.predict_proba(X).min() >= 0
+
+
+def test_the_layout_of_counts_does_not_break_ties_of_trees():
+    for seed in range(20):
+        counts = np.random.default_rng(seed).multinomial(6, [0.2] * 5, size=len(X))
+        model = RegressedDistribution(DecisionTreeRegressor(random_state=0))
+        expected = model.fit(X, counts).predict_proba(X + 0.1)
+        got = model.fit(X, np.asfortranarray(counts)).predict_proba(X + 0.1)
+        np.testing.assert_array_equal(got, expected)
 
 
 def test_any_prediction_becomes_a_distribution_closer_to_every_truth():

@@ -167,8 +167,8 @@ class DistributionalOrdinalRegressor(
     over 1024 or more for trials whose jumps need them, so that the CDF is off by less
     than 0.005 (`benchmarks/networks.py`); of single small trees, it was off by up to
     0.014 for a few trials. Where people are divided on fewer than one trial in a
-    hundred, the test may miss these, and the CDF of a single tree, or of a few boosted
-    ones, was off by up to 0.05 there.
+    hundred, the test may miss these, and the CDF of a single tree, of a few boosted
+    ones, or of polynomials and hidden units was off by up to 0.05 there.
 
     References
     ----------

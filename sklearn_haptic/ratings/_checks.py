@@ -83,6 +83,7 @@ def check_counts(counts, levels=None, *, name="counts", unrated=False):
     counts = check_array(
         counts,
         dtype=np.float64,
+        order="C",  # Sums do not depend on the layout.
         ensure_all_finite="allow-nan",
         ensure_min_features=2,
         input_name=name,

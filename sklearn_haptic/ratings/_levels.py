@@ -329,7 +329,10 @@ def _read_numbers(labels):
     numbered = {x: match for x, match in matches.items() if match}
     prefixes = Counter(match[1] for match in numbered.values())
     common = [prefix for prefix, n in prefixes.items() if n > 1]
-    if not numbers and len(common) == 1:
+    shortest = min(prefixes, key=len, default="")
+    if not numbers and {*prefixes} == {shortest, f"{shortest}-"}:  # x-1, x0, x1
+        numbers = {x: texts[x].removeprefix(shortest) for x in numbered}
+    elif not numbers and len(common) == 1:
         numbers = {x: m[2] for x, m in numbered.items() if m[1] == common[0]}
     return [_number(numbers[x]) if x in numbers else x for x in labels]
 
