@@ -188,9 +188,11 @@ class DistributionBlend(
             trial.
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial. If the ratings of its trials are the same, an object
-            weighs the mean of theirs, in units of the largest. Otherwise a common
-            factor matters too: it makes the members' penalties weaker. Members get the
-            weights if their ``fit`` takes `sample_weight`.
+            weighs the mean of theirs, in units of the largest. Otherwise, and where
+            nothing tells the objects, a weight is a number of repeated trials, as in
+            scikit-learn, so that weights far below 1 make the members' penalties too
+            strong: scale them to a mean of 1. Members get the weights if their ``fit``
+            takes `sample_weight`.
         groups : array-like of shape (n_trials,), default=None
             The object of each trial. Without them, trials of equal counts are taken to
             be of one object, or of several if they are many and most people agree, and
@@ -230,11 +232,9 @@ class DistributionBlend(
             held_out /= np.bincount(objects, held_out).max()
             of_objects = _are_of_objects(counts[used], objects[used])
             weight = held_out if of_objects else weight
-        else:
-            groups = infer_objects(counts, weight)
-            objects = number_objects(groups, len(counts))
+        elif (groups := infer_objects(counts, weight)) is not None:
             # Objects that share counts are not all told apart, so trials weigh alike.
-            per_object = np.sum(used) / len(np.unique(objects[used]))
+            per_object = np.sum(used) / len(np.unique(groups[used]))
             weight = held_out = weight / (weight.max() * per_object)
         members = self._check_members()
         params = self._route(members, given, groups, weight)
