@@ -113,14 +113,15 @@ def infer_objects(y, weight=None):
 def _n_possible(counts):
     """Return how many different counts as many people can give.
 
-    Of shares, so many people are assumed as would make them whole numbers; if they are
-    more than a hundred, there is no end of different ones.
+    Of shares and percentages, also rounded, so many people are assumed as would make
+    them whole numbers; if they are more than a hundred, there is no end of different
+    shares.
     """
-    n_people = np.median(counts.sum(axis=1))
-    if (counts % 1 != 0).any():
-        share = shares(counts)
-        whole = (np.abs(n * share - np.round(n * share)).max() for n in range(1, 101))
-        n_people = next((n for n, off in enumerate(whole, 1) if off < 0.1), np.inf)
+    share = shares(counts)
+    off = ((n, np.abs(n * share - np.round(n * share)).max()) for n in range(1, 101))
+    n_people = next((n for n, most in off if most < min(0.1, 0.006 * n)), np.inf)
+    if (counts % 1 == 0).all():
+        n_people = min(n_people, np.median(counts.sum(axis=1)))
     n_others = counts.shape[1] - 1
     return comb(n_people + n_others, n_others) if n_people < np.inf else np.inf
 

@@ -86,8 +86,8 @@ class AnytimeRegressor(
         of other steps that take such trials.
     durations : array-like of shape (n_durations,)
         Seconds from the start at which predictions are made, ascending. They should
-        grow by a factor, as 0.25, 0.5, 1, 2, 4. A sensor whose first step has windows
-        longer than a duration is left out of it.
+        grow by a factor, as 0.25, 0.5, 1, 2, 4. A first step whose windows are longer
+        than a duration is left out of it, as codes are in `make_haptic_pipeline`.
     sampling_rates : float or dict of str to float
         Samples per second: a number for the recordings of one sensor, or of each
         column of a DataFrame. Columns that the estimator does not use are ignored.
