@@ -41,7 +41,8 @@ class TouchInProgress:
     Attributes
     ----------
     seconds : float
-        How much of the touch has been felt, by all sensors that are not left behind.
+        How much of the touch has been felt, in whole samples, by all sensors that are
+        not left behind.
     ignored : dict of str to int
         Of each sensor, how many samples had values that are not finite or are at the
         limits. The last finite value of the channel stands for those that are not
