@@ -27,9 +27,10 @@ from ..utils._validation import check_regular, is_text, lossless_array
 from ._distributions import as_distributions
 
 _MINUS = str.maketrans("−–", "--")  # as publishers set it
-_DIGITS = r"\d+(?:\.\d+)?"
-_NUMBER = re.compile(rf"[+-]?{_DIGITS}(?:[eE][+-]?\d+)?")
-_NUMBERED = re.compile(rf"(.*?[^\d,])({_DIGITS})")  # n1, q7_1, or level-1; not 0,5
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+# n1, q7_1, hard_-1, r_1e-05, and level-1, of which the hyphen is no sign; not 0,5.
+_PREFIX = r".*?(?:[^\W_](?<!\de)-|[^\d,+-])"
+_NUMBERED = re.compile(rf"({_PREFIX})([+-]?\d+(?:\.\d+)?(?:e[+-]\d+)?)")
 
 
 def names_levels(y):
@@ -323,14 +324,14 @@ def has_default_columns(table):
 
 def _read_numbers(labels):
     """Return labels, read as numbers where possible, also behind a common prefix."""
-    texts = {x: x.translate(_MINUS) for x in labels if isinstance(x, str)}
+    texts = {x: x.translate(_MINUS).strip() for x in labels if isinstance(x, str)}
     numbers = {x: text for x, text in texts.items() if _NUMBER.fullmatch(text)}
     matches = {x: _NUMBERED.fullmatch(text) for x, text in texts.items()}
     numbered = {x: match for x, match in matches.items() if match}
     prefixes = Counter(match[1] for match in numbered.values())
     common = [prefix for prefix, n in prefixes.items() if n > 1]
     shortest = min(prefixes, key=len, default="")
-    if not numbers and {*prefixes} == {shortest, f"{shortest}-"}:  # x-1, x0, x1
+    if not numbers and {*prefixes} == {shortest, f"{shortest}-"}:  # n-1, n0, n1
         numbers = {x: texts[x].removeprefix(shortest) for x in numbered}
     elif not numbers and len(common) == 1:
         numbers = {x: m[2] for x, m in numbered.items() if m[1] == common[0]}
