@@ -189,10 +189,10 @@ class DistributionBlend(
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial. If the ratings of its trials are the same, an object
             weighs the mean of theirs, in units of the largest. Otherwise, and where
-            nothing tells the objects, a weight is a number of repeated trials, as in
-            scikit-learn, so that weights far below 1 make the members' penalties too
-            strong: scale them to a mean of 1. Members get the weights if their ``fit``
-            takes `sample_weight`.
+            nothing tells the objects, a common factor matters too, as it does for most
+            models: weights far below 1 make the members' penalties too strong, so scale
+            them to a mean of 1. Members get the weights if their ``fit`` takes
+            `sample_weight`.
         groups : array-like of shape (n_trials,), default=None
             The object of each trial. Without them, trials of equal counts are taken to
             be of one object, or of several if they are many and most people agree, and
