@@ -147,7 +147,10 @@ class ContinuousRatingsRegressor(
     grid : array-like of shape (n_edges,), default=None
         The edges of the cells, ascending, such as ``numpy.linspace(0, 100, 31)``. A
         rating on an edge counts in the cell below it, so answers at edges make means
-        half a cell too low, and at the first edge half a cell too high. By default
+        half a cell too low, and at the first edge half a cell too high. `score` spreads
+        people at an end over its cell: with one in five at each end it was 10 % too bad
+        with 30 given cells and 30 % with ten, so compare grids by
+        ``crps(y, p, model.predict_quantile(X, p))``, as `model_report` does. By default
         equally many training ratings lie between two edges, and the edges between
         different ratings; where they lie far apart, there are further edges.
     n_cells : int, default=30
