@@ -298,6 +298,17 @@ def test_the_heap_of_an_object_does_not_weigh_more_for_its_many_answers():
     assert_allclose(model._spread[1], 10 * 0.8 / 2)
 
 
+@pytest.mark.parametrize("grid", [None, [0, 3, 50, 100], np.linspace(0, 100, 11)])
+def test_score_is_that_of_the_predicted_quantiles_also_of_people_at_an_end(grid):
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(80, 1))
+    y = np.clip(50 + 80 * X + 20 * rng.normal(size=(80, 12)), 0, 100)
+    model = ContinuousRatingsRegressor(grid=grid).fit(X, y)
+    p = (np.arange(9999) + 0.5) / 9999
+    expected = crps(y, p, model.predict_quantile(X, p))
+    assert -model.score(X, y) == pytest.approx(expected, abs=1e-5)
+
+
 def test_quantiles_invert_the_cdf():
     X, y = crowd()
     model = ContinuousRatingsRegressor().fit(X, y)

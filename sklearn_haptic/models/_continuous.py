@@ -147,10 +147,7 @@ class ContinuousRatingsRegressor(
     grid : array-like of shape (n_edges,), default=None
         The edges of the cells, ascending, such as ``numpy.linspace(0, 100, 31)``. A
         rating on an edge counts in the cell below it, so answers at edges make means
-        half a cell too low, and at the first edge half a cell too high. `score` spreads
-        people at an end over its cell: with one in five at each end it was 10 % too bad
-        with 30 given cells and 30 % with ten, so compare grids by
-        ``crps(y, p, model.predict_quantile(X, p))``, as `model_report` does. By default
+        half a cell too low, and at the first edge half a cell too high. By default
         equally many training ratings lie between two edges, and the edges between
         different ratings; where they lie far apart, there are further edges.
     n_cells : int, default=30
@@ -332,7 +329,7 @@ class ContinuousRatingsRegressor(
         values : float or array-like of shape (n_values,), default=None
             Values on the scale. By default the edges in ``grid_``, between which the
             CDF is linear as for :func:`~sklearn_haptic.metrics.crps`, with people at an
-            end in its cell.
+            end in its cell. `score` puts these at the end.
 
         Returns
         -------
@@ -390,4 +387,5 @@ class ContinuousRatingsRegressor(
         """
         check_orders(X=X, y=y, sample_weight=sample_weight)
         below = self.predict_cdf(X)
-        return -float(crps(y, below, self.grid_, sample_weight=sample_weight))
+        below = cdf_at(self._spread, below, self.grid_)
+        return -float(crps(y, below, self._points, sample_weight=sample_weight))

@@ -74,7 +74,7 @@ def score_table(study: Bunch, *, metric: str = "macro_mae") -> pd.DataFrame:
         parts.append(truth.groupby(_CELL)[metric].mean().rename("truth"))
     table = pd.concat(parts, axis=1)
     guesses = table[study.baselines["strategy"].unique()].min(axis=1)
-    return table.assign(no_better=table["combined"] >= guesses)
+    return table.assign(no_better=~(table["combined"] < guesses))  # nor if NaN
 
 
 def _ceiling(rows, score):
