@@ -311,6 +311,22 @@ def test_shares_that_differ_by_rounding_are_of_one_object():
     )
 
 
+def test_objects_whose_shares_differ_by_rounding_weigh_alike():
+    X, counts, objects = made()
+    X, counts, objects = (
+        X[1:],
+        counts[1:] / counts[1:].sum(1, keepdims=True),
+        objects[1:],
+    )
+    odd = np.arange(len(X))[:, np.newaxis] % 2 == 1
+    mixed = np.where(odd, counts, np.float32(counts))
+    assert_allclose(
+        fitted(X, mixed, objects).predict_proba(X),
+        fitted(X, counts, objects).predict_proba(X),
+        atol=1e-5,
+    )
+
+
 @pytest.mark.parametrize("n_people", [2, 3, 4, 7, 12, 50, 300])
 def test_shares_of_few_people_tell_no_more_than_counts(n_people):
     """Three people can give four different counts, 300 many more."""

@@ -268,6 +268,11 @@ def test_sensors_whose_scores_are_infinite_differ_by_no_number(kfold):
     assert compare_networks(study, metric="log_score")["difference"].isna().all()
 
 
+def test_no_score_is_no_better_than_guessing(kfold):
+    study = Bunch(**kfold | {"networks": kfold.networks.assign(rps=np.nan)})
+    assert score_table(study, metric="rps")["no_better"].all()
+
+
 def test_procedures_compared_by_hand(kfold):
     comparison = compare_networks(
         kfold, "procedures", metric="rps", by="adjective"
@@ -289,20 +294,14 @@ def test_procedures_compared_by_hand(kfold):
 
 def test_objects_on_which_two_procedures_are_equal_are_left_out():
     """So that p is exact: of 20 differences of one sign, 2 / 2**20."""
+    cell = {"adjective": "hard", "fold": 0, "held_out": "none"}
     rows = [
-        {"adjective": "hard", "procedure": procedure, "object": i, "fold": 0}
-        | {
-            "held_out": "none",
-            "trial": i,
-            "rps": rubbed * max(i - 9.0, 0),
-            "proba_1": 1,
-        }
-        for rubbed, procedure in enumerate(["hold", "slide"])
+        {"procedure": name, "object": i, "trial": i, "rps": more * max(i - 9.0, 0)}
+        for more, name in enumerate(["hold", "slide"])
         for i in range(30)
     ]
-    found = compare_networks(
-        Bunch(scores=pd.DataFrame(rows)), "procedures", metric="rps"
-    )
+    study = Bunch(scores=pd.DataFrame(rows).assign(proba_1=1, **cell))
+    found = compare_networks(study, "procedures", metric="rps")
     assert found.loc[0, "n_objects"] == 30
     assert found.loc[0, "p_objects"] == pytest.approx(2**-19)
 

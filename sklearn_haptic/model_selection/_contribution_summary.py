@@ -198,14 +198,14 @@ def _compare_models(paired):
             "holdout_sd": holdout.std(),
             "difference": (holdout - full).mean(),
             "difference_sd": (holdout - full).std(),
-            "p_objects": signed_rank_p(differences[sensor], "greater"),
+            "p_objects": signed_rank(differences[sensor], "greater")[1],
         }
         for sensor, holdout in starts.drop(columns=FULL_MODEL).items()
     }
 
 
-def signed_rank_p(difference, alternative="two-sided"):
-    """Return Wilcoxon's p of the objects' differences, 1 if there are none.
+def signed_rank(difference, alternative="two-sided"):
+    """Return Wilcoxon's statistic and p of the objects' differences; 0, 1 of none.
 
     Those that only rounding tells apart have one rank. Those of 0, which the test does
     not count, are left out first, so that the p of few others is exact.
@@ -213,5 +213,5 @@ def signed_rank_p(difference, alternative="two-sided"):
     difference = np.round(difference, _DECIMALS)
     difference = difference[difference != 0]
     if not len(difference):
-        return 1.0
-    return float(wilcoxon(difference, alternative=alternative).pvalue)
+        return 0.0, 1.0
+    return tuple(map(float, wilcoxon(difference, alternative=alternative)))

@@ -181,11 +181,11 @@ class ContinuousRatingsRegressor(
 
     Equal ratings are spread over their cell, which the default makes the narrower the
     more there are. At the ends of the scale, where many people may leave a slider, they
-    are not: quantiles, samples and the CDF at given values have as large a share of the
-    cell at the end as its answers had in `fit`. Elsewhere, equal ratings have a cell of
-    their own if they are ``2 / n_cells`` of all or more, of which the CDF at that
-    rating holds about half: of whole numbers and of other stops of a slider, ask for
-    the CDF halfway to the next one.
+    are not: quantiles, samples, `score` and the CDF at given values have as large a
+    share of the cell at the end as its answers had in `fit`. Elsewhere, equal ratings
+    have a cell of their own if they are ``2 / n_cells`` of all or more, of which the
+    CDF at that rating holds about half: of whole numbers and of other stops of a
+    slider, ask for the CDF halfway to the next one.
 
     Examples
     --------
@@ -329,7 +329,7 @@ class ContinuousRatingsRegressor(
         values : float or array-like of shape (n_values,), default=None
             Values on the scale. By default the edges in ``grid_``, between which the
             CDF is linear as for :func:`~sklearn_haptic.metrics.crps`, with people at an
-            end in its cell. `score` puts these at the end.
+            end in its cell.
 
         Returns
         -------

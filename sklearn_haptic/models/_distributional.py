@@ -87,9 +87,9 @@ class DistributionalOrdinalRegressor(
         its level among all levels, or, for a classifier, among those that anybody gave,
         as a ``class_weight`` has to know.
         A `sklearn.frozen.FrozenEstimator` is used as it was fitted, to the features and
-        the position as given by ``p_transform``; `fit` only checks that its inputs are
-        those of the trials, and so are the levels of a classifier. A frozen regressor
-        has to predict places 0, 1, … of levels.
+        the position as given by ``p_transform``; `fit` only checks that its inputs, and
+        the levels of a classifier, are those of the trials. A frozen regressor has to
+        predict the places 0, 1, … of levels.
     n_duplicates : int, default=15
         Total weight of the observations of a trial, so that a larger one makes the
         estimator's penalty weaker in comparison; with random positions also their
@@ -161,7 +161,7 @@ class DistributionalOrdinalRegressor(
     "median" finds where the latent response crosses each threshold.
 
     The population is swept on 20 quadrature nodes where these suffice, as they do for
-    an `NNPOM` or a logistic regression; `fit` tests this on 256 of its trials. The
+    an `NNPOM` or a logistic regression; `fit` tests this on up to 256 trials. The
     predictions of trees, and of any regressor, whose ratings are rounded (halfway ones
     to both levels alike), jump as p grows. They are averaged over 384 positions, and
     over 1024 or more for trials whose jumps need them, so that the CDF is off by less

@@ -7,13 +7,13 @@ from typing import Literal
 
 import numpy as np
 import pandas as pd
-from scipy.stats import friedmanchisquare, wilcoxon
+from scipy.stats import friedmanchisquare
 from sklearn.utils import Bunch
 
 from ..metrics import log_score, noise_ceiling
 from ..metrics._proper_scores import PROPER_SCORES
 from ..metrics._trial_scores import SCORES
-from ..model_selection._contribution_summary import signed_rank_p
+from ..model_selection._contribution_summary import signed_rank
 from ..model_selection._contributions import FULL_MODEL
 
 _CELL = ["adjective", "procedure"]
@@ -197,7 +197,7 @@ def _compare_sensors(objects):
             "single": single.mean(),
             "difference": difference.mean(skipna=False),
             "n_objects": len(objects),
-            "p_objects": signed_rank_p(difference),
+            "p_objects": signed_rank(difference)[1],
         }
 
 
@@ -205,12 +205,10 @@ def _compare_procedures(objects):
     """Test all columns at once; equal columns are no evidence."""
     scores = np.round(objects.to_numpy().T, 12)  # what rounding tells apart is equal
     statistic, p = 0.0, 1.0
-    if (scores != scores[0]).any():
-        if len(scores) == 2:
-            difference = np.round(scores[0] - scores[1], 12)
-            statistic, p = wilcoxon(difference[difference != 0])
-        else:
-            statistic, p = friedmanchisquare(*scores)
+    if len(scores) == 2:
+        statistic, p = signed_rank(scores[0] - scores[1])
+    elif (scores != scores[0]).any():
+        statistic, p = friedmanchisquare(*scores)
     yield {
         **objects.mean(),
         "n_objects": len(objects),
