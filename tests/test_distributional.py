@@ -10,7 +10,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
 from scipy.special import expit, logit
 from sklearn.base import BaseEstimator, ClassifierMixin, RegressorMixin, clone
-from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestClassifier
+from sklearn.ensemble import (
+    HistGradientBoostingClassifier,
+    HistGradientBoostingRegressor,
+    RandomForestClassifier,
+)
 from sklearn.linear_model import LogisticRegression, Ridge, RidgeClassifier
 from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor
 from touches import ordinal_touches
@@ -36,30 +40,82 @@ def ordinal_trials(n_objects=20):
     return ordinal_touches(n_objects, 5, [1, -0.5, 0.2, 0], spread=2, noise=0.3)
 
 
-@pytest.mark.parametrize("sampling", ["level", "random"])
-def test_labels_are_the_exact_inverse_cdf(sampling):
+def test_random_labels_are_the_exact_inverse_cdf():
     rng = np.random.default_rng(0)
     counts = rng.integers(0, 6, size=(50, 5)).astype(float)
     counts[:, 3] += 1
     positions, level, weight = training_observations(
-        counts, 15, sampling, np.random.RandomState(0)
+        counts, 15, "random", np.random.RandomState(0)
     )
     assert ((positions > 0) & (positions < 1)).all()
-    assert_allclose(weight.sum(axis=1), 15)
-    for t, w in np.argwhere(weight > 0):
+    assert_array_equal(weight, 1)
+    for t, w in np.ndindex(level.shape):
         rank = Fraction(positions[t, w]) * int(counts[t].sum())
         below = np.cumsum(counts[t].astype(int))
         assert level[t, w] == np.argmax([b >= rank for b in below])
 
 
-def test_level_sampling_integrates_over_the_population():
-    counts = np.array([[3.0, 0.0, 6.0, 2.0, 1.0]])
+def test_each_cell_of_the_population_has_the_people_within_it():
+    """Of 12,000 people in order of their rating, a loop counts those in each cell."""
+    counts = np.array([[3.0, 0, 6, 2, 1], [0, 12, 0, 0, 0], [0.2, 0.3, 0.5, 0, 0]])
     positions, level, weight = training_observations(counts, 15, "level", None)
-    for k, (start, end) in enumerate([(0, 3), (3, 3), (3, 9), (9, 11), (11, 12)]):
-        exact = quad(lambda p: p**5, start / 12, end / 12)[0]
-        at_level = level[0] == k
-        ours = weight[0, at_level] @ positions[0, at_level] ** 5 / 15
-        assert ours == pytest.approx(exact, rel=1e-12)
+    assert_allclose(weight.sum(axis=1), 15)
+    used = [w > 0 for w in weight]
+    middles = np.unique(positions[0][used[0]])
+    for t in (1, 2):  # trials share their positions, which then tell none of them
+        assert_array_equal(np.unique(positions[t][used[t]]), middles)
+    q = np.arange(len(middles) + 1) / len(middles)
+    ends = q**2 * (3 - 2 * q)
+    people = (np.arange(12_000) + 0.5) / 12_000
+    cell = np.searchsorted(ends, people) - 1
+    for share, *observed in zip(counts, positions, level, weight):
+        rating = np.repeat(
+            np.arange(5), np.rint(12_000 * share / share.sum()).astype(int)
+        )
+        expected = np.zeros((len(middles), 5))
+        np.add.at(expected, (cell, rating), 15 / 12_000)
+        found = np.zeros((len(middles), 5))
+        for p, k, w in zip(*observed):
+            if w > 0:
+                found[np.searchsorted(middles, p), k] += w
+        assert_allclose(found, expected, atol=2 * 15 / 12_000)
+
+
+@pytest.mark.parametrize("n_people", [3, 12])
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        RandomForestClassifier(min_samples_leaf=5, random_state=0),
+        HistGradientBoostingClassifier(max_iter=50, early_stopping=False),
+    ],
+)
+def test_trees_learn_the_shares_of_all_people(estimator, n_people):
+    """Positions within the levels of each trial told trees the trial: off by .04 to .2.
+
+    No feature tells anything.
+    """
+    rng = np.random.default_rng(0)
+    counts = rng.multinomial(n_people, [0.7, 0.2, 0.06, 0.03, 0.01], size=300)
+    X = rng.normal(size=(300, 2))
+    below = DistributionalOrdinalRegressor(estimator).fit(X, counts).predict_cdf(X)
+    true = np.cumsum(counts.mean(axis=0)) / n_people
+    assert_allclose(below.mean(axis=0), true, rtol=0, atol=0.006)
+
+
+@pytest.mark.parametrize("n_hidden", [0, 10])
+@pytest.mark.parametrize(
+    "n_people, share",
+    [(3, [0.7, 0.2, 0.06, 0.03, 0.01]), (12, [0.0025, 0.045, 0.905, 0.045, 0.0025])],
+)
+def test_networks_learn_the_shares_of_all_people(n_people, share, n_hidden):
+    """With positions within the levels of each trial they were off by .04 to .09."""
+    rng = np.random.default_rng(0)
+    counts = rng.multinomial(n_people, share, size=1500)
+    X = rng.normal(size=(1500, 2))
+    network = NNPOM(n_hidden, alpha=3, random_state=0)
+    below = DistributionalOrdinalRegressor(network).fit(X, counts).predict_cdf(X)
+    true = np.cumsum(counts.mean(axis=0)) / n_people
+    assert_allclose(below.mean(axis=0), true, rtol=0, atol=0.01)
 
 
 def test_paper_settings_never_change():

@@ -95,10 +95,10 @@ class DistributionalOrdinalRegressor(
         estimator's penalty weaker in comparison; with random positions also their
         number.
     sampling : {"level", "random"}, default="level"
-        How positions are chosen. "level": quadrature nodes within the share of the
-        population at each level, three or more, weighted by that share, so that no
-        rating is missed and nothing is random; the estimator must take sample weights.
-        "random": at random (the paper).
+        How positions are chosen. "level": the middles of 16 cells of the population,
+        the same for all trials, where each level has the weight of the people in the
+        cell who chose it, so that no rating is missed and nothing is random; the
+        estimator must take sample weights. "random": at random (the paper).
     p_transform : {"logit", None}, default="logit"
         What the estimator gets as its last feature: the log-odds of p, which reach
         into the tails of the distribution, or p itself (the paper).

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
 from scipy.signal import resample_poly
 
 from ..utils._row_order import check_order
@@ -44,14 +45,17 @@ def resample_trials(
 ) -> list[FloatArray | None]:
     """Resample trials to an even rate, from the time stamps of their samples.
 
-    Between two stamps the signal is a straight line. If the stamps are closer than the
-    new samples by more than a tenth, the line is sampled at a whole multiple of the
-    rate and decimated by the filter of :func:`scipy.signal.resample_poly`, so that
-    vibrations faster than half the new rate do not come out as slower ones. Those that
-    are faster by less than a tenth, and samples at the ends and beside gaps, keep some
-    of them. Where frames were dropped, the new samples are NaN, which
-    :class:`RepairTrials` fills and reports. At a lower rate, a gap that lies between
-    two new samples is not told, and these are interpolated over it.
+    Between two stamps the signal is a cubic spline, or a straight line where it rests
+    or the stamps are more than 1.5 typical steps apart. Where new samples lie between
+    stamps, this weakens vibrations: those at .2 of the rate by 1 %, at .3 by 4 % and at
+    .4 by 16 %. If the stamps are closer than the new samples by more than a tenth, the
+    curve is sampled at a whole multiple of the rate and decimated by the filter of
+    :func:`scipy.signal.resample_poly`, so that vibrations faster than half the new rate
+    do not come out as slower ones. Those that are faster by less than a tenth, and
+    samples at the ends and beside gaps, keep some of them. Where frames were dropped,
+    the new samples are NaN, which :class:`RepairTrials` fills and reports. At a lower
+    rate, a gap that lies between two new samples is not told, and these are
+    interpolated over it.
 
     Parameters
     ----------
@@ -73,10 +77,10 @@ def resample_trials(
     unit : {"s", "ms", "us", "ns"}, default="s"
         Unit of stamps that are numbers.
     longest_gap : float, default=None
-        Seconds between two stamps within which a straight line is trusted; new samples
+        Seconds between two stamps within which the curve is trusted; new samples
         within a longer gap are NaN. By default 1.5 times the typical step of a trial,
         which a single dropped frame exceeds, and so does a step of a sensor faster than
-        500 Hz whose stamps were rounded to milliseconds. `np.inf` trusts every line.
+        500 Hz whose stamps were rounded to milliseconds. `np.inf` trusts all.
 
     Returns
     -------
@@ -201,7 +205,7 @@ def _resample(trial, stamps, rate, longest_gap, i):
         longest_gap = 1.5 * step
     slack = _ROUNDING / rate
     n_samples = int((stamps[-1] + slack) * rate) + 1
-    # At a whole multiple of the rate, images of the line fall beside their signal. At
+    # At a whole multiple of the rate, images of the curve fall beside their signal. At
     # others they may come out slower, unless it is sampled far more closely.
     factor = max(1, round(ratio))
     if ratio > factor + 0.1 or 1 < ratio < factor - 0.1:
@@ -212,12 +216,29 @@ def _resample(trial, stamps, rate, longest_gap, i):
     for signal, column in zip(flat.T, out.T):
         known = np.isfinite(signal)
         if known.any():
-            line = np.interp(fine, stamps[known], signal[known])
-            if factor > 1 and len(line) > 1:
-                line = resample_poly(line, 1, factor, padtype="line")
+            curve = _between(stamps[known], signal[known], fine, step)
+            if factor > 1 and len(curve) > 1:
+                curve = resample_poly(curve, 1, factor, padtype="line")
             in_gap = _in_gap(fine[::factor], stamps[known], longest_gap, slack)
-            column[:] = np.where(in_gap, np.nan, line)
+            column[:] = np.where(in_gap, np.nan, curve)
     return out.reshape(n_samples, *trial.shape[1:])
+
+
+def _between(stamps, signal, new, step):
+    """Return a signal at new times: a cubic spline, and lines at rest and in gaps.
+
+    Samples closer than half a step count as half a step apart, for else the spline
+    overshoots between samples whose stamps are almost equal.
+    """
+    line = np.interp(new, stamps, signal)
+    if len(stamps) < 2:
+        return line
+    steps = np.diff(stamps)
+    knots = np.append(0.0, np.cumsum(np.maximum(steps, step / 2)))
+    spline = CubicSpline(knots, signal)(np.interp(new, stamps, knots))
+    straight = (np.diff(signal) == 0) | (steps > 1.5 * step)
+    preceding = np.searchsorted(stamps[1:-1], new, side="right")
+    return np.where(straight[preceding], line, spline)
 
 
 def _in_gap(new, stamps, longest_gap, slack):
