@@ -68,7 +68,7 @@ def fit(quick):
 
     n_iter, n_runs = (20, 1) if quick else (200, 3)
     title = f"480 trials × 15 positions, {n_iter} iterations"
-    costs = "skordinal, s", "ours, s", "ratio", "ours, level nodes, s"
+    costs = "skordinal, s", "ours, s", "ratio", "ours, cells, s"
     head("features, units", *costs, title=title)
     positions = (np.arange(15) + 0.5) / 15
     for n_features, n_hidden in ((310, 10), (1240, 30), (4340, 30))[

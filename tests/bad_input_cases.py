@@ -348,6 +348,9 @@ NOT_COUNTS = [
     check("a column of dates beside columns of counts",
         pd.DataFrame(COUNTS, columns=["lo", "mid", "hi"]).assign(day=date(2020, 1, 1)),
         r"^ARG is not an array of numbers \(column 'day' holds text or dates\)"),
+    check("digits of a question", pd.DataFrame(
+        COUNTS, columns=["Q1.1", "Q1.2", "Q1.3"]),
+        r"'Q1.1' may be the level 1.1 or 1; label them with the levels alone"),
     check("two columns of one level", pd.DataFrame(COUNTS, columns=[1, 2, "2"]),
         "^ARG has two columns 2; give one column per level"),
 ]

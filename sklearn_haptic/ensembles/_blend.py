@@ -72,7 +72,8 @@ class DistributionBlend(
         The folds on which the weights are learned, whole objects in each; by default
         ten up to 50 objects, or as many as there are, and fewer of more, down to five.
         Objects are dealt to these at random, but alike in each fit to the same rows;
-        other orders of rows lead to slightly other weights.
+        other orders of rows lead to other weights, and of 12 objects to an RPS that
+        differs by 2 to 6 %, of 40 by at most .7 %.
     levels : array-like of shape (n_levels,), default=None
         All ordered levels, by default as for `DistributionalOrdinalRegressor`.
     n_jobs : int, default=None

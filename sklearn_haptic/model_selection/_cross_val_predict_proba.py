@@ -88,7 +88,10 @@ def cross_val_predict_proba(
     cv : int, splitter or iterable of (train, test), default=None
         The folds, which test each trial once. An int, or None for 5, is a number of
         folds: of whole objects if ``groups`` are given, else as in
-        :class:`~sklearn.model_selection.GridSearchCV`.
+        :class:`~sklearn.model_selection.GridSearchCV`. Objects of one label each are
+        dealt label by label, so that all folds have all classes. Of ratings this makes
+        scores too good, the model's and the guess's alike (by 7 % for 20 objects rated
+        once, 3 % for 80): give their counts, or ``cv=GroupKFold(5, shuffle=True)``.
     method : {"predict_proba", "predict_cdf", "predict_quantile", "predict"}, \
             default="predict_proba"
         What to predict: the probability of each level, the probability of each level

@@ -335,6 +335,13 @@ def _read_numbers(labels):
         numbers = {x: texts[x].removeprefix(shortest) for x in numbered}
     elif not numbers and len(common) == 1:
         numbers = {x: m[2] for x, m in numbered.items() if m[1] == common[0]}
+        parts = [each.partition(".") for each in numbers.values()]
+        if len({whole for whole, _, _ in parts}) == 1 and all(p[2] for p in parts):
+            label, number = next(iter(numbers.items()))
+            raise ValueError(
+                f"The columns {labels} do not tell their levels: {label!r} may be the "
+                f"level {number} or {parts[0][2]}; label them with the levels alone."
+            )
     return [_number(numbers[x]) if x in numbers else x for x in labels]
 
 

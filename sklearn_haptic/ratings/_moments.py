@@ -62,8 +62,9 @@ def counts_from_moments(
     levels : array-like of shape (n_levels,)
         The levels, two or more ascending numbers.
     n : array-like of shape (n_objects,) or float, default=None
-        Number of people who rated each object, by default not known. Models take
-        either; :func:`~sklearn_haptic.metrics.noise_ceiling` needs to know.
+        Number of people who rated each object, by default not known, which gives
+        shares of people. :func:`~sklearn_haptic.metrics.noise_ceiling` needs to know,
+        and an `NNPOM` of its own weighs an object by its people.
     decimals : int, default=None
         Number of decimals to which means and deviations are rounded. What people
         can give but for rounding is then moved to the nearest deviation that they can,

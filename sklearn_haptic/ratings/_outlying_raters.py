@@ -88,7 +88,9 @@ def outlying_raters(
     rare slips, and up to one in three where most answers are at one end of the scale,
     or three in five if people also put it more than a level apart. Who rated few
     objects can hardly be found: of people who answer at random about three adjectives,
-    nearly all are found with twenty objects each, and one in three with five.
+    nearly all are found with twenty objects each, and one in three with five. They are
+    compared with the others, so of three people nobody is found, and of four to six a
+    third to two thirds.
 
     A rating counts by how far it is above or below the person's others, so people are
     compared fairly if their objects are alike: all of them, or dealt at random. Where

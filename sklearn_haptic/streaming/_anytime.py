@@ -100,7 +100,8 @@ class AnytimeRegressor(
     max_delay : float, default=0.1
         Seconds by which the next sample of a sensor may be late, by what the others
         have recorded, before the touch goes on without it, with a warning. Means of
-        training features stand for those of a missing sensor.
+        training features stand for those of a missing sensor, which leaves the
+        prediction as sure as with it.
     cv : int, splitter or iterable, default=5
         Folds of the training touches for the predictions out of fold. A number keeps
         objects whole if `fit` is given `groups`.
