@@ -279,7 +279,7 @@ def plain_network(rows, coefs, bias, thresholds, adjective):
 def test_combined_network_is_a_minimum_of_costs_written_out(held_out):
     """Its cost at the fit, and its derivatives there, by plain loops over ratings.
 
-    The positions are drawn anew by hand: for each adjective those of its own ratings.
+    Each cell of the population has the people of each level that are within it.
     """
     X, counts, _ = touches(6, 1)
     model = DistributionalOrdinalRegressor(
@@ -289,10 +289,17 @@ def test_combined_network_is_a_minimum_of_costs_written_out(held_out):
     final = fitted.final_network_
     rows, ratings = [], []  # per adjective: activations, (level, weight)
     for a in range(3):
-        share = counts[:, a] / counts[:, a].sum(axis=-1, keepdims=True)
-        t, level, node = np.nonzero(np.repeat(share[..., None], 3, axis=-1))
-        p = (np.cumsum(share, axis=-1) - share)[t, level]
-        p += share[t, level] * (1 + np.array([-(0.6**0.5), 0, 0.6**0.5])[node]) / 2
+        cells = []
+        for t, people in enumerate(counts[:, a]):
+            end = np.cumsum(people) / people.sum()
+            for k in range(16):
+                begin, p, last = (
+                    (q / 32) ** 2 * (3 - q / 16) for q in np.r_[:3] + 2 * k
+                )
+                for level, (low, high) in enumerate(zip(np.r_[0, end], end)):
+                    within = min(high, last) - max(low, begin)
+                    cells.append((t, level, p, max(within, 0)))
+        t, level, p, weight = map(np.array, zip(*cells))
         hidden = []
         for sensor, columns in SENSORS.items():
             if sensor == held_out:
@@ -303,8 +310,7 @@ def test_combined_network_is_a_minimum_of_costs_written_out(held_out):
             of_sensor = network.coefs_, network.intercepts_, network.thresholds_
             hidden.append(plain_network(inputs, *of_sensor, a)[0])
         rows.append(np.hstack(hidden))
-        weight = np.array([5 / 18, 8 / 18, 5 / 18])[node]  # of Gauss and Legendre
-        ratings.append((level, 5 * share[t, level] * weight))
+        ratings.append((level, 5 * weight))
 
     def cost(params):
         coef, bias, output, raw = np.split(params, [18, 21, 30])

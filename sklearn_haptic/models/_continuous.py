@@ -202,7 +202,7 @@ class ContinuousRatingsRegressor(
            [52., 82., 96.]])
     >>> model.predict_cdf([[-1.0], [1.1]], [25, 50, 75]).round(2)
     array([[0.6 , 0.99, 1.  ],
-           [0.  , 0.07, 0.44]])
+           [0.  , 0.07, 0.45]])
     """
 
     _parameter_constraints = {  # noqa: RUF012
