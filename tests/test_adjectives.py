@@ -293,9 +293,8 @@ def test_combined_network_is_a_minimum_of_costs_written_out(held_out):
         for t, people in enumerate(counts[:, a]):
             end = np.cumsum(people) / people.sum()
             for k in range(16):
-                begin, p, last = (
-                    (q / 32) ** 2 * (3 - q / 16) for q in np.r_[:3] + 2 * k
-                )
+                q = (2 * k + np.arange(3)) / 32
+                begin, p, last = q**2 * (3 - 2 * q)
                 for level, (low, high) in enumerate(zip(np.r_[0, end], end)):
                     within = min(high, last) - max(low, begin)
                     cells.append((t, level, p, max(within, 0)))
