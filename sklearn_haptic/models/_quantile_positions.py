@@ -80,17 +80,23 @@ def _levels_in_cells(counts, n_duplicates):
     off by up to .16. Rows are filled up with observations of no weight.
     """
     share = shares(counts)
-    end = np.cumsum(share, axis=1)[:, None]
-    start = end - share[:, None]
     unanimous = np.count_nonzero(share, axis=1).max() == 1  # positions tell nothing
     middle, width = population_cells(3 if unanimous else _TRAINING_CELLS)
-    last = np.cumsum(width)[:, None]
-    weight = np.minimum(end, last) - np.maximum(start, last - width[:, None])
-    weight = np.where(weight > _ROUNDING, weight, 0).reshape(len(counts), -1)
+    cells = np.broadcast_to(np.cumsum(width), (len(share), len(width)))
+    ends = np.hstack((cells, np.cumsum(share, axis=1)))
+    order = np.argsort(ends, axis=1, kind="stable")
+    weight = np.diff(np.take_along_axis(ends, order, axis=1), axis=1, prepend=0)
+    of_level = order >= len(width)
+    level = np.cumsum(of_level, axis=1) - of_level  # how many ended before
+    cell = np.cumsum(~of_level, axis=1) - ~of_level
+    weight[weight <= _ROUNDING] = 0
     size = np.count_nonzero(weight, axis=1).max()
-    chosen = np.argsort(weight == 0, axis=1, kind="stable")[:, :size]
-    cell, level = np.divmod(chosen, counts.shape[1])
-    weight = np.take_along_axis(weight, chosen, axis=1)
+    first = np.argsort(weight == 0, axis=1, kind="stable")[:, :size]
+    cell, level, weight = (
+        np.take_along_axis(each, first, axis=1) for each in (cell, level, weight)
+    )
+    unused = weight == 0
+    cell[unused] = level[unused] = 0
     return middle[cell], level, weight * n_duplicates
 
 
