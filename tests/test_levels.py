@@ -16,6 +16,7 @@ from sklearn.naive_bayes import GaussianNB
 
 from sklearn_haptic import (
     NNPOM,
+    ConformalRatings,
     ContinuousRatingsRegressor,
     DistributionalOrdinalRegressor,
     DummyDistribution,
@@ -31,7 +32,7 @@ from sklearn_haptic.metrics import (
     pit_histogram,
     ranked_probability_score,
 )
-from sklearn_haptic.model_selection import cross_val_predict_proba
+from sklearn_haptic.model_selection import cross_val_predict_proba, model_report
 from sklearn_haptic.plotting import (
     DistributionDisplay,
     InterraterAgreementDisplay,
@@ -512,6 +513,41 @@ def test_predictions_in_another_order_than_the_columns_of_counts_are_warned_of()
     np.testing.assert_allclose(proba, expected)
     score = ranked_probability_score(counts[other], proba, levels=words)
     assert score == pytest.approx(ranked_probability_score(counts, expected))
+
+
+def test_levels_of_the_model_win_over_the_categories_of_ratings():
+    """As read_stata makes them by itself, in the order of the codebook."""
+    words = ["low", "some", "high", "most"]
+    X = np.arange(24.0)[:, None] % 8
+    y = np.array(words)[(X[:, 0] // 2).astype(int)]
+    model = DistributionalOrdinalRegressor(levels=words).fit(X, y)
+    expected = cross_val_predict_proba(model, X, y, cv=3)
+    score = -ranked_probability_score(y, model.predict_proba(X), levels=words)
+    for names in (words[::-1], sorted(words)):
+        named = pd.Series(pd.Categorical(y, names, ordered=True), name="y")
+        assert model.score(X, named) == neg_rps_scorer(model, X, named) == score
+        with pytest.warns(UserWarning, match="which y does not have"):
+            assert_array_equal(cross_val_predict_proba(model, X, named, cv=3), expected)
+        report = model_report(model, X, named, cv=3)
+        rps = ranked_probability_score(y, expected, levels=words)
+        assert report.scores.loc[("ratings", "model"), "rps"] == pytest.approx(rps)
+
+
+def test_words_that_ratings_name_in_part_are_refused():
+    """Their order was that of the alphabet: RPS .50 for .33."""
+    words, X = ["some", "low", "high"], np.arange(9.0)[:, None]
+    classifier = GaussianNB().fit(X, np.repeat(words, 3))
+    y = pd.Series(pd.Categorical(np.repeat(words, 3)[:6], words[:2], ordered=True))
+    counts = pd.DataFrame(np.eye(2, dtype=int)[[0, 1] * 3], columns=words[:2])
+    for ratings in (y, counts):
+        with pytest.raises(ValueError, match="let the categories, or columns, of y be"):
+            neg_rps_scorer(classifier, X[:6], ratings)
+        with pytest.raises(ValueError, match="let the categories, or columns, of y be"):
+            ConformalRatings(classifier, method="prefit").fit(
+                X[:6], ratings, groups=range(6)
+            )
+    known = DistributionalOrdinalRegressor(levels=words).fit(X, np.repeat(words, 3))
+    assert np.isfinite(neg_rps_scorer(known, X[:6], y))
 
 
 @pytest.mark.slow

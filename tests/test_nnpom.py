@@ -58,6 +58,16 @@ def _to_orca(params, layout):
     return np.concatenate((layer, output, first, raw_gaps))
 
 
+@pytest.mark.parametrize("alpha", [1, 70_000, 10**9])
+def test_whole_numbers_are_penalties_as_any(alpha):
+    """From 65,520 on they were infinite, for they became numbers of half precision."""
+    X, y = np.array([[-2000.0], [-900], [100], [1500]]), [1, 1, 2, 2]
+    settings = {"n_hidden": 0, "scale_features": False}
+    proba = NNPOM(alpha=alpha, **settings).fit(X, y).predict_proba(X)
+    same = NNPOM(alpha=float(alpha), **settings).fit(X, y).predict_proba(X)
+    assert_array_equal(proba, same)
+
+
 @pytest.mark.parametrize("gaps", [SoftplusGaps, SquaredGaps])
 @pytest.mark.parametrize("name", REFERENCE_CASES)
 def test_cost_and_gradient_equal_sixty_digit_arithmetic(shared_data, name, gaps):

@@ -22,7 +22,12 @@ from ..models._ordinal import OrdinalClassifierMixin
 from ..ratings._checks import check_adjectives, check_rated, record_features
 from ..ratings._continuous import cdf_at, check_answers, check_values
 from ..ratings._distributions import cdf, level_at, shares
-from ..ratings._levels import knows_order, levels_set_in, names_levels
+from ..ratings._levels import (
+    knows_order,
+    levels_set_in,
+    names_levels,
+    refuse_unnamed,
+)
 from ..utils._folds import (
     TakesGroups,
     groups_for,
@@ -262,6 +267,8 @@ class ConformalRatings(
             _, classes = predict_fold(self.estimator_, _safe_indexing(X, [0]))
             if not knows_order(self.estimator_):
                 _, named = check_adjectives(y)  # warns of words, which have no order
+                if names_levels(y):
+                    refuse_unnamed(classes, named)
                 classes = named if np.isin(classes, named).all() else classes
             counts, self.levels_ = check_adjectives(y, classes)
             y, self.classes_ = shares(counts), self.levels_

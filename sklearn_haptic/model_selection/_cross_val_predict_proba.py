@@ -23,7 +23,12 @@ from ..ensembles._out_of_fold import (
 )
 from ..ratings._checks import check_rated, check_ratings
 from ..ratings._distributions import cdf
-from ..ratings._levels import in_named_order, levels_of_columns, names_levels
+from ..ratings._levels import (
+    in_named_order,
+    levels_of_columns,
+    levels_of_ratings,
+    names_levels,
+)
 from ..utils._folds import groups_among, groups_for, make_splitter
 from ..utils._sklearn import (
     CrossValidator,
@@ -169,7 +174,7 @@ def cross_val_predict_proba(
     )
     if method in ("predict", "predict_quantile"):
         return in_order([predicted for predicted, _ in outcomes], folds)
-    result, levels = join_folds(y, outcomes, folds)
+    result, levels = join_folds(estimator, y, outcomes, folds)
     _warn_of_other_order(y, levels)
     return cdf(result) if method == "predict_cdf" else result
 
@@ -179,7 +184,9 @@ def _warn_of_other_order(y, levels):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         named, _ = levels_of_columns(y, None, "y")
-    if np.ndim(y) == 1 and not names_levels(y) and not is_text(levels):
+    if named is None and names_levels(y):
+        named = levels_of_ratings(levels, y, None, "y")
+    elif np.ndim(y) == 1 and not is_text(levels):
         named = np.sort(levels)
     if named is not None and named.tolist() != levels.tolist():
         warnings.warn(
@@ -196,7 +203,7 @@ def _run_fold(estimator, X, y, train, test, params, method):
     return predict_fold(model, _safe_indexing(X, test), method)
 
 
-def join_folds(y, outcomes, folds):
+def join_folds(estimator, y, outcomes, folds):
     """Join the probabilities and levels that each fold predicts.
 
     Returns
@@ -211,4 +218,4 @@ def join_folds(y, outcomes, folds):
     proba = in_order(
         [at_classes(each, known, levels) for each, known in outcomes], folds
     )
-    return in_named_order(proba, levels, y)
+    return in_named_order(proba, levels, y, estimator)

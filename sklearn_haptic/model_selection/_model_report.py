@@ -301,7 +301,7 @@ def _compare(model, targets, outcomes, folds, groups, kind):
     scores: dict[Any, Any] = {}
     gains, of_trials, predicted, confusions = {}, [], {}, {}
     compare = {
-        _LEVELS: _compare_ratings,
+        _LEVELS: partial(_compare_ratings, model),
         _CLASSES: _compare_classes,
         _SLIDERS: partial(_compare_sliders, _slider(model)),
     }[kind]
@@ -364,13 +364,13 @@ def _fit_and_time(model, X, y, train, test, params, method):
     return *outcome, to_learn, seconds_per_trial(predictor(fitted), X_test)
 
 
-def _compare_ratings(name, y, outcomes, folds, tested):
+def _compare_ratings(model, name, y, outcomes, folds, tested):
     """Score the distributions predicted of each adjective beside both baselines.
 
     Yield the adjective, what the model predicts, the scores of all predictors, by how
     much the RPS of each trial is lower than that of the better baseline, and means.
     """
-    proba, levels = join_folds(y, outcomes, folds)
+    proba, levels = join_folds(model, y, outcomes, folds)
     counts, _ = check_adjectives(y, levels, name=name)
     for i in range(counts.shape[1]) if counts.ndim == 3 else [...]:
         each = counts[:, i]

@@ -98,13 +98,16 @@ class DistributionalOrdinalRegressor(
         How positions are chosen. "level": the middles of 16 cells of the population,
         the same for all trials, where each level has the weight of the people in the
         cell who chose it, so that no rating is missed and nothing is random; the
-        estimator must take sample weights. "random": at random (the paper).
+        estimator must take sample weights. There are three cells if each trial has
+        ratings of one level only. "random": at random (the paper). Settings that count
+        rows, such as ``min_samples_leaf``, count observations.
     p_transform : {"logit", None}, default="logit"
         What the estimator gets as its last feature: the log-odds of p, which reach
         into the tails of the distribution, or p itself (the paper).
     decode : {"mixture", "quantile"}, default="mixture"
         "mixture" averages the probabilities of the levels over the population. It is
-        calibrated and better by RPS and log score. "quantile" decides on one rating
+        calibrated if the estimator predicts probabilities, and better by RPS and log
+        score. "quantile" decides on one rating
         per position and measures the share of each (the paper). It is sharper and
         better by absolute error, with probabilities that are often exactly 0. This
         parameter and the next two take effect at prediction, so `set_params` may
@@ -159,6 +162,12 @@ class DistributionalOrdinalRegressor(
     ``validation_share``, documented with `NNPOM`. If it also offers
     ``predict_latent_with_positions`` and ``thresholds_``, "quantile" with the rule
     "median" finds where the latent response crosses each threshold.
+
+    A regressor, or a classifier without ``predict_proba``, predicts one level at each
+    position, and not how far ratings are from it. Its distributions are too narrow: of
+    simulated ratings of 12, 3 and 1 people, ridge regression had a dispersion of .58,
+    .34 and 0, and an RPS 5, 12 and 49 % above that of the default. Give regressors to
+    :class:`RegressedDistribution` instead.
 
     The population is swept on 20 quadrature nodes where these suffice, as they do for
     an `NNPOM` or a logistic regression; `fit` tests this on up to 256 trials. The
@@ -253,10 +262,10 @@ class DistributionalOrdinalRegressor(
         sample_weight : array-like of shape (n_trials,), default=None
             Weight of each trial, also where early stopping validates on it. With
             ``sampling="level"`` a weight of 2 equals giving the trial twice, if groups
-            keep both on the same side of the split; "random" draws positions for each
-            trial anew. Multiplying all weights by a factor divides the penalty of an
-            estimator that takes weights by it; one that takes none, as a Pipeline, is
-            fitted without them if they are equal.
+            keep both on the same side of the split and the estimator counts no rows;
+            "random" draws positions for each trial anew. Multiplying all weights by a
+            factor divides the penalty of an estimator that takes weights by it; one
+            that takes none, as a Pipeline, is fitted without them if they are equal.
         groups : array-like of shape (n_trials,), default=None
             The object of each trial, so that an estimator with
             ``early_stopping=True`` validates on whole objects; without them it warns.

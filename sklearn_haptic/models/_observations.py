@@ -106,7 +106,7 @@ def scaled_to_unit_weight(weight, alpha):
     """
     exponent = 2 * (np.frexp(weight.sum())[1] // 2)
     with np.errstate(over="ignore"):
-        alpha = min(np.ldexp(alpha, -exponent), _LARGEST_PENALTY)
+        alpha = min(np.ldexp(float(alpha), -exponent), _LARGEST_PENALTY)
     return np.ldexp(weight, -exponent), alpha
 
 

@@ -222,28 +222,40 @@ def predict_in_named_order(estimator, X, ratings):
         )
     as_distributions(proba, name)
     levels = estimator.classes_
-    named = None
-    if not knows_order(estimator):
-        if np.ndim(ratings) == 2:
-            named, _ = levels_of_columns(ratings, None, "y")
-        if named is None:
-            levels_of_ratings(levels, ratings, None, "y")  # warns
+    if knows_order(estimator):
+        return in_named_order(proba, levels, ratings, estimator)
+    named = _ordered_categories(only_column(ratings))
+    if named is None and np.ndim(ratings) == 2:
+        named, _ = levels_of_columns(ratings, None, "y")
     if named is None:
-        return in_named_order(proba, levels, ratings)
+        levels_of_ratings(levels, ratings, None, "y")  # warns
+        return proba, levels
+    refuse_unnamed(levels, named)
     return _at_levels(proba, levels, named)
 
 
-def in_named_order(proba, levels, ratings):
+def refuse_unnamed(levels, named):
+    """Refuse ratings that name the order of some words only that a classifier knows."""
+    if is_text(levels) and not {*levels.tolist()} <= {*named.tolist()}:
+        raise ValueError(
+            f"y names the levels {named.tolist()}, but the model predicts "
+            f"{levels.tolist()}, whose order it does not know; let the categories, or "
+            "columns, of y be all levels, lowest first."
+        )
+
+
+def in_named_order(proba, levels, ratings, estimator=None):
     """Put columns of probabilities in the order that the ratings themselves name.
 
     Classifiers of scikit-learn sort words by the alphabet. Return the columns and their
-    levels, unchanged if the container of the ratings names no order.
+    levels, unchanged if the estimator is given its levels, or the container of the
+    ratings names no order.
     """
-    if not names_levels(ratings) or np.ndim(ratings) != 1:
+    column = only_column(ratings)
+    given = estimator is not None and levels_set_in(estimator) is not None
+    if given or not names_levels(ratings) or np.ndim(column) != 1:
         return proba, levels
-    return _at_levels(
-        proba, levels, levels_of_ratings(levels, ratings, None, "ratings")
-    )
+    return _at_levels(proba, levels, levels_of_ratings(levels, column, None, "ratings"))
 
 
 def _at_levels(proba, levels, named):

@@ -9,9 +9,10 @@ import pandas as pd
 from sklearn.utils import Bunch
 
 from ..ratings._checks import check_ratings
-from ..ratings._levels import in_order_of_levels, levels_of_columns
+from ..ratings._levels import are_counts, in_order_of_levels, levels_of_columns
 from ..recordings._biotac import PROCEDURES, SENSORS
 from ..utils._row_order import check_order
+from ..utils._validation import lossless_array
 
 
 def open_corpus(corpus):
@@ -92,7 +93,7 @@ def open_corpus(corpus):
 
 
 def _levels_of(ratings, name):
-    if np.ndim(ratings) == 1:
+    if not are_counts(ratings, name):
         return check_ratings(ratings, name=name)[1].tolist()
     named, _ = levels_of_columns(ratings, None, name)
     return [*range(1, np.shape(ratings)[-1] + 1)] if named is None else named.tolist()
@@ -116,17 +117,18 @@ def compute_trials(study, procedure):
         raise ValueError(
             "The corpus has no ratings; give load_phac2 the ratings as ratings=."
         )
-    columns = names_of_trials(corpus)
+    columns, levels = names_of_trials(corpus), study.regressor.levels
+    levels = levels if levels is None else lossless_array(levels)
     for adjective, counts in corpus.ratings.items():
         name = f"ratings[{adjective!r}]"
-        if np.shape(counts)[1:] in ((), (1,)):  # one rating per trial
-            counts = check_ratings(counts, name=name)[0].astype(int)
-        _, order = levels_of_columns(counts, None, name)
+        if not are_counts(counts, name):
+            counts = check_ratings(counts, levels, name=name)[0].astype(int)
+        _, order = levels_of_columns(counts, levels, name)
         counts = in_order_of_levels(np.asarray(counts), order)
         for k, count in enumerate(counts.T, start=1):
             columns[f"{adjective}_{k}"] = count
     for adjective, proba in corpus.get("true_proba", {}).items():
-        _, order = levels_of_columns(proba, None, f"true_proba[{adjective!r}]")
+        _, order = levels_of_columns(proba, levels, f"true_proba[{adjective!r}]")
         proba = in_order_of_levels(np.asarray(proba, dtype=float), order)
         for k, p in enumerate(proba.T, start=1):
             columns[f"{adjective}_{k}_true"] = p
