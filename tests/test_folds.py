@@ -9,6 +9,7 @@ import pytest
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
+from sklearn.exceptions import UnsetMetadataPassedError
 from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold, KFold
@@ -231,6 +232,24 @@ def test_groups_reach_what_asks_wherever_it_is():
         make_pipeline(StandardScaler(), blend), X, COUNTS, groups=OBJECTS, cv=2
     )
     assert len(report.tested) == 60
+
+
+class Unset(LogisticRegression):
+    """An own model, of which nobody said whether it requests groups."""
+
+    def fit(self, X, y, groups=None):
+        return super().fit(X, y)
+
+
+@pytest.mark.parametrize("predict", [cross_val_predict_proba, model_report])
+def test_routing_loses_no_groups_that_a_model_may_want(predict):
+    X, y = np.arange(24.0)[:, None] % 5, np.arange(24) % 3
+    model = make_pipeline(StandardScaler(), Unset())
+    with config_context(enable_metadata_routing=True):
+        with pytest.raises(UnsetMetadataPassedError, match="set_fit_request"):
+            predict(model, X, y, groups=np.arange(24) // 2, cv=3)
+        model[-1].set_fit_request(groups=False)
+        predict(model, X, y, groups=np.arange(24) // 2, cv=3)
 
 
 @pytest.mark.parametrize("routing", [False, True])

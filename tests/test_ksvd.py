@@ -142,6 +142,19 @@ def test_an_atom_with_fewer_than_four_users_is_replaced(n_users, expected):
     np.testing.assert_allclose(atoms, np.eye(3)[expected])
 
 
+@pytest.mark.parametrize("level", [0, 10, 1e5])
+def test_a_constant_level_leaves_no_atom_to_chance(level):
+    """All windows are nearly parallel then, and all atoms but one were random."""
+    rng = np.random.RandomState(0)
+    time = np.arange(12)[:, None]
+    varying = np.hstack((np.cos(time), np.sin(time), time % 2))
+    signals = rng.normal(size=(60, 3)) @ varying.T + level
+    atoms = initial_atoms(signals, 4 if level else 3, rng)
+    basis = np.linalg.qr(np.hstack((np.ones_like(time), varying)))[0]
+    np.testing.assert_allclose(atoms @ basis @ basis.T, atoms, atol=1e-9)
+    assert np.linalg.matrix_rank(atoms) == len(atoms)
+
+
 def test_initial_atoms_are_distinct_training_signals():
     rng = np.random.RandomState(0)
     directions = rng.normal(size=(5, 8))

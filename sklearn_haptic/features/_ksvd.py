@@ -146,14 +146,21 @@ def residual_of(signals, support, coefs, atoms):
 def initial_atoms(signals, n_atoms, rng, *, scale=None):
     """Draw unit-norm training signals, no two nearly parallel, as a dictionary.
 
-    If there are not enough such signals, random directions fill the rest. Signals at
-    rounding level relative to `scale`, of shape (n_signals,), are not drawn; by default
-    only all-zero signals are not.
+    If there are not enough such signals, as on a level far larger than what varies, the
+    rest is drawn from what the atoms so far leave of the signals, and random directions
+    fill what is left then. Signals at rounding level relative to `scale`, of shape
+    (n_signals,), are not drawn; by default only all-zero signals are not.
     """
-    left = unit_rows(signals[_informative(signals, scale)])
+    scale = row_norms(signals) if scale is None else scale
+    rest = signals
+    left = unit_rows(rest[_informative(rest, scale)])
     atoms = unit_rows(rng.normal(size=(n_atoms, signals.shape[1])))
     atoms = atoms.astype(signals.dtype)
     for j in range(n_atoms):
+        if len(left) == 0:
+            basis = np.linalg.qr(atoms[:j].T)[0]
+            rest = rest - product(product(rest, basis), basis.T)
+            left = unit_rows(rest[_informative(rest, scale)])
         if len(left) == 0:
             break
         atoms[j] = left[rng.randint(len(left))]

@@ -112,7 +112,8 @@ class KSVDTransformer(DictionaryCoder, TransformerMixin, BaseEstimator):
         to 15 % larger.
     dict_init : array-like of shape (n_atoms, n_obs_features), default=None
         Initial atoms; with `max_iter=0` they are used exactly as given. By default
-        training observations are drawn, no two of which are nearly parallel.
+        training observations are drawn, no two of which are nearly parallel; if these
+        run out, what the atoms so far leave of observations, then random directions.
     sign : {"split", "absolute", "none"}, default="split"
         Give the positive and the negative part of a coefficient a column each, take
         absolute values, or keep coefficients as they are. The authors of ST-HMP

@@ -139,16 +139,20 @@ def groups_for(estimator, groups):
         return {}
     if isinstance(estimator, BaseSearchCV):
         _warn_of_divided_objects(estimator, groups)
-    if not get_config()["enable_metadata_routing"]:
-        if isinstance(estimator, Pipeline):
-            name, last = estimator.steps[-1]
-            params = groups_for(last, groups)
-            return {f"{name}__{param}": value for param, value in params.items()}
-        if isinstance(estimator, BaseSearchCV):
-            params = groups_for(estimator.estimator, groups)
-            params.pop("groups", None)
-            splitter = check_cv(estimator.cv)
-            return params | _requested(splitter, "split", groups)
+    if get_config()["enable_metadata_routing"]:
+        asked = _requested(estimator, "fit", groups)
+        if isinstance(estimator, Pipeline):  # which names what its model may want
+            asked = asked or _requested(estimator[-1], "fit", groups)
+        return asked
+    if isinstance(estimator, Pipeline):
+        name, last = estimator.steps[-1]
+        params = groups_for(last, groups)
+        return {f"{name}__{param}": value for param, value in params.items()}
+    if isinstance(estimator, BaseSearchCV):
+        params = groups_for(estimator.estimator, groups)
+        params.pop("groups", None)
+        splitter = check_cv(estimator.cv)
+        return params | _requested(splitter, "split", groups)
     return _requested(estimator, "fit", groups)
 
 
