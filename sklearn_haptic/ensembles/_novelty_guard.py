@@ -363,7 +363,8 @@ class NoveltyGuard(
             touches of equal counts are of one object, or of several if they are
             many and most people agree. If counts cannot tell objects, `fit` warns, and
             takes each touch for another one. If `y` names the objects themselves, give
-            what divides their touches, such as runs.
+            what divides their touches, such as runs. Of a pipeline, only the last step
+            is told them.
 
         Returns
         -------

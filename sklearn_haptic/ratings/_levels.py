@@ -116,6 +116,7 @@ def levels_of_columns(table, levels, name):
     """
     labels = _column_labels(table)
     others = levels is not None and {*levels.tolist()} != {*labels}
+    set_apart = levels is not None and not others  # from categories without a column
     if not labels or (others and has_default_columns(table)):
         return levels, None
     read = _read_numbers(labels)
@@ -125,7 +126,7 @@ def levels_of_columns(table, levels, name):
             f"{name} has two columns {twice!r}; give one column per level."
         )
     categories = _ordered_categories(table.columns)
-    named = labels if categories is None else categories.tolist()
+    named = labels if categories is None or set_apart else categories.tolist()
     if levels is None:
         levels = _in_order(labels, name) if categories is None else categories
     wanted, place = levels.tolist(), {label: i for i, label in enumerate(labels)}

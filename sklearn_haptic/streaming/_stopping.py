@@ -131,7 +131,8 @@ class _Rule(BaseEstimator):
             of `AnytimeRegressor`. NaN where a touch is not so long.
         y : array-like of shape (n_trials, ..., n_levels)
             Counts of ratings, or 1 for the true class and 0 for others. Labelled
-            columns of levels are put in their order.
+            columns of levels are put in their order, which has to be that of
+            `proba`: of a model with its own ``levels=``, give an array in their order.
         durations : array-like of shape (n_durations,)
             Seconds.
         ordered : bool, default=True
