@@ -164,7 +164,7 @@ class ConformalRatings(
     >>> new = make_haptic_corpus(2, 1, sensors=["pdc"], random_state=1).trials
     >>> model.predict_set(new, alpha=0.2)
     array([[ True,  True,  True, False, False],
-           [ True,  True,  True,  True, False]])
+           [False,  True,  True,  True, False]])
     """
 
     _parameter_constraints = {  # noqa: RUF012
