@@ -141,7 +141,9 @@ def compare_networks(
     object are not independent. Of each adjective, objects that some procedure lacks are
     left out. With fewer than six objects, Wilcoxon's p is never below 0.05; with few,
     Friedman's p, from the chi-squared distribution, is approximate. No p-value is
-    corrected for the number of rows.
+    corrected for the number of rows, and none allows for test objects of a fold that
+    share a model: of procedures that do not differ, .10 had a Wilcoxon p below .05 and
+    .13 a Friedman p, of simulated studies with 40 objects in five folds.
 
     References
     ----------
