@@ -515,6 +515,19 @@ def test_predictions_in_another_order_than_the_columns_of_counts_are_warned_of()
     assert score == pytest.approx(ranked_probability_score(counts, expected))
 
 
+def test_levels_without_a_category_whose_column_was_dropped():
+    """As of "don't know", dropped from a crosstab: its category stays."""
+    words = ["soft", "don't know", "medium", "hard"]
+    index = pd.CategoricalIndex(words, words, ordered=True)
+    table = pd.DataFrame(COUNTS, columns=index).drop(columns="don't know")
+    counts, found = check_ratings(table, [words[0], *words[2:]])
+    assert found.tolist() == [words[0], *words[2:]]
+    assert_array_equal(counts, COUNTS[:, [0, 2, 3]])
+    counts, found = check_ratings(table)
+    assert found.tolist() == words
+    assert_array_equal(counts, COUNTS * [1, 0, 1, 1])
+
+
 def test_levels_of_the_model_win_over_the_categories_of_ratings():
     """As read_stata makes them by itself, in the order of the codebook."""
     words = ["low", "some", "high", "most"]
