@@ -160,7 +160,7 @@ def test_hidden_units_learn_the_ratings_of_two_or_three_people(n_people):
         found = model.fit(X, counts).predict_cdf(new)[:, :-1]
         excess.append(np.sum((found - true) ** 2))
         spread.append(np.sum(true * (1 - true)))
-    assert sum(excess) < 0.03 * sum(spread)  # .04 to .06 with three nodes per level
+    assert sum(excess) < 0.03 * sum(spread)  # .04 to .06 with three positions per level
 
 
 @pytest.mark.parametrize("n_levels", [2, 5])

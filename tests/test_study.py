@@ -322,18 +322,13 @@ def test_corpus_that_changed(tmp_path, monkeypatch, size):
     assert "('features', 'fast_slide', 'pdc')" in raised.value.__notes__[0]
 
 
-def _study_of(corpus, levels=None):
-    regressor = DistributionalOrdinalRegressor(levels=levels)
-    return Bunch(corpus=corpus, sensors=["tdc"], regressor=regressor)
-
-
 @pytest.mark.parametrize("form", [np.asarray, list, pd.Series])
 def test_one_rating_per_trial_is_a_count_of_one(form):
     corpus = CORPUS(procedure="fast_slide", sensors=["tdc"])
     labels = [1, 1, 2, 2, 2, 2, 4, 4, 4, 4, 5, 5, 5, 5, 1, 1]
     ratings = {"hard": form(labels)}
     load, *_ = open_corpus({"slide": Bunch(**{**corpus, "ratings": ratings})})
-    columns, _ = compute_trials(_study_of(load), "slide")
+    columns, _ = compute_trials(study_of(None, corpus=load, sensors=["tdc"]), "slide")
     counts = np.stack([columns[f"hard_{k}"] for k in range(1, 5)], axis=1)
     assert_array_equal(counts, np.equal.outer(labels, [1, 2, 4, 5]))
     assert "hard_5" not in columns
@@ -341,7 +336,7 @@ def test_one_rating_per_trial_is_a_count_of_one(form):
 
 def test_labelled_truth_is_put_in_the_order_of_levels():
     corpus = CORPUS(procedure="fast_slide", sensors=["tdc"])
-    asked = _study_of(lambda **_: corpus)
+    asked = study_of(None, corpus=lambda **_: corpus)
     expected, _ = compute_trials(asked, "fast_slide")
     for kind in ("ratings", "true_proba"):
         corpus[kind] = {
@@ -356,10 +351,10 @@ def test_levels_of_the_regressor_are_found_by_their_labels():
     words = ["soft", "middle", "hard"]
     corpus = CORPUS(procedure="fast_slide", sensors=["tdc"])
     counts = pd.DataFrame(np.arange(48).reshape(16, 3), columns=words)
-    tables = []
+    regressor, tables = DistributionalOrdinalRegressor(levels=words), []
     for columns in (words, ["soft", "hard", "middle"]):  # as of a polars pivot
         corpus["ratings"], corpus["true_proba"] = {"hard": counts[columns]}, {}
-        asked = _study_of(lambda **_: corpus, words)
+        asked = study_of(None, corpus=lambda **_: corpus, regressor=regressor)
         tables.append(compute_trials(asked, "fast_slide")[0])
     pd.testing.assert_frame_equal(*tables)
 

@@ -110,26 +110,25 @@ class TouchPool(
 
     Notes
     -----
-    Of the error of a mean of predictions, only the mean products of the members'
-    errors have to be known, in one touch and in two touches of one object. `fit`
-    estimates both over objects, and makes them positive semidefinite, as products of
-    errors are; the weights follow by quadratic programming. So any set of members and
-    any number of touches has weights of its own, and each is learned from all training
-    rows. So has the breadth: the mean variance of the
-    predictions is to equal the mean square of the ratings' distances from the predicted
-    means, judged by pools of as many touches of each training object, in the order of
-    its rows and of the members, if it has all the members. Another order mostly changed
-    no probability by more than .05, once by .2 with eight objects, and the mean score
-    by .001. Pools of more touches than a training object has are somewhat too broad.
-    What two touches have in common is learned from the objects touched more than once:
-    with two or three of these among 25, pools of four touches gained .88 to .99 of what
-    they gain where all 25 were. Members that few rows have are a risk: of 30 generated
-    objects whose touches were by one of three procedures, in shares of 70, 21 and 9 %,
-    one pool in twenty was worse than the mean distribution by .05 or more, and the
-    plain mean of the members was better by .014. Few objects are another: pools of
-    sensors that tell nothing, learned from five objects, were worse than the mean
-    distribution by .04 of RPS, once by .4. With fewer than ten objects, give one model
-    the joined features.
+    Of the error of a mean of predictions, only the mean products of the members' errors
+    have to be known, in one touch and in two touches of one object. `fit` estimates
+    both over objects, and makes them positive semidefinite, as products of errors are;
+    the weights follow by quadratic programming. So any set of members and any number of
+    touches has weights of its own, and each is learned from all training rows. So has
+    the breadth: the mean variance of the predictions is to equal the mean square of the
+    ratings' distances from the predicted means, judged by pools of as many touches of
+    each training object, in the order of its rows and of the members, if it has all the
+    members. Another order mostly changed no probability by more than .05, once by .2
+    with eight objects, and the mean score by .001. Pools of more touches than a
+    training object has are somewhat too broad. What two touches have in common is
+    learned from the objects touched more than once: with two or three of these among
+    25, pools of four touches gained .88 to .99 of what they gain where all 25 were.
+    Members that few rows have are a risk: of 30 generated objects whose touches were by
+    one of three procedures, in shares of 70, 21 and 9 %, one pool in twenty was worse
+    than the mean distribution by .05 or more, and the plain mean of the members was
+    better by .014. Few objects are another: pools of sensors that tell nothing, learned
+    from five objects, were worse than the mean distribution by .04 of RPS, once by .4.
+    With fewer than ten objects, give one model the joined features.
 
     If the members know no order of the levels, as those of scikit-learn, the Brier
     score takes the place of the ranked probability score, also for the power, and the

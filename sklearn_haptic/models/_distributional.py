@@ -107,11 +107,10 @@ class DistributionalOrdinalRegressor(
     decode : {"mixture", "quantile"}, default="mixture"
         "mixture" averages the probabilities of the levels over the population. It is
         calibrated if the estimator predicts probabilities, and better by RPS and log
-        score. "quantile" decides on one rating
-        per position and measures the share of each (the paper). It is sharper and
-        better by absolute error, with probabilities that are often exactly 0. This
-        parameter and the next two take effect at prediction, so `set_params` may
-        change them after `fit`.
+        score. "quantile" decides on one rating per position and measures the share of
+        each (the paper). It is sharper and better by absolute error, with probabilities
+        that are often exactly 0. This parameter and the next two take effect at
+        prediction, so `set_params` may change them after `fit`.
     rule : {"median", "argmax"}, default="median"
         How "quantile" decides: on the median level, at every position, or on the most
         probable, at ``n_quantiles`` positions (the paper).

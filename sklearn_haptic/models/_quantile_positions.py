@@ -151,12 +151,6 @@ def _crowded(q):
     return q**2 * (3 - 2 * q)
 
 
-def unit_gauss_legendre(n_nodes):
-    """Return nodes and weights of Gauss–Legendre quadrature on (0, 1)."""
-    nodes, weight = np.polynomial.legendre.leggauss(n_nodes)
-    return (nodes + 1) / 2, weight / 2
-
-
 @lru_cache
 def population_quadrature(n_nodes):
     """Return nodes and weights for averages over the population.
@@ -164,7 +158,8 @@ def population_quadrature(n_nodes):
     Gauss–Legendre quadrature in q with p = q² (3 - 2q). Its nodes crowd at both ends,
     where functions of the log-odds of p are hard to integrate.
     """
-    q, weight = unit_gauss_legendre(n_nodes)
+    q, weight = np.polynomial.legendre.leggauss(n_nodes)
+    q, weight = (q + 1) / 2, weight / 2
     nodes, weight = _crowded(q), 6 * q * (1 - q) * weight
     nodes.flags.writeable = weight.flags.writeable = False  # one pair for all callers
     return nodes, weight

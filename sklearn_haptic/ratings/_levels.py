@@ -116,7 +116,6 @@ def levels_of_columns(table, levels, name):
     """
     labels = _column_labels(table)
     others = levels is not None and {*levels.tolist()} != {*labels}
-    set_apart = levels is not None and not others  # from categories without a column
     if not labels or (others and has_default_columns(table)):
         return levels, None
     read = _read_numbers(labels)
@@ -126,7 +125,8 @@ def levels_of_columns(table, levels, name):
             f"{name} has two columns {twice!r}; give one column per level."
         )
     categories = _ordered_categories(table.columns)
-    named = labels if categories is None or set_apart else categories.tolist()
+    by_labels = categories is None or (levels is not None and not others)
+    named = labels if by_labels else categories.tolist()
     if levels is None:
         levels = _in_order(labels, name) if categories is None else categories
     wanted, place = levels.tolist(), {label: i for i, label in enumerate(labels)}

@@ -80,7 +80,8 @@ def resample_trials(
         Seconds between two stamps within which the curve is trusted; new samples
         within a longer gap are NaN. By default 1.5 times the typical step of a trial,
         which a single dropped frame exceeds, and so does a step of a sensor faster than
-        500 Hz whose stamps were rounded to milliseconds. `np.inf` trusts all.
+        500 Hz whose stamps were rounded to milliseconds. `np.inf` trusts it
+        everywhere.
 
     Returns
     -------
