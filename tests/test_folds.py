@@ -37,9 +37,11 @@ from sklearn_haptic.ensembles._out_of_fold import (
     make_folds,
     run_tasks,
 )
+from sklearn_haptic.metrics import neg_rps_scorer
 from sklearn_haptic.model_selection import (
     cross_val_predict_proba,
     model_report,
+    sensor_contributions,
     sensor_subsets,
 )
 from sklearn_haptic.utils._folds import (
@@ -298,6 +300,28 @@ def test_a_frozen_model_out_of_fold_is_named():
     frozen = FrozenEstimator(clone(LINEAR).fit(X, COUNTS))
     with pytest.warns(UserWarning, match="^What is frozen had learned before"):
         cross_val_predict_proba(frozen, X, COUNTS, groups=OBJECTS, cv=2)
+
+
+def test_frozen_networks_of_sensors_and_candidates_are_named():
+    fusion = SensorFusionNNPOM({"a": [0], "b": [1]}, NNPOM(2, random_state=0))
+    model = DistributionalOrdinalRegressor(fusion, random_state=0)
+    networks = clone(model).fit(X, COUNTS).estimator_.sensor_networks_
+    networks = {name: FrozenEstimator(network) for name, network in networks.items()}
+    model.set_params(estimator__estimator=networks)
+    candidates = [FrozenEstimator(clone(LINEAR).fit(X, COUNTS)), LINEAR]
+    search = GridSearchCV(
+        make_pipeline(LINEAR),
+        {"nnpom": candidates},
+        scoring=neg_rps_scorer,
+        cv=GroupKFold(2),
+    )
+    for each in (model, search):
+        with pytest.warns(UserWarning, match="^What is frozen had learned before"):
+            cross_val_predict_proba(each, X, COUNTS, groups=OBJECTS, cv=2)
+    report = model_report(model, X, COUNTS, groups=OBJECTS, cv=2)
+    assert "What is frozen had learned before" in " ".join(str(report).split())
+    with pytest.warns(UserWarning, match="^What is frozen had learned before"):
+        sensor_contributions(model, X, COUNTS, groups=OBJECTS, cv=2, n_repeats=1)
 
 
 @pytest.mark.parametrize("odd", ["drop", None, 3])

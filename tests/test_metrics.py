@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import entropy, wasserstein_distance
+from sklearn import config_context
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.datasets import make_classification
 from sklearn.linear_model import LogisticRegression
@@ -306,6 +307,25 @@ def test_scorers_search_over_counts_by_group(scorer, score, crowd):
     train, test = next(GroupKFold(4).split(X, counts, groups))
     fold = CountsMarginal().fit(X[train], counts[train]).predict_proba(X[test])
     assert search.cv_results_["split0_test_score"][0] == -score(counts[test], fold)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("routing", [False, True])
+@pytest.mark.parametrize("scorer", [neg_rps_scorer, neg_macro_mae_scorer])
+def test_a_search_weights_its_scores(scorer, routing):
+    X, y = make_classification(n_samples=60, n_classes=3, n_informative=4)
+    weight = np.repeat([0.1, 1.0], 30)
+    train, test = folds = np.arange(0, 60, 2), np.arange(1, 60, 2)
+    with config_context(enable_metadata_routing=routing):
+        model = LogisticRegression()
+        if routing:
+            model.set_fit_request(sample_weight=True)
+        search = GridSearchCV(model, {"C": [1]}, scoring=scorer, cv=[folds])
+        score = search.fit(X, y, sample_weight=weight).best_score_
+    model.fit(X[train], y[train], sample_weight=weight[train])
+    expected = scorer(model, X[test], y[test], sample_weight=weight[test])
+    assert score == pytest.approx(expected)
+    assert score != pytest.approx(scorer(model, X[test], y[test]))
 
 
 @pytest.mark.slow

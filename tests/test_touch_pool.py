@@ -207,6 +207,24 @@ def test_what_never_occurred_together_is_taken_to_err_together():
     assert_allclose(moments.other, moments.same)
 
 
+def test_what_occurs_in_two_rows_only_errs_together_as_there():
+    """Each touch of an object has one of two sensors; the next touches have both."""
+    rng = np.random.default_rng(0)
+    objects = np.repeat(np.arange(500), 4)
+    felt = rng.normal(size=(500, 2))[objects]
+    departure = np.column_stack((felt - felt.sum(axis=1)[:, np.newaxis], felt))
+    departure = departure[:, [1, 0, 2]]  # a sensor errs by what the other one feels
+    departure[:, 2] = -felt.sum(axis=1)
+    departure[0::2, 0] = departure[1::2, 1] = np.nan
+    same, other, _ = error_moments(departure[..., np.newaxis], objects)
+    assert abs(same[0, 1]) < 0.1  # not 1
+    assert same[0, 1] == pytest.approx(other[0, 1])
+    touches = felt_touches([[True, True]])
+    share, score = pool_weights(possible(Moments(same, other, 500)), pairs_of(touches))
+    assert_allclose(share, [1, 1, -1], atol=0.05)
+    assert score < 0.02
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_weights_minimise_the_score_of_the_pool(seed):
     """Of one object's touches, the mean of each member's predictions, weighted."""

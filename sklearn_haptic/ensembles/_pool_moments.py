@@ -51,8 +51,9 @@ def error_moments(departure, objects):
     others, whose objects may be easier: the correlation is that in the rows, or pairs
     of rows, that have both, and the size is that of the marginal times its ratio in the
     rows that have the member. By how much products of two rows are less than those of
-    one is learned from the objects that have both. What never occurred together is
-    taken to go together, so that it is not thought to be worth more than it is.
+    one is learned from the objects that have both. What never occurred in one row goes
+    together as in two rows of an object; what no object has, as one, so that it is not
+    thought to be worth more than it is.
 
     Parameters
     ----------
@@ -90,8 +91,9 @@ def error_moments(departure, objects):
         less += both * (product[0] - product[1])
         n_both += both
     sizes = np.sqrt(squares * squares.swapaxes(1, 2))
-    correlation = np.where(sizes > 0, _ratio(products, sizes), 1.0)
-    correlation[1] = np.where(sizes[1] > 0, correlation[1], correlation[0])
+    known, correlation = sizes > 0, _ratio(products, sizes)
+    correlation = np.where(known, correlation, correlation[::-1])
+    correlation[:, ~known.any(axis=0)] = 1.0
     marginal = squares[0, -1, -1] / (objects.max() + 1)
     size = np.sqrt(marginal * _ratio(squares[0, :, -1], squares[0, -1]))
     basis = np.eye(n_members)

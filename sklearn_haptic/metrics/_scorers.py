@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator
+from sklearn.utils.metadata_routing import MetadataRequest
 
 from ..ratings._levels import predict_in_named_order
 from ..utils._pipeline_steps import last_step
@@ -16,7 +19,18 @@ from ._absolute_errors import macro_mae, macro_mae_at_positions
 from ._proper_scores import ranked_probability_score
 from ._trial_scores import ratings_decided_on
 
+_Scorer = TypeVar("_Scorer", bound=Callable[..., float])
 
+
+def _takes_weights(scorer: _Scorer) -> _Scorer:
+    """Let metadata routing give a scorer the weights, as a search does without it."""
+    request = MetadataRequest(owner=scorer.__name__)
+    request.score.add_request(param="sample_weight", alias=True)
+    vars(scorer).update(get_metadata_routing=lambda: request)
+    return scorer
+
+
+@_takes_weights
 def neg_rps_scorer(
     estimator: BaseEstimator,
     X: Trials,
@@ -35,8 +49,8 @@ def neg_rps_scorer(
         How many people chose each level, or one rating per trial; of shape (n_trials,
         n_adjectives, n_levels) where ``estimator`` predicts several adjectives.
     sample_weight : array-like of shape (n_trials,), default=None
-        Weight of each trial in the average. A search gives the weights of its fit,
-        `cross_validate` none.
+        Weight of each trial in the average. A search gives the weights of its fit, and
+        `cross_validate` those of its ``params`` with metadata routing, else none.
 
     Returns
     -------
@@ -61,6 +75,7 @@ def neg_rps_scorer(
     return -_score_predicted(ranked_probability_score, proba, levels, y, sample_weight)
 
 
+@_takes_weights
 def neg_macro_mae_scorer(
     estimator: BaseEstimator,
     X: Trials,

@@ -19,7 +19,7 @@ from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils import check_random_state
 from sklearn.utils.parallel import Parallel, delayed
 
-from ..ensembles._out_of_fold import check_folds, warn_of_divided
+from ..ensembles._out_of_fold import check_folds, warn_of_divided, warn_of_frozen
 from ..metrics._trial_scores import predict_and_score
 from ..models import DistributionalOrdinalRegressor, SensorFusionNNPOM
 from ..ratings._checks import check_adjectives, check_rated
@@ -117,7 +117,8 @@ def sensor_contributions(
     Warns
     -----
     UserWarning
-        If a fold trains on some trials of a group and tests others.
+        If a fold trains on some trials of a group and tests others, or networks are
+        frozen, which may have learned from test trials.
 
     See Also
     --------
@@ -167,6 +168,7 @@ def sensor_contributions(
     )
     folds = check_folds(splitter.split(X, y, groups), len(counts), least=None)
     warn_of_divided(folds, groups)
+    warn_of_frozen([model], stacklevel=4)
     parallel = Parallel(n_jobs=n_jobs)
     features_of = parallel(
         delayed(_compute_features)(features, X, y, train, test) for train, test in folds

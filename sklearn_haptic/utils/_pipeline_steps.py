@@ -1,5 +1,6 @@
 """Steps of pipelines within pipelines."""
 
+from sklearn.base import BaseEstimator
 from sklearn.frozen import FrozenEstimator
 from sklearn.pipeline import Pipeline
 
@@ -51,9 +52,14 @@ def last_step(model, X=None):
     return model, X
 
 
-def is_frozen(estimator):
-    """Whether an estimator is, or has, a model that learned before and stays so."""
-    parts = [estimator, *estimator.get_params().values()]
-    return any(
-        isinstance(part, FrozenEstimator) and hasattr(part, "predict") for part in parts
-    )
+def is_frozen(part):
+    """Whether an estimator is, or has, a model that learned before and stays so.
+
+    It may have it in a list or dict, such as those of steps and of candidates.
+    """
+    if isinstance(part, FrozenEstimator):
+        return hasattr(part, "predict")
+    if isinstance(part, BaseEstimator):
+        part = part.get_params(deep=False)
+    parts = part.values() if isinstance(part, dict) else part
+    return isinstance(part, (dict, list, tuple)) and any(map(is_frozen, parts))
