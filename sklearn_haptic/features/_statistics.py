@@ -88,8 +88,9 @@ def band_powers(signals, edges):
     Signals are mirrored at their ends by the cosine transform, so that a drift from
     begin to end is no jump, whose power would cover what is in the higher bands. The
     power of a line of the spectrum counts as spread evenly as far as halfway to its
-    neighbours, so that every band has its share however short the signal is. The mirror
-    begins up to a few per cent early, for a length whose transform is fast.
+    neighbours, that of the lowest from 0 on, so that every band has its share however
+    short the signal is. The mirror begins up to a few per cent early, for a length
+    whose transform is fast.
 
     Parameters
     ----------
@@ -118,10 +119,11 @@ def band_powers(signals, edges):
         mirror = signals[:, : n_times - n_lines - 1 : -1]
         signals = np.concatenate([signals, mirror], axis=1)
     spectra = dct(signals, norm="ortho", axis=1)
-    spectra[:, 0] = 0
     np.square(spectra, out=spectra)
-    # Line k of the spectrum has frequency k / (2 n_lines).
-    places = np.minimum(2 * n_lines * edges + 0.5, n_lines)
+    # Line k of the spectrum has frequency k / (2 n_lines). Line 0 has no power, and
+    # line 1 is half as wide again, from 0 to 1.5.
+    places = 2 * n_lines * edges + 0.5
+    places = np.minimum(np.maximum(places, (places + 1) / 1.5), n_lines)
     lines = np.minimum(places.astype(int), n_lines - 1)
     whole = np.add.reduceat(spectra, lines, axis=1)[:, :-1]
     whole[:, lines[1:] == lines[:-1]] = 0
