@@ -179,6 +179,12 @@ class ContinuousRatingsRegressor(
     answers with a long tail, as magnitudes on an open scale have, the mean comes out
     too high (lognormal answers by 2 to 13 % in simulations); give their logarithms.
 
+    The default is linear and has one width for all touches. Where a feature told how
+    far people agree (simulated), its bands of 80 % held .999 of the ratings of touches
+    on which they agree, and .39 of others. Those of ten hidden units,
+    ``DistributionalOrdinalRegressor(NNPOM(10, alpha=3))``, held .92 and .79, and the
+    CRPS was lower by 8 %.
+
     Equal ratings are spread over their cell, which the default makes the narrower the
     more there are. At the ends of the scale, where many people may leave a slider, they
     are not: quantiles, samples, `score` and the CDF at given values have as large a

@@ -148,7 +148,10 @@ class DistributionalOrdinalRegressor(
     With "quantile" the model estimates the centre of the quantile functions that
     objects with these features may have, a Wasserstein-1 barycentre, and with
     "mixture" their average distribution. The macro-averaged error of the paper
-    rewards the first, proper scores reward the second.
+    rewards the first, proper scores reward the second. Of few people the former are
+    steps: learned from 12, 5 and 3 people per object, "quantile" had a dispersion of
+    about .84, .64 and .46, and from single answers it gives one rating all probability.
+    `predict_rating` decides in the same way.
 
     An `NNPOM` with hidden units, or a `SensorFusionNNPOM`, can learn several adjectives
     together: they share the units, and each has output weights and thresholds of its
