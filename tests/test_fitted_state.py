@@ -97,6 +97,21 @@ def test_what_fit_decides_cannot_be_frozen(make):
             make(frozen).fit(X, counts)
 
 
+def test_networks_of_sensors_serve_another_grid():
+    """They give hidden units; the combined network learns the cells."""
+    X, counts = touches()
+    answers = np.repeat(X[:, :1], 4, axis=1) + np.arange(4)
+    levels = DistributionalOrdinalRegressor(SensorFusionNNPOM(SENSORS), random_state=0)
+    networks = clone(levels).fit(X, counts).estimator_.sensor_networks_
+    frozen = {name: FrozenEstimator(network) for name, network in networks.items()}
+    levels.set_params(estimator__estimator=frozen)
+    model = ContinuousRatingsRegressor(levels).fit(X, answers)
+    used = model.estimator_.estimator_.sensor_networks_
+    for name, network in networks.items():
+        np.testing.assert_array_equal(used[name].coefs_[0], network.coefs_[0])
+    assert np.corrcoef(model.predict(X), X[:, 0])[0, 1] > 0.5
+
+
 @pytest.mark.parametrize("base", BASES, ids=lambda e: type(e).__name__)
 def test_frozen_estimators_that_do_not_fit_the_trials(base):
     X, counts = touches()

@@ -103,8 +103,8 @@ def test_a_sample_less_changes_no_band_of_a_short_signal_much():
     x = np.random.default_rng(0).normal(size=(200, 1)).cumsum(axis=0)
     shorter = [x[:n] for n in range(20, 200)]
     bands = SignalStatistics(("bands",)).fit([x]).transform(shorter)
-    assert abs(np.diff(bands, axis=0)).max() < 4  # 13 if line 1 does not begin at 0
-    assert bands.min() > -10
+    assert abs(np.diff(bands, axis=0)).max() < 4  # 15 if line 1 does not begin at 0
+    assert bands.min() > -9  # the floor is -18
 
 
 def test_a_drift_does_not_cover_high_bands():

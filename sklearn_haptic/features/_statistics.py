@@ -120,8 +120,8 @@ def band_powers(signals, edges):
         signals = np.concatenate([signals, mirror], axis=1)
     spectra = dct(signals, norm="ortho", axis=1)
     np.square(spectra, out=spectra)
-    # Line k of the spectrum has frequency k / (2 n_lines). Line 0 has no power, and
-    # line 1 is half as wide again, from 0 to 1.5.
+    # Line k of the spectrum has frequency k / (2 n_lines). Line 0, the mean, is left
+    # out, and line 1 is half as wide again, from 0 to 1.5.
     places = 2 * n_lines * edges + 0.5
     places = np.minimum(np.maximum(places, (places + 1) / 1.5), n_lines)
     lines = np.minimum(places.astype(int), n_lines - 1)

@@ -173,10 +173,10 @@ class DistributionalOrdinalRegressor(
 
     An `NNPOM` has one set of thresholds for all touches. The default moves
     distributions along the scale but cannot widen them, so that what features tell of
-    how far people agree is lost: where they told the mean and the width, each as
-    strongly, its CDF was off by .07 (simulated, on average over levels), that of ten
-    hidden units or of :class:`RegressedDistribution` by .02; where they told the width
-    alone, by .12, .03 and .02. Where all touches had one width it was off by .003.
+    how far people agree is lost. Where one simulated feature told the mean and another
+    the width, its CDF was off by .07 on average, that of ten hidden units or of
+    :class:`RegressedDistribution` by .02; where features told the width alone, by .12,
+    .03 and .02. Where all touches had one width it was off by .003.
 
     The population is swept on 20 quadrature nodes where these suffice, as they do for
     an `NNPOM` or a logistic regression; `fit` tests this on up to 256 trials. The

@@ -25,7 +25,7 @@ from sklearn.utils import gen_batches
 from sklearn.utils.validation import check_is_fitted, has_fit_parameter
 
 from ..utils._folds import validation_split, warn_of_no_groups
-from ..utils._pipeline_steps import is_frozen
+from ..utils._pipeline_steps import learned_before
 
 # Rows, and values in them, that an estimator is given at once for prediction.
 _BATCH_ROWS, _BATCH_VALUES = 2**14, 2**22
@@ -137,8 +137,12 @@ def unfrozen(estimator):
 
 
 def refuse_frozen(estimator, owner, learned):
-    """Refuse a frozen estimator where `fit` decides what it would have to know."""
-    if is_frozen(estimator):
+    """Refuse a frozen estimator where `fit` decides what it would have to know.
+
+    Frozen networks of sensors, in a dict, need not know it.
+    """
+    parts = [estimator, *estimator.get_params().values()]
+    if any(map(learned_before, parts)):
         raise ValueError(
             f"estimator is frozen, but {owner} decides in fit what it learns, {learned}"
             f"; freeze the whole {owner} instead."

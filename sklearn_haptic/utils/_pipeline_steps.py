@@ -52,13 +52,18 @@ def last_step(model, X=None):
     return model, X
 
 
+def learned_before(part):
+    """Whether something is a frozen model, not frozen features."""
+    return isinstance(part, FrozenEstimator) and hasattr(part, "predict")
+
+
 def is_frozen(part):
     """Whether an estimator is, or has, a model that learned before and stays so.
 
     It may have it in a list or dict, such as those of steps and of candidates.
     """
     if isinstance(part, FrozenEstimator):
-        return hasattr(part, "predict")
+        return learned_before(part)
     if isinstance(part, BaseEstimator):
         part = part.get_params(deep=False)
     parts = part.values() if isinstance(part, dict) else part
