@@ -102,8 +102,8 @@ def ceiling(n_repeats):
     """Crowds of few people from populations that agree much or little."""
     head("people", "agreement", "RPS", "log score", title="Bias of the ceiling, %")
     rng = np.random.default_rng(0)
-    for n_people in (2, 3, 6, 12):
-        for name, concentration in [("much", 0.15), ("little", 1.0)]:
+    for n_people in (2, 3, 4, 5, 8, 12):
+        for name, concentration in [("much", 0.15), ("little", 1.0), ("none", 10.0)]:
             bias = []
             for _ in range(n_repeats):
                 truth = rng.dirichlet(np.full(5, concentration), size=500)

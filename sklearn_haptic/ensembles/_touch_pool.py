@@ -83,8 +83,9 @@ class TouchPool(
     ----------
     estimators : list of (str, estimator, columns) tuples
         The members. Columns are those of ``X`` that the estimator is given: names of a
-        DataFrame or indices of an array, one or a list of them. A member of all columns
-        learns from their joined features, and serves where all are there.
+        DataFrame or indices of an array; one gives the estimator a column of trials, a
+        list of them a table. A member of all columns learns from their joined features,
+        and serves where all are there.
     cv : int, splitter or iterable of (train, test), default=5
         The folds for the predictions out of fold. A number keeps objects whole, which
         are dealt to the folds at random, but alike in each fit; objects of one label

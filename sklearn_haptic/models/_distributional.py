@@ -148,10 +148,13 @@ class DistributionalOrdinalRegressor(
     With "quantile" the model estimates the centre of the quantile functions that
     objects with these features may have, a Wasserstein-1 barycentre, and with
     "mixture" their average distribution. The macro-averaged error of the paper
-    rewards the first, proper scores reward the second. Of few people the former are
-    steps: learned from 12, 5 and 3 people per object, "quantile" had a dispersion of
-    about .84, .64 and .46, and from single answers it gives one rating all probability.
-    `predict_rating` decides in the same way.
+    rewards the first, proper scores reward the second. Both estimates are as good as
+    the fit at each position: where a fifth of the objects that felt alike had high
+    ratings and the others low ones, the default's CDF was off by .04, and its earth
+    mover's distance with "quantile" was 13 % above that of a guess. The quantile
+    functions of few people are steps: learned from 12, 5 and 3 people per object,
+    "quantile" had a dispersion of about .84, .64 and .46, and from single answers it
+    gives one rating all probability. `predict_rating` decides in the same way.
 
     An `NNPOM` with hidden units, or a `SensorFusionNNPOM`, can learn several adjectives
     together: they share the units, and each has output weights and thresholds of its

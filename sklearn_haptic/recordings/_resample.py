@@ -48,14 +48,14 @@ def resample_trials(
     Between two stamps the signal is a cubic spline, or a straight line where it rests
     or the stamps are more than 1.5 typical steps apart. Where new samples lie between
     stamps, this weakens vibrations: those at .2 of the rate by 1 %, at .3 by 4 % and at
-    .4 by 16 %. If the stamps are closer than the new samples by more than a tenth, the
-    curve is sampled at a whole multiple of the rate and decimated by the filter of
-    :func:`scipy.signal.resample_poly`, so that vibrations faster than half the new rate
-    do not come out as slower ones. Those that are faster by less than a tenth, and
-    samples at the ends and beside gaps, keep some of them. Where frames were dropped,
-    the new samples are NaN, which :class:`RepairTrials` fills and reports. At a lower
-    rate, a gap that lies between two new samples is not told, and these are
-    interpolated over it.
+    .4 by 16 %, and by 1, 7 and 34 % where all lie halfway. If the stamps are closer
+    than the new samples by more than a tenth, the curve is sampled at a whole multiple
+    of the rate and decimated by the filter of :func:`scipy.signal.resample_poly`, so
+    that vibrations faster than half the new rate do not come out as slower ones. Those
+    that are faster by less than a tenth, and samples at the ends and beside gaps, keep
+    some of them. Where frames were dropped, the new samples are NaN, which
+    :class:`RepairTrials` fills and reports. At a lower rate, a gap that lies between
+    two new samples is not told, and these are interpolated over it.
 
     Parameters
     ----------
