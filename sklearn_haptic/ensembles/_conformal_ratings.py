@@ -80,8 +80,9 @@ class ConformalRatings(
     For a new object, a person drawn anew rates within the set with a probability of at
     least 1 - `alpha`, and the CDF of a crowd as large as those of training lies within
     the band. This holds for any model and any distribution of ratings, if the object
-    and those of training are exchangeable; a better model has smaller sets. It holds on
-    average over objects, not for each kind of object.
+    and those of training are exchangeable, and their touches as long and by as many
+    sensors; a better model has smaller sets. It holds on average over objects, not for
+    each kind of object.
 
     Parameters
     ----------

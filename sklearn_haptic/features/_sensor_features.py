@@ -32,9 +32,9 @@ from ..utils._sklearn import (
 )
 
 # A sensor has at least this share of the variance of the one with most features. Where
-# two features beside 6792 of another sensor alone told the rating, the RPS was .74, with
-# this share .43, with equal ones .39, that of a guess .76. Those of a BioTac are .12 or
-# more; on grips, square roots of them cost 22 % of RPS, equal ones 51 %.
+# two features beside 6792 of another sensor alone told the rating, the RPS was .74,
+# with this share .43, with equal ones .39, that of a guess .76. The shares of a BioTac
+# are .12 or more; on grips, their square roots cost 22 % of RPS, equal ones 51 %.
 _LEAST_SHARE = 0.1
 
 

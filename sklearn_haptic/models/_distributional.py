@@ -179,7 +179,10 @@ class DistributionalOrdinalRegressor(
     how far people agree is lost. Where one simulated feature told the mean and another
     the width, its CDF was off by .07 on average, that of ten hidden units or of
     :class:`RegressedDistribution` by .02; where features told the width alone, by .12,
-    .03 and .02. Where all touches had one width it was off by .003.
+    .03 and .02. Where all touches had one width it was off by .003. For the same reason
+    it moves answers that do not depend on the touch: where a fifth of all answers were
+    the lowest level, it gave the objects rated highest .03 of these, ten hidden units
+    .12, at an RPS 2.5 % lower.
 
     The population is swept on 20 quadrature nodes where these suffice, as they do for
     an `NNPOM` or a logistic regression; `fit` tests this on up to 256 trials. The

@@ -199,12 +199,12 @@ def run_study(
         Some of those of the corpus, by default all. A function as corpus has
         ``"squeeze"``, ``"hold"``, ``"slow_slide"`` and ``"fast_slide"``.
     sensors : array-like of str, or mapping of str to transformer, default=None
-        Some of those of the corpus, by default all. A function as corpus has ``"pac"``,
-        ``"pdc"``, ``"tac"``, ``"tdc"`` and ``"electrodes"``, which are coded as in the
-        paper. Other signals are coded by a `KSVDTransformer` of 25 atoms with windows
-        of 50 samples, images by an `STHMPTransformer` of 10 atoms, both without removal
-        of means. A mapping gives each sensor a transformer of its own: ``{"mic":
-        KSVDTransformer(40, window=22)}``.
+        Some of those that all procedures have, by default all of these. A function as
+        corpus has ``"pac"``, ``"pdc"``, ``"tac"``, ``"tdc"`` and ``"electrodes"``,
+        which are coded as in the paper. Other signals are coded by a `KSVDTransformer`
+        of 25 atoms with windows of 50 samples, images by an `STHMPTransformer` of 10
+        atoms, both without removal of means. A mapping gives each sensor a transformer
+        of its own: ``{"mic": KSVDTransformer(40, window=22)}``.
     split : {"group_kfold", "paper"}, default=None
         By default that of the protocol, which bears its name or is "group_kfold".
         "group_kfold" tests on every object: ``n_repeats`` times the objects are
