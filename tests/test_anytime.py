@@ -664,3 +664,33 @@ def test_a_union_has_what_fits_the_duration(of_sensor):
     for part in np.array_split(TOUCHES["fast"][0], 7):
         touch.update({of_sensor: part} if of_sensor else part)
     np.testing.assert_allclose(touch.predict_proba(), whole[0], atol=1e-12)
+
+
+def test_codes_that_begin_to_fit_do_not_stand_out_from_the_duration_before():
+    """Their level, 20 here, is far from the 0 of a duration that has no codes."""
+    rng = np.random.default_rng(0)
+    felt = rng.normal(size=60)
+    trials = pd.DataFrame(
+        {
+            "force": [20 + z + 0.3 * rng.normal(size=(60, 1)) for z in felt],
+            "skin": [rng.normal(size=(60, 1)) for _ in felt],
+        }
+    )
+    share = np.exp(-1.25 * (np.arange(5) - 2 - felt[:, None]) ** 2)
+    counts = 12 * share / share.sum(axis=1, keepdims=True)
+    coder = KSVDTransformer(10, window=30, max_iter=0, remove_mean=False)
+    coder = make_pipeline(coder.set_params(random_state=0), TemporalMaxPool((1,)))
+    both = make_column_transformer(
+        (coder, "force"), (SignalStatistics(("std",)), "skin")
+    )
+    head = DistributionalOrdinalRegressor()
+    steps = make_pipeline(both, StandardScaler(), head)
+    train, test = np.arange(40), np.arange(40, 60)
+    rps = []
+    for durations in ([0.2, 0.5], [0.5]):
+        rates = {"force": 100, "skin": 100}
+        model = AnytimeRegressor(steps, durations=durations, sampling_rates=rates, cv=4)
+        model.fit(trials.loc[train], counts[train], groups=train)
+        proba = model.predict_proba_over_time(trials.loc[test], [0.5])[:, 0]
+        rps.append(ranked_probability_score(counts[test], proba))
+    assert rps[0] < 1.1 * rps[1]

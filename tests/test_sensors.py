@@ -242,6 +242,16 @@ def test_a_channel_that_is_always_the_same_tells_nothing(sensor, dtype, value):
     assert np.abs(features.transform(X)[:, of_constant]).max() < max(value, 0.5)
 
 
+def test_a_missing_feature_of_one_touch_leaves_those_of_others():
+    X = np.random.default_rng(0).normal(size=(30, 2))
+    X[3, 0] = np.nan
+    scaled = BlockScaler().fit_transform(X)
+    assert_array_equal(np.argwhere(np.isnan(scaled)), [[3, 0]])
+    others = np.delete(X[:, 0], 3)
+    expected = (others - others.mean()) / others.std()
+    assert_allclose(np.delete(scaled[:, 0], 3), expected)
+
+
 def test_rounding_is_no_variance():
     rows = np.full((30, 2), 0.1, np.float32)
     rows[::3, 0] = np.nextafter(rows[0, 0], np.float32(1))

@@ -119,7 +119,7 @@ class BlockScaler(StandardScaler):
         if self.blocks is not None:
             self.scale_ /= block_weights(varies, self.blocks)
         scaled = np.asarray(super().transform(X))
-        low, high = scaled.min(axis=0), scaled.max(axis=0)
+        low, high = np.fmin.reduce(scaled), np.fmax.reduce(scaled)  # skip NaN
         self.limits_ = 2 * low - high, 2 * high - low
         return self
 

@@ -378,10 +378,14 @@ class AnytimeRegressor(
         dtype = np.result_type(np.float32, *types)  # means of whole numbers are none
         self._seen = np.array([[f is not None for _, f in each] for each in blocks])
         self._means = np.zeros((len(blocks), ends[-1]), dtype)
-        for means, of_duration in zip(self._means, blocks):
-            for columns, (_, features) in zip(self._columns, of_duration):
+        for k in reversed(each):
+            for columns, (_, features) in zip(self._columns, blocks[k]):
                 if features is not None:
-                    means[columns] = features.mean(axis=0)
+                    self._means[k, columns] = features.mean(axis=0)
+                elif (
+                    k < each[-1]
+                ):  # beside rows of the next duration, 0 would stand out
+                    self._means[k, columns] = self._means[k + 1, columns]
         rows = np.empty((len(each), len(reached), ends[-1]), dtype)
         for k in each:
             rows[k, which[k]] = self._rows(blocks[k], k)
@@ -398,7 +402,7 @@ class AnytimeRegressor(
     def _rows(self, blocks, k):
         """Join the features of all branches; means stand for what is missing.
 
-        What no training touch had at the duration stays 0, as it was learned.
+        They stand, too, for what no training touch had at the duration.
         """
         rows = np.tile(self._means[k], (len(blocks[0][0]), 1))
         of_branches = zip(self._columns, blocks, self._seen[k])
