@@ -87,11 +87,15 @@ def test_a_blend_learns_the_same_with_metadata_routing():
 
 
 def test_heads_are_those_of_weighted_prefixes(model):
-    """Dictionaries of whole touches, rows of neighbours at half the weight."""
+    """Dictionaries of whole touches, rows of neighbours at half the weight.
+
+    Means of the next duration stand for windows that are too long.
+    """
     coder = clone(features()).fit(TOUCHES)
     rows = [coder.transform(cut(TOUCHES, d)) for d in DURATIONS[1:]]
     fast = coder.named_transformers_["fast"].transform(cut(TOUCHES, 0.5)["fast"])
-    rows.insert(0, np.hstack([fast, np.zeros((24, rows[0].shape[1] - fast.shape[1]))]))
+    rows.insert(0, np.tile(rows[0].mean(axis=0), (24, 1)))
+    rows[0][:, : fast.shape[1]] = fast
     for k, near in enumerate([(0, 1), (0, 1, 2), (1, 2)]):
         X = np.vstack([rows[j] for j in near])
         scale = StandardScaler().fit(X)
