@@ -181,8 +181,8 @@ class DistributionalOrdinalRegressor(
     :class:`RegressedDistribution` by .02; where features told the width alone, by .12,
     .03 and .02. Where all touches had one width it was off by .003. For the same reason
     it moves answers that do not depend on the touch: where a fifth of all answers were
-    the lowest level, it gave the objects rated highest .03 of these, ten hidden units
-    .12, at an RPS 2.5 % lower.
+    the lowest level whatever was touched, it predicted .03 of these for the objects
+    rated highest, and ten hidden units .12, with an RPS lower by 2.5 %.
 
     The population is swept on 20 quadrature nodes where these suffice, as they do for
     an `NNPOM` or a logistic regression; `fit` tests this on up to 256 trials. The

@@ -379,13 +379,11 @@ class AnytimeRegressor(
         self._seen = np.array([[f is not None for _, f in each] for each in blocks])
         self._means = np.zeros((len(blocks), ends[-1]), dtype)
         for k in reversed(each):
+            # Beside rows of the next duration, zeros would stand out.
+            self._means[k] = self._means[min(k + 1, each[-1])]
             for columns, (_, features) in zip(self._columns, blocks[k]):
                 if features is not None:
                     self._means[k, columns] = features.mean(axis=0)
-                elif (
-                    k < each[-1]
-                ):  # beside rows of the next duration, 0 would stand out
-                    self._means[k, columns] = self._means[k + 1, columns]
         rows = np.empty((len(each), len(reached), ends[-1]), dtype)
         for k in each:
             rows[k, which[k]] = self._rows(blocks[k], k)
