@@ -31,18 +31,18 @@ from ..utils._sklearn import (
     all_or_nothing,
 )
 
-# A sensor has at least this share of the variance of the one with most features. Where
-# two features beside 6792 of another sensor alone told the rating, the RPS was .74,
-# with this share .43, with equal ones .39, that of a guess .76. The shares of a BioTac
-# are .12 or more; on grips, their square roots cost 22 % of RPS, equal ones 51 %.
-_LEAST_SHARE = 0.1
+# A sensor counts as at least so many features, about the codes of 25 atoms. Where one
+# feature beside the 3474 of another sensor told the rating, the RPS was .54, so .32,
+# and .28 of the feature alone. A share of the sensor with most features would make the
+# features of each depend on the others. Equal sensors cost 51 % of RPS on grips.
+_LEAST_FEATURES = 500
 
 
 def block_weights(varies, blocks):
     """Return the weight of each feature, for blocks of equal total variance.
 
     The blocks of a sensor share the total variance that its features have when they are
-    standardised, or a tenth of that of the sensor with most features, if this is more.
+    standardised, or that of 500 features, if this is more.
 
     Parameters
     ----------
@@ -60,20 +60,18 @@ def block_weights(varies, blocks):
     >>> import numpy as np
     >>> from sklearn_haptic.features._sensor_features import block_weights
     >>> block_weights(np.array([True] * 6 + [False]), [[4, 1], [2]]).round(2)
-    array([0.79, 0.79, 0.79, 0.79, 1.58, 1.  , 1.  ])
+    array([ 7.91,  7.91,  7.91,  7.91, 15.81, 22.36,  1.  ])
     """
     weights = np.ones(len(varies))
-    end, sensors = 0, []
+    end = 0
     for widths in blocks:
         edges = end + np.cumsum([0, *widths])
         end = edges[-1]
         parts = [np.arange(a, b)[varies[a:b]] for a, b in pairwise(edges)]
-        sensors.append([part for part in parts if len(part)])
-    sizes = [sum(map(len, parts)) for parts in sensors]
-    least = _LEAST_SHARE * max(sizes)
-    for parts, size in zip(sensors, sizes):
+        parts = [part for part in parts if len(part)]
+        size = max(sum(map(len, parts)), _LEAST_FEATURES)
         for part in parts:
-            weights[part] = np.sqrt(max(size, least) / len(parts) / len(part))
+            weights[part] = np.sqrt(size / len(parts) / len(part))
     return weights
 
 
@@ -96,7 +94,7 @@ class BlockScaler(StandardScaler):
     >>> from sklearn_haptic.features._sensor_features import BlockScaler
     >>> X = np.random.default_rng(0).normal(size=(50, 5))
     >>> BlockScaler([[4, 1]]).fit_transform(X).var(axis=0).round(3)
-    array([0.625, 0.625, 0.625, 0.625, 2.5  ])
+    array([ 62.5,  62.5,  62.5,  62.5, 250. ])
     >>> scaler = BlockScaler().fit(np.array([[1.0], [3.0]]))
     >>> scaler.transform([[4.0], [5.0], [600.0]]).ravel()
     array([2., 3., 3.])
