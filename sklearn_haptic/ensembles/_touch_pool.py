@@ -131,9 +131,13 @@ class TouchPool(
     from five objects, were worse than the mean distribution by .04 of RPS, once by .4.
     With fewer than ten objects, give one model the joined features.
 
-    If the members know no order of the levels, as those of scikit-learn, the Brier
-    score takes the place of the ranked probability score, also for the power, and the
-    touches of a class within a group are those of an object.
+    If a member knows no order of the levels, as those of scikit-learn, the Brier score
+    takes the place of the ranked probability score, also for the power, and the touches
+    of a class within a group are those of an object. That is so of an ordered
+    categorical, too, so make such a classifier the estimator of a
+    :class:`DistributionalOrdinalRegressor`: where touches of an object had different
+    answers, a pool of logistic regressions was worse than one touch (RPS of .74 and
+    .69), but with them as estimators better (.65 and .68).
 
     Where a negative weight of the mean distribution makes a probability negative, the
     CDF is clipped and sorted, and probabilities of classes below 0 are 0. A level may

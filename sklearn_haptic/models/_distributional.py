@@ -174,6 +174,14 @@ class DistributionalOrdinalRegressor(
     .34 and 0, and an RPS 5, 12 and 49 % above that of the default. Give regressors to
     :class:`RegressedDistribution` instead.
 
+    Neighbours, kernels and strong penalties hardly see the position, which is one
+    feature among many, and then predict nearly the same rating at all positions. Among
+    200 simulated features, 30 neighbours had a dispersion of .20 with "quantile" and of
+    .88 with "mixture", and an RPS of .63 and .53; logistic regression with ``C=0.01``
+    .58 and 1.19, and .53 and .51; and an `SVC` .49 and .57. The default's RPS was .49,
+    that of a guess .75. Give :class:`RegressedDistribution` a regressor of neighbours
+    instead (1.15 and .52).
+
     An `NNPOM` has one set of thresholds for all touches. The default moves
     distributions along the scale but cannot widen them, so that what features tell of
     how far people agree is lost. Where one simulated feature told the mean and another
