@@ -194,8 +194,9 @@ def test_a_sensor_slower_than_the_delay_is_waited_for(first):
     )
     rates = {"fast": 200, "slow": 5}
     sensors = {s: Signal(rate) for s, rate in rates.items()}
+    pipeline = make_haptic_pipeline(sensors, random_state=0)
     model = AnytimeRegressor(
-        make_haptic_pipeline(sensors, random_state=0),
+        pipeline.set_params(model=DistributionalOrdinalRegressor()),
         durations=[0.5, 1, 2],
         sampling_rates=rates,
     )
