@@ -8,11 +8,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import minimize
 from scipy.special import expit
+from scipy.stats import norm
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.ensemble import AdaBoostClassifier
 from sklearn.exceptions import DataConversionWarning
-from sklearn.linear_model import LogisticRegression
+from sklearn.linear_model import LogisticRegression, RidgeCV
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
@@ -23,6 +24,7 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     DummyDistribution,
     NoveltyGuard,
+    RegressedDistribution,
     TouchPool,
     make_haptic_pipeline,
 )
@@ -345,6 +347,37 @@ def test_a_pool_that_nothing_makes_as_broad_as_it_errs(useless, expected):
     share, pairs = np.array([0.5, 0.5, 0]), pairs_of(felt_touches([[True, True]]))
     breadth = pool_breadth(proba[:, 0], counts / 15, spread, share, pairs)
     assert breadth == expected
+
+
+@pytest.mark.slow
+def test_a_power_costs_hardly_any_score_on_many_levels():
+    """Ridge regression predicts 21 levels unevenly, and a power makes peaks of that."""
+
+    def touched(n_objects, rng):
+        place = np.repeat(rng.normal(size=n_objects), 3)
+        below = norm.cdf(np.linspace(-2.2, 2.2, 20) - place[:, None])
+        proba = np.diff(below, axis=1, prepend=0, append=1)
+        counts = rng.multinomial(12, proba[::3]).repeat(3, axis=0)
+        X = place[:, None] + 0.5 * rng.normal(size=(len(place), 2))
+        return X, counts, np.arange(len(place)) // 3, proba
+
+    ridge = RegressedDistribution(RidgeCV([1, 10, 100, 1000, 10000]))
+    scores = []
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        X, counts, objects, _ = touched(30, rng)
+        pool = TouchPool([("a", ridge, [0]), ("b", ridge, [1])])
+        pool.fit(X, counts, groups=objects)
+        X, _, objects, true = touched(300, rng)
+        mean = sum(
+            each.predict_proba(X[:, [i]]) / 2
+            for i, each in enumerate(pool.estimators_.values())
+        )
+        mean = mean.reshape(-1, 3, 21).mean(axis=1).repeat(3, axis=0)
+        pooled = pool.predict_proba(X, groups=objects)
+        scores.append([ranked_probability_score(true, p) for p in (pooled, mean)])
+    pooled, mean = np.mean(scores, axis=0)
+    assert pooled < 1.02 * mean
 
 
 @pytest.mark.parametrize("seed", range(6))

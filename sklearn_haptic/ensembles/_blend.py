@@ -110,7 +110,10 @@ class DistributionBlend(
     that request them, for instance to a search that chooses a penalty by folds of whole
     objects. With it, both go to the members that request them. If no `sample_weight` is
     given, the weights by object reach every member that takes weights, in either case,
-    but for a blend, which finds them itself.
+    but for a blend, which finds them itself. So a penalty that was chosen for a member
+    alone is as many times too strong here as objects were touched: where they were
+    touched ten times, logistic regression with ``C=0.01`` lost 2 to 12 % of RPS, and
+    nothing with ``C=0.1``.
 
     Examples
     --------

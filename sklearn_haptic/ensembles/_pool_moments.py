@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize_scalar, nnls
 
+from ..metrics import ranked_probability_score
 from ..ratings._distributions import raised
 
 # A member no further from the marginal, as a share of the marginal's mean square error,
@@ -321,7 +322,8 @@ def pool_breadth(proba, true, spread, share, pairs):
 
     The mean variance is to equal that of the true ratings and the mean squared error of
     the means, which is that of `spread` and what the breadth changes of it. It goes as
-    far as brings both nearer.
+    far as brings both nearer, and costs no more than 1 % of the ranked probability
+    score: a power makes peaks of what is uneven, as 21 levels of ridge regression are.
 
     Parameters
     ----------
@@ -341,21 +343,22 @@ def pool_breadth(proba, true, spread, share, pairs):
     """
     true_mean, _ = _mean_and_variance(true)
 
-    def beyond_error(breadth):
-        mean, variance = _mean_and_variance(with_breadth(proba, breadth))
+    def beyond_error(proba):
+        mean, variance = _mean_and_variance(proba)
         return np.mean(variance - (mean - true_mean) ** 2)
 
     error = expected_error(spread.means, share, pairs)
     mean, _ = _mean_and_variance(proba)
     wanted = spread.within + error - np.mean((mean - true_mean) ** 2)
     best = Breadth()
-    excess = beyond_error(best) - wanted
+    excess = beyond_error(proba) - wanted
     steps = np.linspace(0, 1, 65)[1:].tolist()
     further = [Breadth(4**x) if excess > 0 else Breadth(blur=x) for x in steps]
-    least = abs(excess)
+    least, worst = abs(excess), 1.01 * ranked_probability_score(true, proba)
     for breadth in further:
-        off = abs(beyond_error(breadth) - wanted)
-        if off >= least:
+        broad = with_breadth(proba, breadth)
+        off = abs(beyond_error(broad) - wanted)
+        if off >= least or ranked_probability_score(true, broad) > worst:
             break
         best, least = breadth, off
     return best
