@@ -174,6 +174,10 @@ class DistributionalOrdinalRegressor(
     .34 and 0, and an RPS 5, 12 and 49 % above that of the default. Give regressors to
     :class:`RegressedDistribution` instead.
 
+    Probabilities are taken as the estimator predicts them. Those of scikit-learn's
+    `AdaBoostClassifier` are nearly even, and so are its distributions: of simulated
+    ratings its RPS was .81, that of the default .52 and of a guess .83.
+
     Neighbours, kernels and strong penalties hardly see the position, which is one
     feature among many, and then predict nearly the same rating at all positions. Among
     200 simulated features, 30 neighbours had a dispersion of .20 with "quantile" and of
