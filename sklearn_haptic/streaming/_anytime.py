@@ -175,7 +175,7 @@ class AnytimeRegressor(
         "sharing": [Interval(Real, 0, 1, closed="both")],
         "max_delay": [Interval(Real, 0, None, closed="left")],
         "cv": ["cv_object"],
-        "stopping": [HasMethods(["fit", "stops"]), None],
+        "stopping": [HasMethods(["fit", "stops", "stop_at"]), None],
     }
 
     def __init__(
