@@ -9,9 +9,10 @@ import pytest
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
+from sklearn.ensemble import AdaBoostClassifier
 from sklearn.exceptions import UnsetMetadataPassedError
 from sklearn.frozen import FrozenEstimator
-from sklearn.linear_model import LogisticRegression
+from sklearn.linear_model import LogisticRegression, RidgeClassifierCV, RidgeCV
 from sklearn.model_selection import GridSearchCV, GroupKFold, KFold
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
@@ -202,6 +203,12 @@ def test_groups_are_requested_by_default(model):
     assert [*groups_for(model, OBJECTS)] == ["groups"]
     with config_context(enable_metadata_routing=True):
         assert [*groups_for(make_pipeline(model), OBJECTS)] == ["groups"]
+
+
+def test_models_that_cannot_be_asked_take_no_groups():
+    """RidgeCV of scikit-learn 1.9 recurses without routing."""
+    for model in (RidgeCV(), make_pipeline(RidgeClassifierCV()), AdaBoostClassifier()):
+        assert groups_for(model, OBJECTS) == {}
 
 
 def search(model, grid):

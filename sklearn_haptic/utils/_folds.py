@@ -11,7 +11,6 @@ from sklearn.model_selection import GroupKFold, GroupShuffleSplit, check_cv
 from sklearn.pipeline import Pipeline
 from sklearn.utils.metadata_routing import (
     MetadataRequest,
-    MetadataRouter,
     get_routing_for_object,
 )
 from sklearn.utils.validation import has_fit_parameter
@@ -173,16 +172,13 @@ def _warn_of_divided_objects(search, groups):
 
 
 def _requested(consumer, method, groups):
+    by_name = method == "fit" and not get_config()["enable_metadata_routing"]
+    if by_name and not has_fit_parameter(consumer, "groups"):
+        return {}  # which it could not hand on; RidgeCV cannot even be asked
     try:
         routing = get_routing_for_object(consumer)
     except NotImplementedError:  # by AdaBoost, which takes no metadata
         return {}
-    if (
-        isinstance(routing, MetadataRouter)
-        and not get_config()["enable_metadata_routing"]
-        and not has_fit_parameter(consumer, "groups")
-    ):
-        return {}  # which it could not hand on
     if routing.consumes(method, ["groups"]) or (
         isinstance(routing, MetadataRequest)  # where None is a parameter of no request
         and getattr(routing, method).requests.get("groups", False) is None
