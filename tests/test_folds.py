@@ -205,6 +205,20 @@ def test_groups_are_requested_by_default(model):
         assert [*groups_for(make_pipeline(model), OBJECTS)] == ["groups"]
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_objects_with_a_number_each_are_dealt_as_others(seed):
+    """Materials in turn, as many as folds, are not held out whole."""
+    objects = np.repeat(np.arange(20), 3)
+    y = np.random.default_rng(seed).normal(size=20)[objects]
+    rows = np.zeros((60, 1))
+    for train, test in ObjectKFold(5).split(rows, y, objects):
+        assert len({*objects[test]}) == 4
+        assert {*objects[test] % 5} <= {*objects[train] % 5}
+    of_numbers, others = (ObjectKFold(5).split(rows, t, objects) for t in (y, None))
+    for (_, test), (_, other) in zip(of_numbers, others, strict=True):
+        np.testing.assert_array_equal(test, other)
+
+
 def test_models_that_cannot_be_asked_take_no_groups():
     """RidgeCV of scikit-learn 1.9 recurses without routing."""
     for model in (RidgeCV(), make_pipeline(RidgeClassifierCV()), AdaBoostClassifier()):

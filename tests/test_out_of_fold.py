@@ -81,13 +81,15 @@ def take(values, rows):
 def whole_objects(objects, n_folds, y=()):
     """Folds of whole objects, dealt out in one random order.
 
-    Those of each label come one after the other, if each object has a single one.
+    Those of each label come one after the other, if each object has a single one, and
+    labels as they first occur in that order.
     """
     numbers, y = pd.factorize(np.asarray(objects))[0], list(y)
     order = np.random.RandomState(0).permutation(max(numbers) + 1).tolist()
     if len({*zip(numbers, y)}) == len({*numbers}):
-        label = dict(zip(numbers, map(y.index, y)))
-        order.sort(key=lambda number: label[number])
+        label = dict(zip(numbers, y))
+        first = [label[number] for number in order]
+        order.sort(key=lambda number: first.index(label[number]))
     numbers = np.array([order.index(number) for number in numbers])
     for train, test in GroupKFold(n_folds).split(objects, groups=numbers):
         assert set(np.take(objects, train)).isdisjoint(np.take(objects, test))

@@ -83,7 +83,9 @@ class ObjectKFold(GroupKFold):
             order = np.random.RandomState(0).permutation(len(first))
             label = _number_labels(y, len(groups))
             if (label == label[first][groups]).all():
-                order = order[label[first[order]].argsort(kind="stable")]
+                # Labels, too, come in random order: each may be of one object alone.
+                of_objects = pd.factorize(label[first[order]])[0]
+                order = order[of_objects.argsort(kind="stable")]
             groups = order.argsort()[groups]
         return super().split(X, y, groups)
 
