@@ -93,7 +93,8 @@ class AnytimeRegressor(
         column of a DataFrame. Columns that the estimator does not use are ignored.
     sharing : float, default=0.5
         Weight of the prefixes of the two neighbouring durations in learning a head,
-        from 0 (none) to 1 (as much as its own). It requires a last step that takes
+        from 0 (none) to 1 (as much as its own). It harms where features grow during the
+        touch, as a pressing force does: then set 0. It requires a last step that takes
         ``sample_weight``, and none that has folds of single rows, such as
         `LogisticRegressionCV`, which would hold out one prefix of a touch and learn
         from another.
