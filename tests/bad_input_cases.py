@@ -1526,8 +1526,6 @@ ask({"AnytimeRegressor.fit": fit_anytime},
     check("no pipeline", estimator=LogisticRegression(),
         says="^estimator is a LogisticRegression; give a Pipeline whose first"),
     check("no probabilities", estimator=NO_PROBA, says="^The last step of estimator"),
-    check("no weights", estimator=make_pipeline(STATISTICS, KNeighborsClassifier()),
-        says="takes no sample_weight, which sharing=0.5 requires; set sharing=0"),
     check("no row of features", estimator=make_pipeline(
         ColumnTransformer([("pac", "passthrough", ["pac"])]), LogisticRegression()),
         says="^estimator has no step before its last that turns each touch into a row"),
@@ -1545,7 +1543,7 @@ ask({"AnytimeRegressor.fit": fit_anytime},
     check("one rate for two columns", sampling_rates=10, says="but sampling_rates is"),
     check("a rate of a numbered column", sampling_rates={0: 10},
         says="^sampling_rates names the sensor 0; name sensors by the columns"),
-    *wrong(sharing=[2, "all"], max_delay=[-1], stopping=[0.5], estimator=[None],
+    *wrong(max_delay=[-1], stopping=[0.5], estimator=[None],
         sampling_rates=["fast"]))
 ask(of_touches("predict_proba") | of_touches("predict") |
     of_touches("predict_when_done"),

@@ -63,10 +63,10 @@ def flattened(proba, power):
 def test_a_search_as_head_knows_the_order_of_its_levels(model):
     search = GridSearchCV(HEAD, {}, cv=GroupKFold(3))
     estimator = make_pipeline(features(), StandardScaler(), search)
-    same = make_model(estimator, sharing=0.0, stopping=ExpectedGain())
+    same = make_model(estimator, stopping=ExpectedGain())
     with config_context(enable_metadata_routing=True):
         same.fit(TOUCHES, COUNTS, groups=OBJECTS)
-    own = make_model(sharing=0.0, stopping=ExpectedGain())
+    own = make_model(stopping=ExpectedGain())
     own.fit(TOUCHES, COUNTS, groups=OBJECTS)
     for found, expected in zip(
         same.predict_when_done(TOUCHES), own.predict_when_done(TOUCHES)
@@ -76,7 +76,6 @@ def test_a_search_as_head_knows_the_order_of_its_levels(model):
 
 
 def test_a_blend_learns_the_same_with_metadata_routing():
-    """Weights of neighbours are no metadata that a user would have to request."""
     head = DistributionBlend([("linear", HEAD)])
     model, proba = make_model(make_pipeline(features(), StandardScaler(), head)), []
     for routing in (False, True):
@@ -86,33 +85,43 @@ def test_a_blend_learns_the_same_with_metadata_routing():
     np.testing.assert_array_equal(*proba)
 
 
-def test_heads_are_those_of_weighted_prefixes(model):
-    """Dictionaries of whole touches, rows of neighbours at half the weight.
+def test_heads_are_those_of_prefixes(model):
+    """Dictionaries of whole touches, rows of one duration.
 
-    Means of the next duration stand for windows that are too long.
+    Windows that are too long have no features there.
     """
     coder = clone(features()).fit(TOUCHES)
     rows = [coder.transform(cut(TOUCHES, d)) for d in DURATIONS[1:]]
     fast = coder.named_transformers_["fast"].transform(cut(TOUCHES, 0.5)["fast"])
-    rows.insert(0, np.tile(rows[0].mean(axis=0), (24, 1)))
-    rows[0][:, : fast.shape[1]] = fast
-    for k, near in enumerate([(0, 1), (0, 1, 2), (1, 2)]):
-        X = np.vstack([rows[j] for j in near])
+    rows.insert(0, fast)
+    for k, X in enumerate(rows):
         scale = StandardScaler().fit(X)
-        weight = np.concatenate(
-            [np.full(len(TOUCHES), 1.0 if j == k else 0.5) for j in near]
-        )
-        head = clone(HEAD).fit(
-            scale.transform(X),
-            np.vstack([COUNTS] * len(near)),
-            sample_weight=weight * len(TOUCHES) / weight.sum(),
-        )
-        expected = head.predict_proba(scale.transform(rows[k]))
+        head = clone(HEAD).fit(scale.transform(X), COUNTS)
+        expected = head.predict_proba(scale.transform(X))
         np.testing.assert_allclose(
             model.predict_proba(cut(TOUCHES, DURATIONS[k])),
             flattened(expected, model.powers_[k]),
             rtol=1e-9,
         )
+
+
+def test_a_growing_force_is_not_taken_for_a_harder_object():
+    """Half a second of a press at constant speed tells as much as all of it."""
+    rng = np.random.default_rng(0)
+    stiffness, objects = rng.uniform(0, 4, 60), np.repeat(range(60), 3)
+    answers = np.clip(np.round(stiffness + rng.normal(0, 0.6, (12, 60))), 0, 4)
+    counts = np.stack([(answers == k).sum(axis=0) for k in range(5)], axis=1)[objects]
+    slope = 2 * np.exp(0.3 * stiffness[objects] + rng.normal(0, 0.1, 180))
+    force = slope[:, None, None] * np.arange(200)[:, None] / 100
+    touches = [*(force + rng.normal(0, 0.2, (180, 200, 1)))]
+    pipeline = make_pipeline(SignalStatistics(("mean", "max")), StandardScaler(), HEAD)
+    model = AnytimeRegressor(
+        pipeline, durations=[0.25, 0.5, 1, 2], sampling_rates=100, cv=3
+    )
+    model.fit(touches[:120], counts[:120], groups=objects[:120])
+    proba = model.predict_proba_over_time(touches[120:], [0.5, 2])
+    rps = [ranked_probability_score(counts[120:], proba[:, i]) for i in (0, 1)]
+    assert rps[0] < 1.05 * rps[1]
 
 
 def test_a_sensor_whose_window_is_too_long_waits(model):
@@ -152,7 +161,7 @@ def test_over_time_is_a_loop_of_prefixes(model):
 
 
 def test_out_of_fold_predictions_are_of_objects_never_touched():
-    model = make_model(sharing=0).fit(TOUCHES, COUNTS, groups=OBJECTS)
+    model = make_model().fit(TOUCHES, COUNTS, groups=OBJECTS)
     coder = clone(features()).fit(TOUCHES)
     rows = coder.transform(cut(TOUCHES, 2))
     for train, test in ObjectKFold(4).split(rows, groups=OBJECTS):
@@ -185,8 +194,8 @@ def test_a_head_is_told_the_objects_of_prefixes(groups):
     model = make_model(make_pipeline(features(), Told()))
     model.fit(TOUCHES, np.arange(len(TOUCHES)) % 2, groups=groups)
     expected = np.arange(len(TOUCHES)) if groups is None else groups
-    for head, n_near in zip(model.heads_, [2, 3, 2]):
-        np.testing.assert_array_equal(head[-1].groups_, np.tile(expected, n_near))
+    for head in model.heads_:
+        np.testing.assert_array_equal(head[-1].groups_, expected)
 
 
 def test_powers_have_the_best_log_score(model):
@@ -217,7 +226,7 @@ def test_the_best_power_of_two_levels_by_hand(right, sure, power):
 def test_touches_shorter_than_a_duration_do_not_teach_it():
     touches = pd.concat([make_touches(), make_touches(1, (0.85, 0.95))])
     counts, objects = np.vstack([COUNTS] * 2), np.tile(OBJECTS, 2)
-    mixed = make_model(sharing=0).fit(touches, counts, groups=objects)
+    mixed = make_model().fit(touches, counts, groups=objects)
     assert np.isnan(mixed.oof_proba_[24:, 1:]).all()
     assert np.isfinite(mixed.oof_proba_[:, 0]).all()
     assert np.isfinite(mixed.oof_proba_[:24]).all()
@@ -444,7 +453,7 @@ def test_classes_that_a_fold_has_not_seen_get_no_share():
 
 def test_features_that_were_learned_before_are_kept():
     frozen = FrozenEstimator(features().fit(TOUCHES[:12]))
-    model = make_model(make_pipeline(frozen, clone(HEAD)), durations=[1], sharing=0)
+    model = make_model(make_pipeline(frozen, clone(HEAD)), durations=[1])
     proba = model.fit(TOUCHES, COUNTS, groups=OBJECTS).predict_proba(TOUCHES)
     rows = frozen.transform(cut(TOUCHES, 1))
     head = clone(HEAD).fit(rows, COUNTS).predict_proba(rows)
@@ -508,7 +517,7 @@ def test_blocks_weigh_the_same_at_every_duration(alone):
     pipeline = make_haptic_pipeline(
         sensors["fast"] if alone else sensors, random_state=0
     )
-    durations = {"durations": [1, 2], "sampling_rates": rates, "sharing": 0, "cv": 2}
+    durations = {"durations": [1, 2], "sampling_rates": rates, "cv": 2}
     model = AnytimeRegressor(pipeline, **durations).fit(X, COUNTS, groups=OBJECTS)
     whole = clone(pipeline).fit(X, COUNTS)
     for k, seconds in enumerate([1, 2]):
@@ -618,7 +627,7 @@ def test_settings_after_fit_wait_for_the_next():
 def test_a_duration_is_complete_with_the_whole_samples_in_it(seconds):
     """0.7 s at 44.1 samples per second are 30.87, which no recording has."""
     rates = {"fast": 44.1, "slow": 12.5}
-    model = make_model(sharing=0, cv=2, sampling_rates=rates, durations=[0.7, 1.3]).fit(
+    model = make_model(cv=2, sampling_rates=rates, durations=[0.7, 1.3]).fit(
         TOUCHES, COUNTS, groups=OBJECTS
     )
     short = pd.DataFrame(
@@ -653,7 +662,6 @@ def test_a_union_has_what_fits_the_duration(of_sensor):
             make_pipeline(transformer, clone(HEAD)),
             durations=[0.5, 2],
             sampling_rates=rates,
-            sharing=0,
             cv=3,
         ).fit(trials, COUNTS, groups=OBJECTS), trials
 

@@ -70,7 +70,6 @@ LEARNERS = {
             make_pipeline(TemporalMaxPool(), LINEAR),
             durations=[0.5],
             sampling_rates=10,
-            sharing=0,
         ),
         TRIALS,
     ),

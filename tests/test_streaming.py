@@ -74,13 +74,13 @@ PIPELINES = {
 
 @pytest.fixture(scope="module", params=PIPELINES)
 def model(request):
-    model = make_model(PIPELINES[request.param](), sharing=0, cv=2)
+    model = make_model(PIPELINES[request.param](), cv=2)
     return model.fit(TOUCHES, COUNTS, groups=OBJECTS)
 
 
 @pytest.fixture(scope="module")
 def of_codes():
-    model = make_model(sharing=0, cv=2, stopping=CertaintyThreshold(0.5))
+    model = make_model(cv=2, stopping=CertaintyThreshold(0.5))
     return model.fit(TOUCHES, COUNTS, groups=OBJECTS)
 
 

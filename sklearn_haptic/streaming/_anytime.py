@@ -13,10 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.pipeline import Pipeline
-from sklearn.utils.validation import (
-    check_is_fitted,
-    has_fit_parameter,
-)
+from sklearn.utils.validation import check_is_fitted
 
 from ..ensembles._out_of_fold import (
     check_folds_know,
@@ -74,9 +71,8 @@ class AnytimeRegressor(
 
     The steps of the pipeline up to the first that returns a row per touch, such as
     dictionaries and pooling, are fitted once, to whole touches. The steps behind them
-    are the *head*, of which each duration has its own. A head also learns, with less
-    weight, from the prefixes of the durations just before and behind its own. The
-    probabilities of each duration are then calibrated on predictions out of fold.
+    are the *head*, of which each duration has its own. The probabilities of each
+    duration are then calibrated on predictions out of fold.
 
     Parameters
     ----------
@@ -91,13 +87,6 @@ class AnytimeRegressor(
     sampling_rates : float or dict of str to float
         Samples per second: a number for the recordings of one sensor, or of each
         column of a DataFrame. Columns that the estimator does not use are ignored.
-    sharing : float, default=0.5
-        Weight of the prefixes of the two neighbouring durations in learning a head,
-        from 0 (none) to 1 (as much as its own). It harms where features grow during the
-        touch, as a pressing force does: then set 0. It requires a last step that takes
-        ``sample_weight``, and none that has folds of single rows, such as
-        `LogisticRegressionCV`, which would hold out one prefix of a touch and learn
-        from another.
     max_delay : float, default=0.1
         Seconds by which the next sample of a sensor may be late, by what the others
         have recorded, before the touch goes on without it, with a warning. Means of
@@ -173,7 +162,6 @@ class AnytimeRegressor(
         "estimator": [HasMethods(["fit"])],
         "durations": ["array-like"],
         "sampling_rates": [Real, Mapping],
-        "sharing": [Interval(Real, 0, 1, closed="both")],
         "max_delay": [Interval(Real, 0, None, closed="left")],
         "cv": ["cv_object"],
         "stopping": [HasMethods(["fit", "stops", "stop_at"]), None],
@@ -185,7 +173,6 @@ class AnytimeRegressor(
         *,
         durations: ArrayLike,
         sampling_rates: float | Mapping[str, float],
-        sharing: float = 0.5,
         max_delay: float = 0.1,
         cv: CrossValidator = 5,
         stopping: BaseEstimator | None = None,
@@ -193,7 +180,6 @@ class AnytimeRegressor(
         self.estimator = estimator
         self.durations = durations
         self.sampling_rates = sampling_rates
-        self.sharing = sharing
         self.max_delay = max_delay
         self.cv = cv
         self.stopping = stopping
@@ -259,7 +245,7 @@ class AnytimeRegressor(
         if isinstance(later[0][1], BlockScaler):
             later[0][1].blocks = self._block_widths()
         head = Pipeline(later)
-        data = head, rows, reached, y, objects, self.sharing
+        data = head, rows, reached, y, objects
         every = np.arange(len(touches)), np.arange(0)
         fitted = run_tasks(head_tasks(*data, [every]), None, fit=fit_head)
         self.heads_ = [each for each, _ in fitted]
@@ -299,11 +285,6 @@ class AnytimeRegressor(
             raise ValueError(
                 f"The last step of estimator, {name}, has no predict_proba; take a "
                 "classifier that has one, or a DistributionalOrdinalRegressor."
-            )
-        if self.sharing and not has_fit_parameter(last, "sample_weight"):
-            raise ValueError(
-                f"The last step of estimator, {name}, takes no sample_weight, which "
-                f"sharing={self.sharing} requires; set sharing=0."
             )
         return steps
 
@@ -379,9 +360,7 @@ class AnytimeRegressor(
         dtype = np.result_type(np.float32, *types)  # means of whole numbers are none
         self._seen = np.array([[f is not None for _, f in each] for each in blocks])
         self._means = np.zeros((len(blocks), ends[-1]), dtype)
-        for k in reversed(each):
-            # Beside rows of the next duration, zeros would stand out.
-            self._means[k] = self._means[min(k + 1, each[-1])]
+        for k in each:
             for columns, (_, features) in zip(self._columns, blocks[k]):
                 if features is not None:
                     self._means[k, columns] = features.mean(axis=0)
