@@ -255,7 +255,8 @@ class ContinuousRatingsRegressor(
             One rating per trial; or several, NaN where somebody gave none; or one list
             of ratings, of any length, per trial.
         sample_weight : array-like of shape (n_trials,), default=None
-            Weight of each trial, if ``estimator`` takes weights.
+            Weight of each trial, if ``estimator`` takes weights. Scale them to a mean
+            of 1, because weights far below make its penalty too strong.
         groups : array-like of shape (n_trials,), default=None
             The object of each trial, passed on to ``estimator`` if it requests them:
             for early stopping, the weights of a :class:`DistributionBlend`, or the

