@@ -25,7 +25,7 @@ from sklearn_haptic import (
     DistributionalOrdinalRegressor,
     make_haptic_pipeline,
 )
-from sklearn_haptic.models._distributional import fit_linear_models
+from sklearn_haptic.models._linear_models import fit_linear_models
 
 N_FEATURES, N_AXES = 16_584, 500
 ALPHAS = (1, 3, 10, 30)

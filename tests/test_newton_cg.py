@@ -11,7 +11,7 @@ from sklearn.exceptions import ConvergenceWarning
 
 from sklearn_haptic import NNPOM, DistributionalOrdinalRegressor, RegressedDistribution
 from sklearn_haptic.models import _newton_cg
-from sklearn_haptic.models._distributional import fit_linear_models, is_linear
+from sklearn_haptic.models._linear_models import fit_linear_models, is_linear
 
 LEVELS = np.arange(5)
 

@@ -3,8 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.base import clone
+from sklearn.base import BaseEstimator, clone
+from sklearn.pipeline import make_pipeline
 
+from sklearn_haptic import NNPOM, AnytimeRegressor, SignalStatistics
 from sklearn_haptic.metrics import ranked_probability_score
 from sklearn_haptic.streaming import CertaintyThreshold, ExpectedGain
 from sklearn_haptic.streaming._stopping import expected_losses, losses
@@ -149,3 +151,22 @@ def test_durations_that_no_touch_reaches_teach_nothing():
     np.testing.assert_array_equal(long.coefs_[:3], short.coefs_)
     np.testing.assert_array_equal(long.coefs_[3], 0)
     assert long.stop_at(longer[:0]).tolist() == []
+
+
+def test_a_rule_that_only_tells_when_to_stop_is_refused():
+    """Whole touches need its `stop_at`, too."""
+
+    class Stops(BaseEstimator):
+        def fit(self, proba, true, durations, ordered):
+            return self
+
+        def stops(self, proba):
+            return proba.max(axis=(1, 2)) > 0.9
+
+    pipeline = make_pipeline(SignalStatistics(), NNPOM(0))
+    model = AnytimeRegressor(
+        pipeline, durations=[1], sampling_rates=10, stopping=Stops()
+    )
+    touches = [np.ones((10, 1))] * 4
+    with pytest.raises(ValueError, match="'stopping' parameter .* 'stop_at'"):
+        model.fit(touches, np.eye(4, dtype=int), groups=range(4))

@@ -20,7 +20,7 @@ from sklearn.base import clone
 from sklearn.model_selection import check_cv
 from sklearn.utils.parallel import Parallel, delayed
 
-from ..models._distributional import fit_linear_models, is_linear
+from ..models._linear_models import fit_linear_models, is_linear
 from ..models._shared_features import refuse_adjectives
 from ..ratings._checks import check_adjectives, check_rated, validate_rated_trials
 from ..ratings._distributions import as_distributions, cdf, shares

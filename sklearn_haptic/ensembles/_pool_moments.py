@@ -18,8 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize_scalar, nnls
 
-from ..metrics import ranked_probability_score
-from ..ratings._distributions import raised
+from ..ratings._distributions import cdf, raised
 
 # A member no further from the marginal, as a share of the marginal's mean square error,
 # says no more than rounding and unfinished solving do. Its weight could be anything.
@@ -342,6 +341,11 @@ def pool_breadth(proba, true, spread, share, pairs):
     breadth : Breadth
     """
     true_mean, _ = _mean_and_variance(true)
+    below = cdf(true)
+    differing = (below * (1 - below)).sum()  # what people's differing adds
+
+    def rps(proba):
+        return np.square(cdf(proba) - below).sum() + differing
 
     def beyond_error(proba):
         mean, variance = _mean_and_variance(proba)
@@ -354,11 +358,11 @@ def pool_breadth(proba, true, spread, share, pairs):
     excess = beyond_error(proba) - wanted
     steps = np.linspace(0, 1, 65)[1:].tolist()
     further = [Breadth(4**x) if excess > 0 else Breadth(blur=x) for x in steps]
-    least, worst = abs(excess), 1.01 * ranked_probability_score(true, proba)
+    least, worst = abs(excess), 1.01 * rps(proba)
     for breadth in further:
         broad = with_breadth(proba, breadth)
         off = abs(beyond_error(broad) - wanted)
-        if off >= least or ranked_probability_score(true, broad) > worst:
+        if off >= least or rps(broad) > worst:
             break
         best, least = breadth, off
     return best

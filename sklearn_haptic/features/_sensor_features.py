@@ -34,7 +34,8 @@ from ..utils._sklearn import (
 # A sensor counts as at least so many features, about the codes of 25 atoms. Where one
 # feature beside the 3474 of another sensor told the rating, the RPS was .54 without
 # this, .30 with it, and .27 of the feature alone. A share of the sensor with most
-# features would make those of one depend on others. Equal sensors cost grips 51 %.
+# features would make those of one depend on others. Equal sensors cost 51 % of RPS
+# on grips.
 _LEAST_FEATURES = 500
 
 

@@ -40,7 +40,7 @@ from ..utils._validation import (
     check_positions,
     check_table,
 )
-from ._nnpom import NNPOM, fit_linear_networks
+from ._nnpom import NNPOM
 from ._observations import relative_weights, used_trials
 from ._ordinal import OrdinalClassifierMixin
 from ._quantile_positions import (
@@ -174,17 +174,10 @@ class DistributionalOrdinalRegressor(
     .34 and 0, and an RPS 5, 12 and 49 % above that of the default. Give regressors to
     :class:`RegressedDistribution` instead.
 
-    Probabilities are taken as the estimator predicts them. Those of scikit-learn's
-    `AdaBoostClassifier` are nearly even, and so are its distributions: of simulated
-    ratings its RPS was .81, that of the default .52 and of a guess .83.
-
-    Neighbours, kernels and strong penalties hardly see the position, which is one
-    feature among many, and then predict nearly the same rating at all positions. Among
-    200 simulated features, 30 neighbours had a dispersion of .20 with "quantile" and of
-    .88 with "mixture", and an RPS of .63 and .53; logistic regression with ``C=0.01``
-    .58 and 1.19, and .53 and .51; and an `SVC` .49 and .57. The default's RPS was .49,
-    that of a guess .75. Give :class:`RegressedDistribution` a regressor of neighbours
-    instead (1.15 and .52).
+    Probabilities are taken as the estimator predicts them. Neighbours, kernels and
+    strong penalties hardly see the position, which is one feature among many, and then
+    predict nearly the same rating at all positions: give :class:`RegressedDistribution`
+    a regressor of neighbours instead.
 
     An `NNPOM` has one set of thresholds for all touches. The default moves
     distributions along the scale but cannot widen them, so that what features tell of
@@ -493,73 +486,6 @@ def _refuse_own_levels(estimator, levels):
             f"estimator has levels={[*own]}, which would be ignored; give them to the "
             "DistributionalOrdinalRegressor."
         )
-
-
-def fit_linear_models(models, X, counts, sample_weights, levels, names=None):
-    """Fit linear models of ratings to the same trials, all at once.
-
-    Penalties, training trials (by weights of 0) and ratings may differ. The models
-    share the products with the features, so that many fits take little more time than
-    few; each is the same as if it had been fitted alone.
-
-    Parameters
-    ----------
-    models : list of DistributionalOrdinalRegressor
-        Models of which `is_linear` holds.
-    X : ndarray of shape (n_trials, n_features)
-        Validated features, float32 or float64.
-    counts : ndarray broadcastable to (n_models, n_trials, n_levels)
-        Validated counts of each model's ratings.
-    sample_weights : ndarray broadcastable to (n_models, n_trials)
-        Weight of each trial in each model.
-    levels : ndarray of shape (n_levels,)
-        The ordered levels.
-    names : ndarray of shape (n_features,), default=None
-        Names of the features, if they have any.
-
-    Returns
-    -------
-    fitted : list of DistributionalOrdinalRegressor
-        Fitted clones.
-    """
-    models = [clone(model) for model in models]
-    for model in models:
-        model._validate_params()
-    counts = np.broadcast_to(counts, (len(models), len(X), len(levels)))
-    sample_weights = np.broadcast_to(sample_weights, (len(models), len(X)))
-    observations = []
-    for model, rated, weight in zip(models, counts, sample_weights):
-        rng = check_random_state(model.random_state)
-        model.levels_ = model.classes_ = levels
-        model.n_features_in_ = X.shape[1]
-        model.estimator_ = model._make_estimator(rng)
-        model.estimator_._validate_params()
-        model.estimator_.n_features_in_ = X.shape[1] + 1
-        if names is not None:
-            model.feature_names_in_ = names
-            model.estimator_.feature_names_in_ = np.append(names, "position")
-        model._p_transform, model._smooth = model.p_transform, True
-        observations.append(model._observe(rated, weight, rng))
-        level, weight = observations[-1][1:]
-        model._present = np.unique(level[weight > 0])
-    networks = [model.estimator_ for model in models]
-    fit_linear_networks(networks, X, observations, levels)
-    for model, weight in zip(models, sample_weights):
-        some = np.flatnonzero(weight)
-        model._smooth = is_smooth(model._predict_at, X, among=some)
-    return models
-
-
-def is_linear(model):
-    """Return whether `fit_linear_models` can fit a model."""
-    return type(model) is DistributionalOrdinalRegressor and (
-        model.estimator is None
-        or (
-            type(model.estimator) is NNPOM
-            and model.estimator.n_hidden == 0
-            and model.estimator.levels is None
-        )
-    )
 
 
 class _Settings(UserDict[str, Any]):

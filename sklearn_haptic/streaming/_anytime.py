@@ -380,7 +380,7 @@ class AnytimeRegressor(
     def _rows(self, blocks, k):
         """Join the features of all branches; means stand for what is missing.
 
-        They stand, too, for what no training touch had at the duration.
+        What no training touch had at the duration is 0.
         """
         rows = np.tile(self._means[k], (len(blocks[0][0]), 1))
         of_branches = zip(self._columns, blocks, self._seen[k])
