@@ -168,5 +168,5 @@ def test_a_rule_that_only_tells_when_to_stop_is_refused():
         pipeline, durations=[1], sampling_rates=10, stopping=Stops()
     )
     touches = [np.ones((10, 1))] * 4
-    with pytest.raises(ValueError, match="'stopping' parameter .* 'stop_at'"):
+    with pytest.raises(ValueError, match=r"'stopping' parameter .* 'stop_at'"):
         model.fit(touches, np.eye(4, dtype=int), groups=range(4))
