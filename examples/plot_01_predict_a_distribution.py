@@ -86,7 +86,7 @@ print(f"\n{report}\n")
 # The figure shows the crowd's inverse CDF and the inverse CDFs predicted from each of
 # ten touches (Figure 11 of the paper). An inverse CDF gives the rating of the person at
 # each quantile position of the population.
-adjective = "cold"
+adjective = "cold" if "cold" in corpus.ratings else next(iter(corpus.ratings))
 counts, objects = (
     corpus.ratings[adjective][report.tested],
     corpus.objects[report.tested],

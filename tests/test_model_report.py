@@ -297,6 +297,10 @@ def test_classes_have_no_order():
     assert report.summary.endswith("No test group was touched in training.")
     with pytest.raises(ValueError, match=r"^No fold trains on a class .* such as runs"):
         model_report(GaussianNB(), features, words, groups=words, cv=3)
+    rare = np.where(OBJECTS[0] == OBJECTS, "rare", words)
+    summary = model_report(GaussianNB(), features, rare, groups=OBJECTS, cv=3).summary
+    assert f"{np.sum(rare == 'rare')} test trials could not be" in summary
+    assert "(rare)" in summary
     unordered = pd.Series(words, dtype="category")
     again = model_report(GaussianNB(), features, unordered, groups=OBJECTS, cv=3)
     pd.testing.assert_frame_equal(again.gains, report.gains)

@@ -139,6 +139,8 @@ def test_rules_refuse_what_teaches_wrong(y, durations, message):
         ExpectedGain().fit(np.full((2, 3, 2), 0.5), y, durations=durations)
     with pytest.raises(ValueError, match="give one distribution per trial and"):
         CertaintyThreshold().stops(np.full((3, 2), 0.5))
+    with pytest.raises(ValueError, match=r"'threshold' parameter .* in the range"):
+        CertaintyThreshold(90).stop_at(np.full((3, 2, 5), 0.2))
 
 
 def test_durations_that_no_touch_reaches_teach_nothing():

@@ -265,6 +265,8 @@ def model_report(
     )
     report["summary"] = _READING.get(kind, "") if unnamed else ""
     report["summary"] += _summary(report, folds, groups, unit, is_frozen(model))
+    if kind == _CLASSES:
+        report["summary"] += _unlearned(ratings, folds)
     return report
 
 
@@ -510,6 +512,22 @@ def _summary(report, folds, groups, unit, frozen):
     return text
 
 
+def _unlearned(labels, folds):
+    """Say how many test trials are of classes that their fold did not learn."""
+    columns = [np.asarray(y) for y in labels]
+    unlearned = [
+        y[test][~np.isin(y[test], y[train])] for y in columns for train, test in folds
+    ]
+    unlearned = np.concatenate(unlearned)
+    if not len(unlearned):
+        return ""
+    names = ", ".join(map(str, np.unique(unlearned)))
+    return (
+        f" {count(len(unlearned), 'test trials')} could not be predicted right, for "
+        f"want of training trials of their class in the fold ({names})."
+    )
+
+
 def _conclusion(overall, n, n_adjectives, kind):
     """Say in words how much better than guessing a model is, or that it is not."""
     score, up, down = _SCORE[kind], "lower", "higher"
@@ -524,4 +542,5 @@ def _conclusion(overall, n, n_adjectives, kind):
     text += "."
     if overall["verdict"] == "worse" and kind != _CLASSES:
         text += " It takes chance for a pattern: raise its penalty, such as alpha."
+        text += " Features in different units need a StandardScaler before it."
     return text

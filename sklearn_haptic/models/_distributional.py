@@ -156,6 +156,10 @@ class DistributionalOrdinalRegressor(
     "quantile" had a dispersion of about .84, .64 and .46, and from single answers it
     gives one rating all probability. `predict_rating` decides in the same way.
 
+    Standardise features in different units, for example with
+    `sklearn.preprocessing.StandardScaler`: the default divides all by one spread, so
+    that those of small numbers hardly count (see :class:`NNPOM`).
+
     An `NNPOM` with hidden units, or a `SensorFusionNNPOM`, can learn several adjectives
     together: they share the units, and each has output weights and thresholds of its
     own. What one adjective tells of a touch can then help with another, as the paper

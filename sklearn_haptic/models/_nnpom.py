@@ -52,11 +52,13 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
     each rating in turn. ``n_hidden=0`` is the linear proportional odds model.
 
     Bring features in different units to a common one first, for example with
-    `sklearn.preprocessing.StandardScaler`: a feature that varies less than
-    max(n_trials, n_features) rounding errors (2.2e-16) times as much as the others
-    cannot be told from rounding and gets no weight. With ``scale_features=True``
-    neither the common unit nor an offset matters, except that an offset of 1e8 times
-    the spread costs the probabilities eight of their sixteen digits.
+    `sklearn.preprocessing.StandardScaler`: the penalty holds those of small numbers
+    back. Simulated friction beside a force in newtons had an RPS of .55, beside
+    millinewtons .71, that of a guess. A feature that varies less than max(n_trials,
+    n_features) rounding errors (2.2e-16) times as much as the others cannot be told
+    from rounding and gets no weight. With ``scale_features=True`` neither the common
+    unit nor an offset matters, except that an offset of 1e8 times the spread costs the
+    probabilities eight of their sixteen digits.
 
     Parameters
     ----------
@@ -70,8 +72,8 @@ class NNPOM(TakesGroups, CallbackSupportMixin, OrdinalClassifierMixin, BaseEstim
     scale_features : bool, default=True
         Centre the features and divide all by the square root of their total
         variance, so that the same alpha and the same start values suit any number
-        of features in any unit; `coefs_` are for the features as given. The paper
-        does not scale.
+        of features in any common unit; `coefs_` are for the features as given. The
+        paper does not scale.
     gaps : {"softplus", "squared"}, default="softplus"
         What makes the gap between two thresholds, which must be positive, of a free
         parameter t: its softplus, log(1 + exp(t)), or its square, as in the paper.

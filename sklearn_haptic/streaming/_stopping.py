@@ -211,6 +211,7 @@ class _Rule(BaseEstimator):
         index : ndarray of int of shape (n_trials,)
             Index of the duration; the last one of a touch that is never stopped.
         """
+        self._validate_params()
         proba = np.asarray(proba)
         given = _whole(proba)
         index = np.maximum(given.sum(axis=1) - 1, 0)
