@@ -63,6 +63,9 @@ def predict(model, found):
 def read(path, found):
     """Read probabilities of every target, one row per target and trial."""
     table = pd.read_csv(path).set_index(["target", "trial"])
+    levels = pd.to_numeric(table.columns, errors="coerce")
+    if not (np.diff(levels) > 0).all():
+        sys.exit(f"{path} has columns {[*table]}; name levels 1, 2, …, lowest first.")
     trials = range(len(found.groups))
     for target, trial in product(found.targets, trials):
         if (target, trial) not in table.index:

@@ -712,6 +712,30 @@ def test_pools_of_touches_with_a_rating_each_are_calibrated(n_touches):
     assert np.mean(dispersions) == pytest.approx(1, abs=0.12)
 
 
+def test_runs_are_groups_of_objects_that_are_touched_again():
+    """Six objects, all in each run, of which those of a later run are predicted."""
+    rng = np.random.default_rng(0)
+    ratings = rng.dirichlet(np.full(4, 0.3), size=6)
+    felt, counts = 3 * np.eye(6), rng.multinomial(15, ratings)
+    objects, runs = np.tile(range(6), 10), np.repeat(range(10), 6)
+    X = felt[objects] + rng.normal(size=(60, 6))
+    member = DistributionalOrdinalRegressor()
+    old, new = runs < 8, runs >= 8
+    pool = TouchPool([("a", member, list(range(6)))])
+    pool.fit(X[old], counts[objects[old]], groups=runs[old])
+    alone = clone(member).fit(X[old], counts[objects[old]])
+    true = counts[objects[new]]
+    mine, its, guess = (
+        ranked_probability_score(true, each)
+        for each in (
+            pool.predict_proba(X[new]),
+            alone.predict_proba(X[new]),
+            np.tile(pool.shares_, (12, 1)),
+        )
+    )
+    assert mine - its < 0.1 * (guess - its)
+
+
 @pytest.mark.parametrize("told", ["objects", "runs"])
 def test_pools_of_classes_are_as_sure_as_they_are_right(told):
     """Touches of a run are of several materials, of which each is an object."""

@@ -36,6 +36,7 @@ from ._out_of_fold import (
     check_folds_know,
     check_members,
     compared,
+    infer_objects,
     make_folds,
     mean_without,
     predict_at,
@@ -230,7 +231,10 @@ class TouchPool(
             most people agree; some objects whose few raters chanced to give equal
             counts are then taken for one, and pools are too narrow. If counts cannot
             tell objects, `fit` warns, and takes each row for another one. If `y` names
-            the objects themselves, give what divides their touches, such as runs.
+            the objects themselves, or the same ones will be touched again, give what
+            divides their touches, such as runs: of these, rows of one class, or of
+            equal counts, are touches of an object. Single answers, or grades, of a
+            group are always of one object, so runs are no groups for them.
 
         Returns
         -------
@@ -256,9 +260,11 @@ class TouchPool(
         ordered = np.size(y) > len(true) or all(map(knows_order, fitted.values()))
         if not ordered:
             check_folds_know(y, folds)
-            # Of what is touched in a run, each class is an object.
-            objects = objects * true.shape[1] + true.argmax(axis=1)
-            objects = number_objects(objects, len(true))
+        # Of what is touched in a run, each class, or each with counts of its own, is an
+        # object.
+        within = infer_objects(y) if ordered else true.argmax(axis=1)
+        if within is not None:
+            objects = number_objects(objects * len(true) + within, len(true))
         # A pool is to predict the ratings of an object, not of one of its touches.
         of_objects = pd.DataFrame(true).groupby(objects).mean().to_numpy()
         true = of_objects[objects]

@@ -198,13 +198,15 @@ def model_report(
     [1]_. It ignores that the folds of a cross-validation share training trials, and
     that few objects may gain or lose much, so that it held the true gain in 83 to 88%
     of simulated corpora of 12 or 20 objects (`benchmarks/claims.py`); the others mostly
-    gained more. No verdict is corrected for the number of adjectives: of forty that
-    cannot be felt, one is expected to look better; of seven by a `DistributionBlend`,
-    if the ratings of few objects are spread evenly over the levels, because its
-    exponent, unlike the guess, flattens what they tell of the mean. More look worse,
-    and rightly so: a model that learned chance predicts too narrow distributions, with
-    a dispersion below 1, and a larger penalty mends it. If settings were chosen on
-    these trials, report on others, or give the search that chooses as the model.
+    gained more. Of classes it is too narrow where nearly all are named right, and has
+    no width where all are. No verdict is corrected for the number of adjectives: of
+    forty that cannot be felt, one is expected to look better; of seven by a
+    `DistributionBlend`, if the ratings of few objects are spread evenly over the
+    levels, because its exponent, unlike the guess, flattens what they tell of the mean.
+    More look worse, and rightly so: a model that learned chance predicts too narrow
+    distributions, with a dispersion below 1, and a larger penalty mends it. If settings
+    were chosen on these trials, report on others, or give the search that chooses as
+    the model.
 
     References
     ----------

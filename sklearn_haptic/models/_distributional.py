@@ -295,7 +295,8 @@ class DistributionalOrdinalRegressor(
             ``early_stopping=True`` validates on whole objects; without them it warns.
         X_val : array-like of shape (n_val_trials, n_features), default=None
             Validation trials of an estimator with ``early_stopping=True``; by default
-            it validates on a share of those in ``X``.
+            it validates on a share of those in ``X``. In a Pipeline the steps before
+            transform them only by ``transform_input=["X_val"]`` and metadata routing.
         y_val : array-like of shape (n_val_trials, n_levels) or (n_val_trials,), \
                 default=None
             Their ratings.

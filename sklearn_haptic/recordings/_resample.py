@@ -68,12 +68,14 @@ def resample_trials(
         durations of NumPy, pandas or polars. A name is that of their column in trials
         that are data frames. By default they are the index of trials of pandas.
     rate : float, default=None
-        Samples per second of the result. By default that of the typical step, which is
-        too low where about a tenth or more of the samples is lost here and there, or a
-        twentieth if stamps jitter or a few trials have fewer than 200 samples; too high
-        where a tenth is far later than others but none is lost, or where steps vary by
-        a fifth or more (by up to 5 %, at a third by 12 %, at a half by 21 %); and up to
-        5 % off for more than 700 Hz with stamps in milliseconds.
+        Samples per second of the result. Give the same for training touches and new
+        ones, none higher than that of the slowest: what was not recorded stays missing,
+        and a model takes it for another surface. By default that of the typical step,
+        which is too low where about a tenth or more of the samples is lost here and
+        there, or a twentieth if stamps jitter or a few trials have fewer than 200
+        samples; too high where a tenth is far later than others but none is lost, or
+        where steps vary by a fifth or more (by up to 5 %, at a third by 12 %, at a half
+        by 21 %); and up to 5 % off for more than 700 Hz with stamps in milliseconds.
     unit : {"s", "ms", "us", "ns"}, default="s"
         Unit of stamps that are numbers.
     longest_gap : float, default=None

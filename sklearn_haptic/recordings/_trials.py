@@ -336,10 +336,13 @@ def rate_of(X, rate=None, *, name="X"):
     rate = rate if given else 1 / np.median([*steps.values()])
     for i, step in steps.items():
         if max(rate * step, 1 / (rate * step)) > (1.1 if len(trials[i]) > 10 else 2):
+            mend = "it to that"
+            if 1 / step < rate:  # and lacks frequencies that the rate has
+                mend = "all, also for training, to the lower rate"
             raise ValueError(
                 f"Trial {i} of {name} is sampled at {1 / step:.4g} Hz by its index, "
-                f"but {rate:.4g} Hz {'is expected' if given else 'is usual'}; bring it "
-                "to that by resample_trials, or remove an index that is no time."
+                f"but {rate:.4g} Hz {'is expected' if given else 'is usual'}; bring "
+                f"{mend} by resample_trials, or remove an index that is no time."
             )
     return float(rate)
 

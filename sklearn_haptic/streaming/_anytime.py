@@ -255,6 +255,7 @@ class AnytimeRegressor(
         self.shares_ = shares(true.sum(axis=0))
         if not self._ordered:
             check_folds_know(y, folds)
+            self._warn_of_lost_classes(true, reached)
         self.oof_proba_ = np.full((*reached.shape, *self.shares_.shape), np.nan)
         tasks = [each for each in head_tasks(*data, folds) if len(each.fold[1])]
         done = run_tasks(tasks, self.classes_, fit=fit_head)
@@ -297,6 +298,20 @@ class AnytimeRegressor(
                     f"training touches are so long, of {count(n_objects, 'objects')}; "
                     "leave this duration out."
                 )
+
+    def _warn_of_lost_classes(self, true, reached):
+        """Warn of the first duration at which a class has no training touch left."""
+        known = true.T @ reached > 0
+        lost = np.argwhere(~known.T)
+        if len(lost):
+            k, i = lost[0]
+            warnings.warn(
+                f"No training touch of the class {self.classes_[i]!r} is as long as "
+                f"{self.durations_[k]:g} s, so that longer touches are never taken for "
+                "it; leave such durations out, or give longer touches of it.",
+                UserWarning,
+                stacklevel=4,
+            )
 
     def _durations_reached(self, lengths):
         """Return how many durations touches of so many samples have completed."""
