@@ -31,6 +31,7 @@ from sklearn_haptic import (
 from sklearn_haptic.datasets import make_haptic_corpus
 from sklearn_haptic.model_selection import contribution_summary, sensor_contributions
 from sklearn_haptic.plotting import SensorContributionsDisplay
+from sklearn_haptic.ratings import rating_mean
 
 adjective = "hard"
 corpus = make_haptic_corpus(n_objects=40, n_trials=3, random_state=0)
@@ -91,7 +92,8 @@ sensor = "pac"
 by_object = contribution_summary(scores, metric="rps", by="object")
 without = by_object[by_object["held_out"] == sensor].sort_values("difference")[::-1]
 materials = dict(zip(corpus.objects, corpus.object_names))
-ratings = dict(zip(corpus.objects, corpus.ratings[adjective] @ corpus.levels / 12))
+ratings = rating_mean(corpus.ratings[adjective], levels=corpus.levels)
+ratings = dict(zip(corpus.objects, ratings))
 without["material"] = without["object"].map(materials)
 without["rating"] = without["object"].map(ratings)
 worse = (without["difference"] > 0).sum()

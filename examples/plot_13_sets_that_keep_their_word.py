@@ -22,7 +22,8 @@ from sklearn_haptic.plotting import DistributionDisplay
 corpus = make_haptic_corpus(90, 2, sensors=["pdc", "tdc"], random_state=0)
 names = np.unique(corpus.objects)
 old = np.isin(corpus.objects, np.random.default_rng(0).permutation(names)[:50])
-trials, hard, objects = corpus.trials, corpus.ratings["hard"], corpus.objects
+trials, objects = corpus.trials, corpus.objects
+hard = np.asarray(corpus.ratings["hard"])
 
 model = ConformalRatings(make_haptic_pipeline(["pdc", "tdc"], random_state=0))
 model.fit(trials[old], hard[old], groups=objects[old])
@@ -33,7 +34,7 @@ model.fit(trials[old], hard[old], groups=objects[old])
 # For new objects, count how many of the people who rated them are within the sets. The
 # smaller alpha is, the larger are the sets. Below 1 / 51, with 50 objects, nothing
 # could be left out.
-share = hard[~old] / 12
+share = hard[~old] / hard[~old].sum(axis=1, keepdims=True)
 for alpha in (0.3, 0.2, 0.1):
     chosen = model.predict_set(trials[~old], alpha)
     lower, upper = model.predict_band(trials[~old], alpha)
@@ -59,7 +60,7 @@ fig, axes = plt.subplots(1, 2, figsize=(10, 3.5), layout="constrained")
 DistributionDisplay.from_estimator(model, trials[one], hard[one], alpha=0.2, ax=axes[0])
 lower, upper = model.predict_band(trials[one], alpha=0.2)
 axes[1].fill_between(model.classes_, lower[0], upper[0], step="post", alpha=0.25)
-axes[1].step(model.classes_, np.cumsum(hard[one][0]) / 12, "k", where="post")
+axes[1].step(model.classes_, below[objects[~old] == contested][0], "k", where="post")
 axes[1].set(
     xlabel="rating", ylabel="share of people at or below", xticks=model.classes_
 )

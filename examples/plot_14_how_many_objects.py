@@ -23,7 +23,8 @@ from sklearn_haptic.model_selection import cross_val_predict_proba
 
 sensors = ["pdc", "tdc"]
 corpus = make_haptic_corpus(60, 2, "hold", sensors=sensors, random_state=0)
-trials, counts, objects = corpus.trials, corpus.ratings["hard"], corpus.objects
+trials, objects = corpus.trials, corpus.objects
+counts = np.asarray(corpus.ratings["hard"])
 model = make_haptic_pipeline(sensors, random_state=0)
 
 # %%
@@ -34,7 +35,9 @@ model = make_haptic_pipeline(sensors, random_state=0)
 # how much lower the ranked probability score (RPS) is than that of guessing.
 names, which = np.unique(objects, return_inverse=True)
 order = np.random.default_rng(0).permutation(len(names))
-numbers = [n for n in (6, 12, 24, 48) if n <= len(names) * 4 // 5]  # in four of 5 folds
+folds = [*GroupKFold(5).split(trials, groups=objects)]
+fewest = min(len(np.unique(which[train])) for train, _ in folds)
+numbers = [n for n in (6, 12, 24, 48) if n <= fewest]
 
 
 def some(train, n):
@@ -47,14 +50,11 @@ def gains(counts):
     """Return how much better than guessing each object is predicted, by number."""
     found = []
     for n in numbers:
-        folds = [
-            (some(train, n), test)
-            for train, test in GroupKFold(5).split(trials, groups=objects)
-        ]
+        fewer = [(some(train, n), test) for train, test in folds]
         guess, ours = (
             ranked_probability_score(
                 counts,
-                cross_val_predict_proba(each, trials, counts, groups=objects, cv=folds),
+                cross_val_predict_proba(each, trials, counts, groups=objects, cv=fewer),
                 average=False,
             )
             for each in (DummyDistribution(), model)

@@ -375,8 +375,8 @@ class NoveltyGuard(
         ------
         ValueError
             If the estimator is no Pipeline of features and a classifier, there are
-            fewer than two objects, a fold trains on an object that it tests, or each
-            class is in one group.
+            fewer than two objects, a fold trains on an object that it tests, or most
+            touches held out are of classes that their fold has not learned.
         """
         if not isinstance(self.estimator, Pipeline) or len(self.estimator) < 2:
             raise ValueError(

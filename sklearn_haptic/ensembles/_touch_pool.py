@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from numbers import Integral
 from typing import Any, Self
@@ -36,7 +37,6 @@ from ._out_of_fold import (
     check_folds_know,
     check_members,
     compared,
-    infer_objects,
     make_folds,
     mean_without,
     predict_at,
@@ -231,10 +231,10 @@ class TouchPool(
             most people agree; some objects whose few raters chanced to give equal
             counts are then taken for one, and pools are too narrow. If counts cannot
             tell objects, `fit` warns, and takes each row for another one. If `y` names
-            the objects themselves, or the same ones will be touched again, give what
-            divides their touches, such as runs: of these, rows of one class, or of
-            equal counts, are touches of an object. Single answers, or grades, of a
-            group are always of one object, so runs are no groups for them.
+            the objects themselves, give what divides their touches, such as runs. Of
+            ratings, give the objects alone, not runs or materials: the ratings of a
+            group are averaged. A UserWarning tells of groups that hardly differ in
+            their ratings.
 
         Returns
         -------
@@ -246,8 +246,8 @@ class TouchPool(
         ValueError
             If the estimators are no such tuples, their names are not distinct, they
             take columns of a DataFrame by position, a fold trains on an object that it
-            tests, a column of a member is missing in all rows of a fold, or each class
-            is in one group.
+            tests, a column of a member is missing in all rows of a fold, or most
+            touches held out are of classes that their fold has not learned.
         """
         names = check_members(self.estimators, "(name, estimator, columns)")
         self._validate_names([*names, MARGINAL])
@@ -258,13 +258,13 @@ class TouchPool(
         fitted, oof = self._fit_members(X, y, objects, folds, classes)
         marginal = mean_without(true, folds)[:, np.newaxis]
         ordered = np.size(y) > len(true) or all(map(knows_order, fitted.values()))
-        if not ordered:
+        if ordered:
+            _warn_of_groups(compared(true, ordered), objects)
+        else:
             check_folds_know(y, folds)
-        # Of what is touched in a run, each class, or each with counts of its own, is an
-        # object.
-        within = infer_objects(y) if ordered else true.argmax(axis=1)
-        if within is not None:
-            objects = number_objects(objects * len(true) + within, len(true))
+            # Of what is touched in a run, each class is an object.
+            objects = objects * true.shape[1] + true.argmax(axis=1)
+            objects = number_objects(objects, len(true))
         # A pool is to predict the ratings of an object, not of one of its touches.
         of_objects = pd.DataFrame(true).groupby(objects).mean().to_numpy()
         true = of_objects[objects]
@@ -470,6 +470,32 @@ class TouchPool(
         tags.input_tags.allow_nan = True
         tags.no_validation = True
         return tags
+
+
+def _warn_of_groups(ratings, groups):
+    """Warn where ratings differ about as much within groups as chance makes these.
+
+    So it is with runs, in each of which the same objects were touched.
+
+    Parameters
+    ----------
+    ratings : ndarray of shape (n_trials, n_levels)
+    groups : ndarray of int of shape (n_trials,)
+        From 0 to the number of groups minus 1.
+    """
+    size = np.bincount(groups)
+    between, within = len(size) - 1, len(groups) - len(size)  # degrees of freedom
+    means = pd.DataFrame(ratings).groupby(groups).transform("mean").to_numpy()
+    explained = ((means - ratings.mean(axis=0)) ** 2).sum()
+    rest = ((ratings - means) ** 2).sum()
+    if rest > 0 and explained * within < 2 * rest * between:
+        warnings.warn(
+            "The ratings of different groups differ hardly more than those of the same "
+            "group. If the groups are runs or materials, give the objects: TouchPool "
+            "averages the ratings of a group.",
+            UserWarning,
+            stacklevel=4,
+        )
 
 
 def _as_table(X):

@@ -214,8 +214,8 @@ class AnytimeRegressor(
         ValueError
             If durations or rates are unusable, a training touch lacks a sensor, too few
             touches are as long as a duration, no touch of a class is as long as the
-            first, a fold trains on an object that it tests, or each class is in one
-            group.
+            first, a fold trains on an object that it tests, or most touches held out
+            are of classes that their fold has not learned.
         """
         steps = self._check_estimator()
         durations = check_durations(self.durations)
