@@ -537,6 +537,24 @@ def test_blocks_weigh_the_same_at_every_duration(alone):
         np.testing.assert_allclose(touch.predict_proba(), got[0], rtol=1e-6)
 
 
+def test_a_step_before_the_features_of_a_sensor_changes_nothing_else():
+    """One that returns what it is given; codes do not fit into the first duration."""
+    sensors = {name: Signal(rate) for name, rate in RATES.items()}
+    plain = make_haptic_pipeline(sensors, random_state=0).set_params(model=HEAD)
+    steps = FunctionTransformer(), plain.get_params()["features__fast"]
+    own = clone(plain).set_params(features__fast=make_pipeline(*steps))
+    settings = {"durations": [0.1, 1, 2], "sampling_rates": RATES, "cv": 2}
+    model, expected = (
+        AnytimeRegressor(each, **settings).fit(TOUCHES, COUNTS, groups=OBJECTS)
+        for each in (own, plain)
+    )
+    np.testing.assert_allclose(model.oof_proba_, expected.oof_proba_, rtol=1e-6)
+    touch = model.start()
+    touch.update(TOUCHES.iloc[0].to_dict())
+    proba = expected.predict_proba(TOUCHES.iloc[:1])[0]
+    np.testing.assert_allclose(touch.predict_proba(), proba, rtol=1e-6)
+
+
 @pytest.mark.parametrize("output", ["pandas", "polars"])
 def test_what_transformers_return_everywhere_is_no_matter(output):
     sensors = {name: Signal(rate) for name, rate in RATES.items()}

@@ -7,8 +7,10 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import clone
+from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import RidgeClassifier
 from sklearn.model_selection import GroupKFold, cross_val_score
+from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
 from sklearn_haptic import (
@@ -155,6 +157,23 @@ def means(trials):
     """Means of channels, and a feature that is always the same."""
     rows = [[*np.mean(trial, axis=0), 3.0] for trial in trials]
     return pd.DataFrame(rows, index=trials.index).add_prefix("mean")
+
+
+@pytest.mark.parametrize("how", ["behind a step", "frozen"])
+def test_blocks_behind_a_step_of_a_sensor_keep_their_weight(how):
+    trials, y = touches()
+    sensors = {"skin": TaxelGrid((4, 4)), "acc": Signal(rate=1000)}
+    plain = make_haptic_pipeline(sensors, random_state=0)[0]
+    own = clone(plain)
+    if how == "frozen":
+        fitted = clone(plain).fit(trials, y).named_transformers_["acc"]
+        own.set_params(acc=FrozenEstimator(fitted))
+    else:
+        steps = FunctionTransformer(), own.get_params()["acc"]
+        own.set_params(acc=make_pipeline(*steps))
+    rows = own.fit_transform(trials, y)
+    assert_allclose(rows, plain.fit_transform(trials, y), rtol=1e-9, atol=1e-12)
+    assert_array_equal(rows, own.transform(trials))
 
 
 @pytest.mark.parametrize("of_frame", [True, False], ids=["column", "alone"])

@@ -16,7 +16,8 @@ import sklearn
 from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.compose import ColumnTransformer
-from sklearn.pipeline import FeatureUnion
+from sklearn.frozen import FrozenEstimator
+from sklearn.pipeline import FeatureUnion, Pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted
 
@@ -181,8 +182,8 @@ class SensorFeatures(TransformerMixin, BaseEstimator):
 class _Blocks:
     """Mixin of sensors side by side whose blocks are standardised and weighed.
 
-    A block is what one transformer of a `FeatureUnion` makes of a sensor, or all
-    features of a sensor that has none.
+    A block is what one transformer of a `FeatureUnion` makes of a sensor, also behind
+    steps of its own, or all features of a sensor that has none.
     """
 
     @all_or_nothing
@@ -296,9 +297,20 @@ class SensorUnion(_Blocks, FeatureUnion):
 
 
 def blocks_of(transformer):
-    """Return the fitted transformers of a union, and of unions in it, one by one."""
+    """Return the fitted transformers of a union, and of unions in it, one by one.
+
+    Of a pipeline that ends in a union, each is behind the steps before it.
+    """
     if isinstance(transformer, SensorFeatures):
         transformer = transformer.transformer_
+    if isinstance(transformer, FrozenEstimator):
+        transformer = transformer.estimator
+    if isinstance(transformer, Pipeline):
+        *before, (name, last) = transformer.steps
+        ends = blocks_of(last)
+        if len(ends) == 1:
+            return [transformer]
+        return [Pipeline([*before, (name, end)]) for end in ends]
     if not isinstance(transformer, FeatureUnion) or transformer.transformer_weights:
         return [transformer]
     parts = [part for _, part in transformer.transformer_list if part != "drop"]

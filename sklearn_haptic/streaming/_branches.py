@@ -82,9 +82,8 @@ class Branch(NamedTuple):
 
     def least_samples(self):
         """Return the fewest samples that the branch can code."""
-        steps = [s for s in _flat(self.transformer) if not isinstance(s, RepairTrials)]
-        coder = steps[0]
-        return coder.components_.shape[1] if isinstance(coder, KSVDTransformer) else 1
+        coders = (s for s in _flat(self.transformer) if isinstance(s, KSVDTransformer))
+        return max((coder.components_.shape[1] for coder in coders), default=1)
 
 
 def fit_features(steps, touches):
