@@ -37,7 +37,7 @@ names, which = np.unique(objects, return_inverse=True)
 order = np.random.default_rng(0).permutation(len(names))
 folds = [*GroupKFold(5).split(trials, groups=objects)]
 fewest = min(len(np.unique(which[train])) for train, _ in folds)
-numbers = [n for n in (6, 12, 24, 48) if n <= fewest]
+numbers = [n for n in (fewest // 8, fewest // 4, fewest // 2, fewest) if n > 2]
 
 
 def some(train, n):

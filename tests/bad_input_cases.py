@@ -725,7 +725,8 @@ ask({f"ConformalRatings.{name}": lambda *bad, name=name: call(
     *(check(f"alpha={alpha!r}", alpha, "^alpha=.* must be a number between 0 and 1, s")
       for alpha in (0, 1.0, float("nan"), "0.1", True)))
 ask({"TouchPool.weights": lambda touches: call(
-        TOUCH_POOL["TouchPool"]().fit(X, COUNTS, groups=OBJECTS).weights, touches)},
+        TOUCH_POOL["TouchPool"]().fit(X, COUNTS, groups=np.arange(len(X))).weights,
+        touches)},
     check("a member twice", [["linear", "linear"]], "^The member 'linear' is asked"))
 ask(direct(describe_corpus),
     *(check(given, corpus, "^corpus has no trials; give what load_phac2 returns")

@@ -27,7 +27,7 @@ from sklearn.feature_selection import SelectKBest
 from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
-from sklearn.pipeline import make_pipeline, make_union
+from sklearn.pipeline import FeatureUnion, make_pipeline, make_union
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from told_groups import Told
 
@@ -553,6 +553,27 @@ def test_a_step_before_the_features_of_a_sensor_changes_nothing_else():
     touch.update(TOUCHES.iloc[0].to_dict())
     proba = expected.predict_proba(TOUCHES.iloc[:1])[0]
     np.testing.assert_allclose(touch.predict_proba(), proba, rtol=1e-6)
+
+
+@pytest.mark.parametrize("join", [ColumnTransformer, FeatureUnion])
+def test_models_of_one_sensor_that_are_joined_keep_their_scale(join):
+    """Of touches as long as the duration, the model is the pipeline fitted to them."""
+    X = cut(TOUCHES, 1)
+    parts = {
+        name: make_haptic_pipeline(Signal(rate), random_state=0)[:-1]
+        for name, rate in RATES.items()
+    }
+    if join is FeatureUnion:
+        X, rates = X["fast"], RATES["fast"]
+        features = FeatureUnion([("a", parts["fast"]), ("b", clone(parts["fast"]))])
+    else:
+        rates = RATES
+        features = ColumnTransformer([(s, part, s) for s, part in parts.items()])
+    pipeline = make_pipeline(features, NNPOM(0, alpha=3))
+    model = AnytimeRegressor(pipeline, durations=[1], sampling_rates=rates, cv=2)
+    proba = model.fit(X, COUNTS, groups=OBJECTS).predict_proba(X)
+    expected = clone(pipeline).fit(X, COUNTS).predict_proba(X)
+    np.testing.assert_allclose(proba, flattened(expected, model.powers_[0]), 1e-4)
 
 
 @pytest.mark.parametrize("output", ["pandas", "polars"])

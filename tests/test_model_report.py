@@ -209,7 +209,9 @@ def test_objects_on_both_sides_are_told():
     assert f"over {len(X)} trials" in report.conclusion
     assert "is not known (groups=)" in report.summary
     report = model_report(DummyDistribution(), X, COUNTS, groups=OBJECTS)
-    assert report.summary.endswith("No test object was touched in training.")
+    assert report.summary.endswith(
+        "By groups=, no test object was touched in training."
+    )
 
 
 def test_sensors_times_and_html():
@@ -294,7 +296,7 @@ def test_classes_have_no_order():
     gains = (predicted == words) - (guess == words).astype(float)
     assert report.gains["gain"].item() == pytest.approx(gains.mean())
     assert "its accuracy is higher by" in report.conclusion
-    assert report.summary.endswith("No test group was touched in training.")
+    assert report.summary.endswith("By groups=, no test group was touched in training.")
     with pytest.raises(ValueError, match=r"^Most touches held out are .* such as runs"):
         model_report(GaussianNB(), features, words, groups=words, cv=3)
     rare = np.where(OBJECTS[0] == OBJECTS, "rare", words)

@@ -23,6 +23,8 @@ X = RNG.normal(size=(40, 2)) + OBJECTS[:, np.newaxis] / 5
 COUNTS = RNG.multinomial(9, [0.1, 0.2, 0.4, 0.3], size=40)
 TRIALS = [np.tile(row, (8, 1)) for row in X]
 HEAD = make_pipeline(TemporalMaxPool(), NNPOM(0))
+# Those of the objects are drawn alike.
+pytestmark = pytest.mark.filterwarnings("ignore:The ratings of different groups")
 MODELS = {
     "blend": (DistributionBlend([("linear", NNPOM(0))]), X),
     "pool": (TouchPool([("linear", NNPOM(0), [0, 1])]), X),

@@ -296,25 +296,30 @@ class SensorUnion(_Blocks, FeatureUnion):
         return [_widths(self, touch)]
 
 
-def blocks_of(transformer):
+def blocks_of(transformer, whole=()):
     """Return the fitted transformers of a union, and of unions in it, one by one.
 
-    Of a pipeline that ends in a union, each is behind the steps before it.
+    Of a pipeline that ends in a union, each is behind the steps before it. Unions of
+    the class `whole` are not divided.
     """
-    if isinstance(transformer, SensorFeatures):
-        transformer = transformer.transformer_
     if isinstance(transformer, FrozenEstimator):
         transformer = transformer.estimator
+    if isinstance(transformer, SensorFeatures):
+        transformer = transformer.transformer_
     if isinstance(transformer, Pipeline):
         *before, (name, last) = transformer.steps
-        ends = blocks_of(last)
+        ends = blocks_of(last, whole)
         if len(ends) == 1:
             return [transformer]
         return [Pipeline([*before, (name, end)]) for end in ends]
-    if not isinstance(transformer, FeatureUnion) or transformer.transformer_weights:
+    if (
+        not isinstance(transformer, FeatureUnion)
+        or transformer.transformer_weights
+        or isinstance(transformer, whole)
+    ):
         return [transformer]
     parts = [part for _, part in transformer.transformer_list if part != "drop"]
-    return [block for part in parts for block in blocks_of(part)]
+    return [block for part in parts for block in blocks_of(part, whole)]
 
 
 def _widths(transformer, touch):

@@ -508,7 +508,7 @@ def _summary(report, folds, groups, unit, frozen):
             f"training, so that the model is worse on new {unit}s than it looks."
         )
     else:
-        text += f"No test {unit} was touched in training."
+        text += f"By groups=, no test {unit} was touched in training."
     if frozen:
         text += f" {FROZEN}"
     return text

@@ -21,7 +21,7 @@ from sklearn.frozen import FrozenEstimator
 from sklearn.pipeline import FeatureUnion, Pipeline
 
 from ..features import KSVDTransformer, STHMPTransformer, TemporalMaxPool
-from ..features._sensor_features import BlockScaler, blocks_of
+from ..features._sensor_features import BlockScaler, SensorUnion, blocks_of
 from ..recordings import RepairTrials
 from ..recordings._trials import ALONE, is_table
 from ..utils._pipeline_steps import flat_steps
@@ -196,9 +196,13 @@ def _without_dropped(step):
 
 
 def _parts(step, columns):
-    """Return the branches of a fitted step, None if it cannot be divided."""
+    """Return the branches of a fitted step, None if it cannot be divided.
+
+    If it scales no blocks, those that unions in it scale stay as these make them.
+    """
+    whole = () if hasattr(step, "scaler_") else SensorUnion
     if isinstance(step, FeatureUnion):
-        return _united(step, columns)
+        return _united(step, columns, whole)
     if (
         not isinstance(step, ColumnTransformer)
         or step.remainder != "drop"
@@ -213,13 +217,13 @@ def _parts(step, columns):
             return None
         if not all(isinstance(column, str) for column in columns):
             return None
-        branches += _united(transformer, columns)
+        branches += _united(transformer, columns, whole)
     return branches
 
 
-def _united(transformer, columns):
+def _united(transformer, columns, whole):
     """Return the transformers of a union as branches, any other as one."""
-    return [Branch(each, columns) for each in blocks_of(transformer)]
+    return [Branch(each, columns) for each in blocks_of(transformer, whole)]
 
 
 def _flat(transformer):
