@@ -234,7 +234,7 @@ class TouchPool(
             the objects themselves, give what divides their touches, such as runs. Of
             ratings, give the objects alone, not runs or materials: the ratings of a
             group are averaged. A UserWarning tells of groups that hardly differ in
-            their ratings.
+            their ratings, unless rows of equal ratings make them differ by chance.
 
         Returns
         -------
@@ -445,12 +445,13 @@ class TouchPool(
         excess : float
             Mean squared distance of the mean's CDF, before its breadth is mended, from
             that of the ratings: its ranked probability score without the share that is
-            due to people's differing. Without an order of levels, its Brier score. In
-            simulations of 12 to 48 objects its mean was within a quarter of the truth,
-            and a third above it for four touches where training objects had one; of
-            single pools it was mostly .6 to 1.4 times the truth, of 12 objects .5 to 2.
-            Where training rows lack many cells, it was below half of it in up to a
-            fifth of pools of 12 or 24 objects.
+            due to people's differing, but with what chance makes of few people's
+            ratings (.16 for .11 with ten people). Without an order of levels, its Brier
+            score. In simulations of 12 to 48 objects its mean was within a quarter of
+            the truth, and a third above it for four touches where training objects had
+            one; of single pools it was mostly .6 to 1.4 times the truth, of 12 objects
+            .5 to 2. Where training rows lack many cells, it was below half of it in up
+            to a fifth of pools of 12 or 24 objects.
         """
         pairs = pairs_of(self._touches(touches))
         share, _ = pool_weights(self._moments, pairs)
