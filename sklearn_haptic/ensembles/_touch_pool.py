@@ -474,9 +474,10 @@ class TouchPool(
 
 
 def _warn_of_groups(ratings, groups):
-    """Warn where ratings differ about as much within groups as chance makes these.
+    """Warn if groups differ in their ratings hardly more than chance makes them differ.
 
-    So it is with runs, in each of which the same objects were touched.
+    So do runs, in each of which the same objects were touched. The ratio of variances
+    between and within groups is 1 by chance, and warned of below 2.
 
     Parameters
     ----------

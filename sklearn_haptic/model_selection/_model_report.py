@@ -516,11 +516,13 @@ def _summary(report, folds, groups, unit, frozen):
 
 def _unlearned(labels, folds):
     """Say how many test trials are of classes that their fold did not learn."""
-    columns = [np.asarray(y) for y in labels]
-    unlearned = [
-        y[test][~np.isin(y[test], y[train])] for y in columns for train, test in folds
-    ]
-    unlearned = np.concatenate(unlearned)
+    unlearned = np.concatenate(
+        [
+            y[test][~np.isin(y[test], y[train])]
+            for y in map(np.asarray, labels)
+            for train, test in folds
+        ]
+    )
     if not len(unlearned):
         return ""
     names = ", ".join(map(str, np.unique(unlearned)))
@@ -544,5 +546,5 @@ def _conclusion(overall, n, n_adjectives, kind):
     text += "."
     if overall["verdict"] == "worse" and kind != _CLASSES:
         text += " It takes chance for a pattern: raise its penalty, such as alpha."
-        text += " Features in different units need a StandardScaler before it."
+        text += " Standardise features that are in different units."
     return text
