@@ -216,6 +216,7 @@ def test_powers_have_the_best_log_score(model):
         (0.7, 0.6, np.log(0.7 / 0.3) / np.log(0.6 / 0.4)),
         (1, 0.6, np.exp(1.5)),  # the limits
         (0.6, 0.999, np.exp(-1.5)),
+        (0.6, 1, np.exp(-1.5)),
     ],
 )
 def test_the_best_power_of_two_levels_by_hand(right, sure, power):

@@ -707,9 +707,10 @@ def test_channels_that_are_constant_equal_or_rounded_can_be_estimated(seed):
 
 
 @pytest.mark.parametrize("form", ["array", "column"])
-def test_nan_that_fills_trials_up_to_one_length(form):
+@pytest.mark.parametrize("n_more", [0, 1, 50])
+def test_nan_that_fills_trials_up_to_one_length(form, n_more):
     cut = recordings()
-    filled = np.full((20, max(map(len, cut)), 4), np.nan)
+    filled = np.full((20, max(map(len, cut)) + n_more, 4), np.nan)
     for row, trial in zip(filled, cut):
         row[: len(trial)] = trial
     X = filled if form == "array" else pd.DataFrame({"skin": list(filled)})

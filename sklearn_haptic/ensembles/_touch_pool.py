@@ -130,7 +130,8 @@ class TouchPool(
     than the mean distribution by .05 or more, and the plain mean of the members was
     better by .014. Few objects are another: pools of sensors that tell nothing, learned
     from five objects, were worse than the mean distribution by .04 of RPS, once by .4.
-    With fewer than ten objects, give one model the joined features.
+    With fewer than ten objects, give one model the joined features. Many members
+    cost more: of 30 objects, four that tell nothing .015, and twenty .07.
 
     If a member knows no order of the levels, as those of scikit-learn, the Brier score
     takes the place of the ranked probability score, also for the power, and the touches
@@ -409,7 +410,9 @@ class TouchPool(
         -------
         weights : dict of str to float
             The weight of each member, all its touches together, and of
-            ``"marginal"``, which may be negative; they sum to 1.
+            ``"marginal"``, which may be negative; they sum to 1. They are no measure of
+            importance: of members that predict alike, as one that tells nothing and the
+            marginal, only the sum matters (5.14 and -5.11).
         """
         share, _ = self._weights(self._touches(touches))
         return dict(zip([*self.estimators_, MARGINAL], share.tolist()))

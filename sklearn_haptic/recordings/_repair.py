@@ -151,7 +151,7 @@ def _refuse_filled(cells, where):
     if any(len(cell) != n_times for cell in cells):
         return
     missing = [np.isnan(cell[::-1]).all(axis=1).argmin() for cell in cells]
-    if min(missing) == 0 and np.median(missing) > 0.05 * n_times:
+    if min(missing) < max(missing) and np.median(missing) > 0.05 * n_times:
         raise ValueError(
             f"{where} has trials of one length, most of which end in NaN, as if filled "
             "up; give a list of trials, each cut after its last sample."

@@ -18,7 +18,8 @@ from ..ratings._distributions import raised
 from ..utils._folds import groups_for
 from ..utils._sklearn import _safe_indexing
 
-# Least probability in the logarithms of a calibration.
+# Least probability in a calibration. It is raised to the power, too, so that a head
+# that was sure of the wrong class does not become still surer.
 _TINY = 1e-12
 
 
@@ -84,10 +85,11 @@ def best_power(proba, shares):
         predictions that are all right would become certain, and flat ones would give a
         share to classes that nobody has seen.
     """
+    proba = np.maximum(proba, _TINY)
 
     def loss(log_power):
-        tempered = raised(proba, np.exp(log_power))
-        return -np.mean((shares * np.log(np.maximum(tempered, _TINY))).sum(axis=-1))
+        log_proba = np.log(raised(proba, np.exp(log_power)))
+        return -np.mean((shares * log_proba).sum(axis=-1))
 
     found = minimize_scalar(loss, bounds=(-1.5, 1.5), method="bounded")
     return float(np.exp(found.x))
