@@ -283,7 +283,7 @@ def test_the_recordings_of_one_sensor_need_no_name(guards):
     assert (guards["list"].p_values(broken) <= 0.05).all()
 
 
-def test_distances_are_the_larger_of_features_and_signals(guards):
+def test_distances_are_the_largest_of_features_and_signals(guards):
     X, _, objects = felt()
     guard = guards[("skin", "acc")]
     rows = guard.estimator_[:-1].transform(X)
@@ -292,14 +292,15 @@ def test_distances_are_the_larger_of_features_and_signals(guards):
         for s in ("skin", "acc")
     ]
     of_each = []
-    for table in (rows, np.hstack(statistics)):
+    for table in (rows, *statistics):
         others = objects[:, None] != objects
         gaps = np.sqrt(((table[:, None] - table) ** 2).mean(axis=2))
         of_each.append(np.where(others, gaps, np.inf).min(axis=1))
-    of_features, of_signals = of_each
-    unit = np.median(of_features) / np.median(of_signals)
+    units = [np.median(of_each[0]) / np.median(distances) for distances in of_each]
     assert_allclose(
-        guard.distances_, np.maximum(of_features, unit * of_signals), rtol=1e-6
+        guard.distances_,
+        np.max([u * d for u, d in zip(units, of_each)], axis=0),
+        rtol=1e-6,
     )
 
 
@@ -499,19 +500,16 @@ def test_all_columns_are_guarded_in_any_order(columns):
     distances = model.distances(amplified)
     assert_array_equal(model.distances(amplified[["tdc", "pdc"]]), distances)
     scaler = make_pipeline(SignalStatistics(), StandardScaler())
-    statistics = np.hstack(
-        [
-            clone(scaler).fit(corpus.trials[s]).transform(trials[s])
-            for trials in (corpus.trials, amplified)
-            for s in ("pdc", "tdc")
-        ]
-    )
-    known, felt = np.hsplit(statistics, 2)
-    rows = [model.estimator_[:-1].transform(t) for t in (corpus.trials, amplified)]
-    looped = [
-        np.median(nearest_distances(each, each, corpus.objects, corpus.objects))
-        for each in (rows[0], known)
+    kinds = [[model.estimator_[:-1].transform(t) for t in (corpus.trials, amplified)]]
+    for s in ("pdc", "tdc"):
+        fitted = clone(scaler).fit(corpus.trials[s])
+        kinds.append([fitted.transform(t[s]) for t in (corpus.trials, amplified)])
+    middles = [
+        np.median(nearest_distances(known, known, corpus.objects, corpus.objects))
+        for known, _ in kinds
     ]
-    expected = nearest_distances(felt, known) * looped[0] / looped[1]
-    expected = np.maximum(expected, nearest_distances(rows[1], rows[0]))
-    assert_allclose(distances, expected)
+    expected = [
+        nearest_distances(felt, known) * middles[0] / middle
+        for (known, felt), middle in zip(kinds, middles)
+    ]
+    assert_allclose(distances, np.max(expected, axis=0))

@@ -15,9 +15,11 @@ from sklearn.pipeline import make_pipeline, make_union
 from sklearn.preprocessing import MinMaxScaler
 
 from sklearn_haptic import (
+    NNPOM,
     AnytimeRegressor,
     DummyDistribution,
     KSVDTransformer,
+    NoveltyGuard,
     RepairTrials,
     Signal,
     SignalStatistics,
@@ -213,6 +215,22 @@ def test_real_slides_of_one_finger(biotac_slides):
     names = model[:-1].get_feature_names_out()
     assert len(set(names)) == len(names) == model[-1].n_features_in_
     assert model.score(trials[runs > 10], materials[runs > 10]) > 0.9
+
+
+def test_one_broken_sensor_of_five_is_noticed(biotac_slides):
+    """Of real slides recorded later; electrodes vary most, and hide no other sensor."""
+    trials, materials, runs = biotac_slides
+    trials = pd.DataFrame({s: [t[: len(t) // 2] for t in trials[s]] for s in SENSORS})
+    known, later = runs <= 8, runs > 8
+    model = make_haptic_pipeline(random_state=0).set_params(model=NNPOM(0))
+    guard = NoveltyGuard(model, cv=2)
+    y = 12 * np.eye(5)[materials % 5]
+    guard.fit(trials[known], y[known], groups=materials[known])
+    assert np.mean(guard.p_values(trials[later]) <= 0.05) <= 0.05
+    for sensor in SENSORS:
+        stuck = [np.full_like(t, t.mean()) for t in trials.loc[later, sensor]]
+        p = guard.p_values(trials[later].assign(**{sensor: stuck}))
+        assert np.mean(p <= 0.05) >= 0.95
 
 
 def test_real_slides_of_any_length(biotac_slides):

@@ -420,8 +420,7 @@ def _check_trial(trial, name, ndims, finite):
         return trial
     if finite:
         raise ValueError(
-            f"{name} contains NaN or infinity; repair the trials by RepairTrials, or "
-            "remove those samples."
+            f"{name} contains NaN or infinity; repair the trials by RepairTrials."
         )
     return np.where(known, trial, np.nan)
 
