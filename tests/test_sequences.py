@@ -5,8 +5,14 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.pipeline import make_pipeline, make_union
 
-from sklearn_haptic import Sequences, SignalStatistics, TemporalMaxPool
+from sklearn_haptic import (
+    KSVDTransformer,
+    Sequences,
+    SignalStatistics,
+    TemporalMaxPool,
+)
 
 ARRAYS = [[[1.0, 2.0]], [[3.0, 4.0], [5.0, 6.0]]]
 NAMES = ["a", "b"]
@@ -76,3 +82,17 @@ def test_encoded_arrays_of_any_numbers_are_pooled_as_floats(kind):
     lazy = Sequences(trials, ["a", "b"], encode=lambda trial: trial.astype(kind))
     pool = TemporalMaxPool((1,), statistics=("mean", "share"))
     np.testing.assert_array_equal(pool.fit_transform(lazy), [[0.5, 0.75] * 2] * 2)
+
+
+def test_a_union_does_not_join_coders_in_time():
+    """Of touches of one length, NumPy would put one's windows behind the other's."""
+    trials = list(np.random.default_rng(0).normal(size=(12, 300, 1)))
+    coders = [KSVDTransformer(4, 2, window=w, random_state=0) for w in (20, 60)]
+    with pytest.raises(TypeError, match="put a TemporalMaxPool behind each"):
+        make_pipeline(make_union(*coders), TemporalMaxPool()).fit(trials)
+    pooled = [make_pipeline(coder, TemporalMaxPool((1,))) for coder in coders]
+    codes = [coder.fit_transform(trials) for coder in coders]
+    expected = [np.max(list(each), axis=1) for each in codes]
+    joined = make_union(*pooled).fit_transform(trials)
+    np.testing.assert_array_equal(joined, np.hstack(expected))
+    assert np.vstack(codes[0]).shape == (sum(codes[0].lengths), 8)

@@ -321,7 +321,9 @@ class NoveltyGuard(
     The features are fitted once to all training touches, also for the predictions out
     of fold. Steps that learn from the ratings make them too good. What is constant in
     training, such as a channel that is always at rest, tells no scale, so that a change
-    of it is not seen.
+    of it is not seen. Nor is a fault that a training touch has: with a dead sensor in
+    one of 90, dead sensors were noticed in no touch instead of all. Look at the touches
+    that stand out in `distances_`, and leave out those that are faulty.
 
     The signals are those that the first step is given, behind a :class:`RepairTrials`
     the repaired ones, whose faults that one reports: the columns of recordings of a

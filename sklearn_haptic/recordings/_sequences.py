@@ -140,6 +140,14 @@ class Sequences(Sequence[FloatArray]):
         # Means of whole numbers are none.
         return array if array.dtype == np.float32 else array.astype(float, copy=False)
 
+    def __array_function__(self, func: Any, *_: Any) -> None:
+        # A FeatureUnion joins by NumPy, which would put rows of one behind the other's.
+        raise TypeError(
+            f"numpy.{func.__name__}, by which a FeatureUnion joins, takes no "
+            "Sequences; put a TemporalMaxPool behind each of its transformers, or take "
+            "list(sequences)."
+        )
+
     def __repr__(self) -> str:
         return f"<Sequences: {len(self)} trials, {len(self.feature_names)} columns>"
 
