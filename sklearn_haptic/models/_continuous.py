@@ -185,7 +185,10 @@ class ContinuousRatingsRegressor(
     ``DistributionalOrdinalRegressor(NNPOM(10, alpha=3))``, held .92 and .79, and the
     CRPS was lower by 8 %. Answers that some people leave at an end whatever they touch
     are moved with the touch, too: of a fifth at 0, those of objects rated high were
-    predicted as .01, of others as .60, where .19 and .30 were true.
+    predicted as .01, of others as .60, where .19 and .30 were true. Nor does it know
+    what touches do not tell: learned from 20 useless features of 24 objects, its CRPS
+    was 3.7 above that of guessing (11.8), and around the model that
+    `make_haptic_pipeline` ends in, a :class:`DistributionBlend`, .4.
 
     Equal ratings are spread over their cell, which the default makes the narrower the
     more there are. At the ends of the scale, where many people may leave a slider, they
