@@ -22,7 +22,8 @@ class Sequences(Sequence[FloatArray]):
     and iterated over like a list.
 
     Each array is computed every time it is asked for, so the codes of a whole corpus
-    never have to fit in memory. Call `list` to compute every array once and keep it.
+    never have to fit in memory. It follows later changes of the trials, which are not
+    copied. Call `list` to compute every array once and keep it.
 
     Parameters
     ----------
@@ -143,9 +144,8 @@ class Sequences(Sequence[FloatArray]):
     def __array_function__(self, func: Any, *_: Any) -> None:
         # A FeatureUnion joins by NumPy, which would put rows of one behind the other's.
         raise TypeError(
-            f"numpy.{func.__name__}, by which a FeatureUnion joins, takes no "
-            "Sequences; put a TemporalMaxPool behind each of its transformers, or take "
-            "list(sequences)."
+            f"numpy.{func.__name__} takes no Sequences; if a FeatureUnion joins them, "
+            "put a TemporalMaxPool behind each of its transformers."
         )
 
     def __repr__(self) -> str:
