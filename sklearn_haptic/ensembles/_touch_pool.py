@@ -130,8 +130,8 @@ class TouchPool(
     than the mean distribution by .05 or more, and the plain mean of the members was
     better by .014. Few objects are another: pools of sensors that tell nothing, learned
     from five objects, were worse than the mean distribution by .04 of RPS, once by .4.
-    With fewer than ten objects, give one model the joined features. Many members
-    cost more: of 30 objects, four that tell nothing .015, and twenty .07.
+    With fewer than ten objects, give one model the joined features. Many members cost
+    more: of 30 objects, four that tell nothing .015, and twenty .07.
 
     If a member knows no order of the levels, as those of scikit-learn, the Brier score
     takes the place of the ranked probability score, also for the power, and the touches

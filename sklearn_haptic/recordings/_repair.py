@@ -409,7 +409,7 @@ class RepairTrials(TrialRepair, OneToOneFeatureMixin, TransformerMixin, BaseEsti
     without trials stay as they are, the trials of one sensor, or a table, each row of
     which is a trial with one channel. Trials keep their container, and those of pandas
     with an index of time stamps keep it. To leave faulty trials out instead, take those
-    whose position is not in ``faults_["trial"]``.
+    that have no row in `faults_` but of their rest level.
 
     What is estimated is learned from the trials of `fit` alone, and of each channel
     from those in which it works; no trial needs to be whole. A channel without a sample

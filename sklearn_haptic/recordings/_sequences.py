@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, NoReturn, overload
 
 import numpy as np
 
@@ -141,7 +141,7 @@ class Sequences(Sequence[FloatArray]):
         # Means of whole numbers are none.
         return array if array.dtype == np.float32 else array.astype(float, copy=False)
 
-    def __array_function__(self, func: Any, *_: Any) -> None:
+    def __array_function__(self, func: Any, *_: Any) -> NoReturn:
         # A FeatureUnion joins by NumPy, which would put rows of one behind the other's.
         raise TypeError(
             f"numpy.{func.__name__} takes no Sequences; if a FeatureUnion joins them, "

@@ -345,17 +345,7 @@ def run_study(
         random_state=int(random_state),
         **PROTOCOLS[protocol] | given,
     )
-    if not isinstance(study.regressor.estimator, NNPOM):
-        raise ValueError(
-            f"regressor has the estimator {study.regressor.estimator!r}; give it an "
-            "NNPOM."
-        )
-    check_scoring(study.regressor, study.scoring)
-    for name in {"combined", "marginal", "barycentre"}.intersection(study.sensors):
-        raise ValueError(
-            f"A sensor is called {name!r}, as is another column of the tables of a "
-            "study; rename it."
-        )
+    _check_study(study)
     procedures = check_names(procedures, known_procedures, "procedure", "the corpus")
     open_study(study.folder, study.settings)
 
@@ -384,6 +374,21 @@ def _complete_study(study, procedures, adjectives, n_jobs, verbose):
     # Models read features alone: recordings in memory are not sent to other processes.
     study = replace(study, corpus=None)
     complete_units(study, models, n_jobs=n_jobs, report=report)
+
+
+def _check_study(study):
+    """Refuse what the networks or the tables of a study cannot take."""
+    if not isinstance(study.regressor.estimator, NNPOM):
+        raise ValueError(
+            f"regressor has the estimator {study.regressor.estimator!r}; give it an "
+            "NNPOM."
+        )
+    check_scoring(study.regressor, study.scoring)
+    for name in {"combined", "marginal", "barycentre"}.intersection(study.sensors):
+        raise ValueError(
+            f"A sensor is called {name!r}, as is another column of the tables of a "
+            "study; rename it."
+        )
 
 
 def _check_coders(sensors):
